@@ -1,8 +1,8 @@
-"""Functions compiled by Numba, and kept on file for the next process; what is damaged is not believed.
+"""Functions compiled by Numba, and kept on file for the next process; damaged files are not used.
 
 Numba loads what it finds, and a few wrong bytes there end the interpreter. So an entry here carries a
 digest of its name and its content, in a folder that nobody else can write into; one that does not agree
-is removed, compiled again, and that is said. Where nothing can be kept, one temporary folder serves this
+is removed and compiled again, with a warning. Where nothing can be kept, one temporary folder serves this
 process and all that it starts. This module knows neither the simulation nor its twin.
 """
 
@@ -143,7 +143,7 @@ class Shelf:
         return None
 
     def refuse(self, name: str) -> None:
-        """Take away what cannot be used."""
+        """Remove what cannot be used."""
         for path in [folder / name for folder in self._folders()]:
             if path.exists():
                 _say("damaged", f"{path}: this compiled code was damaged; it is compiled again")
@@ -173,7 +173,7 @@ class Shelf:
 
     @cached_property
     def folder(self) -> Path | None:
-        """The usual folder; None where there can be none, or somebody else could write into it."""
+        """The usual folder; None where there can be none, or another user could write into it."""
         try:
             self.place.mkdir(mode=0o700, parents=True, exist_ok=True)
             facts = self.place.stat()

@@ -1,4 +1,4 @@
-"""What a user's function takes from outside its own file."""
+"""What a user's function uses from outside its own file."""
 
 import builtins
 import dis

@@ -1,4 +1,4 @@
-"""CSV tables, read: whatever is wrong with one is said with its line."""
+"""Reads CSV tables: an error names its line."""
 
 import csv
 import math
@@ -31,7 +31,7 @@ class Table(NamedTuple):
     cure: str
 
     def at(self, k: int) -> str:
-        """Where row k stands."""
+        """Where row k is."""
         return f"{self.path}, line {self.lines[k]}"
 
     def texts(self, name: str) -> list[str]:
@@ -43,7 +43,7 @@ class Table(NamedTuple):
         """A column as numbers; with `empty`, NaN where there is nothing, or that word.
 
         Raises:
-            UsageError: of the table's class: a value that is no number.
+            UsageError: of the table's class: a value is not a number.
         """
         texts = self.texts(name)
         out = np.array([_number(text) for text in texts], np.float64)
@@ -97,7 +97,7 @@ def read_table(
         cure: what to do about a broken file, where it can be made again.
 
     Raises:
-        UsageError: of the class `error`: no such file, no text, a column that is missing, a row of another
+        UsageError: of the class `error`: no such file, no text, a missing column, a row of another
             length; names the line.
     """
     columns = f" with columns {', '.join(needs)}" if needs else ""

@@ -1,7 +1,7 @@
-"""Folders in the system's temporary place that are gone in the end, whatever ends the process.
+"""Temporary folders that are removed in the end, whatever ends the process.
 
 Whoever uses one holds a lock on it, which the system takes away from a dead process: a folder of ours that
-nobody holds was left by a kill, and the next one of ours that is made sweeps it away.
+nobody holds was left by a kill, and making the next one removes it.
 """
 
 import fcntl
@@ -43,7 +43,7 @@ def name(kind: str) -> Path:
 
 
 def is_ours(folder: Path) -> bool:
-    """Whether it has a name of ours, belongs to us, and nobody else can write into it."""
+    """Whether it has a name of ours, belongs to us, and no other user can write into it."""
     try:
         facts = folder.lstat()
     except OSError:
@@ -67,7 +67,7 @@ def hold(folder: Path) -> int | None:
 
 
 def sweep() -> None:
-    """Remove what dead processes of ours left."""
+    """Remove the folders of our dead processes."""
     with suppress(OSError), os.scandir(tempfile.gettempdir()) as entries:
         for folder in [Path(entry.path) for entry in entries if _NAME.fullmatch(entry.name)]:
             if is_ours(folder):

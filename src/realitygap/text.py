@@ -1,4 +1,4 @@
-"""Small files that people write, read; whatever is wrong with them is said in one line."""
+"""Reads small files that people write; an error in one ends in one line."""
 
 import csv
 import io

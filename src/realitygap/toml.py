@@ -14,13 +14,13 @@ __all__ = ["parse_toml", "read_toml", "to_toml"]
 def read_toml(
     path: str | Path, error: type[UsageError], cure: str, *, broken: str = "Correct that line."
 ) -> dict[str, Any]:
-    """The table of a TOML file; `cure` says what to do if there is none, `broken` if it is no TOML.
+    """The table of a TOML file; `cure` says what to do if there is none, `broken` if it is not TOML.
 
     Args:
         path: the file.
         error: what to raise.
         cure: what to do if there is none.
-        broken: what to do if it is no TOML.
+        broken: what to do if it is not TOML.
 
     Raises:
         UsageError: of the class `error`: as of `read_text`, or broken TOML, with its line.
@@ -49,7 +49,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 def to_toml(facts: Mapping[str, Any]) -> str:
     """TOML text of a table: plain keys first, then tables; None is left out.
 
-    Arrays are written as lists, anything else that TOML has no word for as its text.
+    Arrays are written as lists, anything else that TOML lacks as its text.
     """
     import tomlkit  # only a command that writes waits for it
 

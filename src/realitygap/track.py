@@ -1,10 +1,10 @@
-"""Where a robot was, whoever saw it: one value, radians inside, degrees in its CSV.
+"""Where a robot was, however it was seen: one value, radians inside, degrees in its CSV.
 
     track = read_track("track.csv")
     track.x[track.found], track.heading_deg
 
-A CSV file has columns t_s, x_cm, y_cm, heading_deg (−180 < h ≤ 180), and quality where a tracker told it;
-where the robot was lost the fields of place and heading are empty. Columns start and unit part it into
+A CSV file has columns t_s, x_cm, y_cm, heading_deg (−180 < h ≤ 180), and quality from a tracker;
+where the robot was lost the fields of place and heading are empty. Columns start and unit split it into
 several tracks.
 """
 
@@ -49,10 +49,10 @@ class Track:
     Attributes:
         t: time, s.
         x, y: the robot's centre, cm.
-        heading: where it looks, rad, counter-clockwise from +x; any number of turns.
+        heading: where it faces, rad, counter-clockwise from +x; any number of turns.
         quality: how much what a tracker saw looked like the disk, 0 (lost) to 1; None: no tracker.
-        seen_by: "simulation", "camera", "film", "counters" (the wheels' own), "truth" (the twin's); "" where
-            nobody said.
+        seen_by: "simulation", "camera", "film", "counters" (the wheels' own), "truth" (the twin's); "" if
+            unknown.
     """
 
     t: Floats
@@ -78,7 +78,7 @@ class Track:
         quality: Floats | None = None,
         seen_by: str = "",
     ) -> Track:
-        """A track as files tell it; a row without place, heading or quality is lost altogether.
+        """A track from columns as in files; a row without place, heading or quality is lost altogether.
 
         Args:
             t_s, x_cm, y_cm, heading_deg: columns [n], NaN where there is nothing.
@@ -155,7 +155,7 @@ class Track:
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
-    """One trial as it was lived, a row a step; row k holds what the robot read and decided at
+    """One recorded trial, a row a step; row k holds what the robot read and decided at
     `t[k]`, where it stood then, and what its wheels did in the step that follows.
 
     Shapes: t, x, y, heading, contact [n]; proximity [n, P]; ambient [n, A]; inputs [n, I]; left and right
@@ -207,7 +207,7 @@ class Trajectory:
 def read_track(
     path: str | Path, *, seen_by: str = "", error: type[UsageError] = TrackError, cure: str = ""
 ) -> Track:
-    """The track of a CSV file; columns that part it into several are not looked at.
+    """The track of a CSV file; columns that split it into several are ignored.
 
     Args:
         path: the file.

@@ -1,4 +1,4 @@
-"""Python of a user's own: files that are run, what they name, and what is wrong with them, by its line."""
+"""A user's own Python: files that are run, what they name, and their errors, by line."""
 
 import hashlib
 import importlib.util
@@ -112,7 +112,7 @@ def run_file(path: Path, error: type[UsageError]) -> ModuleType:
 def blamed_on(
     place: str | Path, error: type[UsageError], does: str = "the file fails", *, own: bool = False
 ) -> Iterator[None]:
-    """Any error of a user's code as one that names the file and the line; a robot's own passes.
+    """Any error of a user's code as one that names the file and the line; a robot's own errors pass.
 
     Args:
         place: the file, or the module's name.

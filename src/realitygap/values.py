@@ -30,7 +30,7 @@ class Closing:
         self.close()
 
     def close(self) -> None:
-        """Let go of what is held."""
+        """Release what is held."""
 
 
 def as_stream(value: object, name: str = "stream") -> np.uint64:

@@ -124,7 +124,7 @@ def constant(left: int, right: int, layout: Layout) -> Genes:
     """Two motors and no links: the same wheel commands (−10 .. 10) at every step.
 
     Raises:
-        UsageError: a command that is no whole number of −10 .. 10.
+        UsageError: a command that is not a whole number from −10 to 10.
     """
     check_layout(layout)
     genes = bare(layout)

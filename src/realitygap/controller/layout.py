@@ -121,7 +121,7 @@ def genes_of(
 
 
 def check_layout(layout: object) -> None:
-    """Refuse what is no layout.
+    """Refuse what is not a layout.
 
     Raises:
         UsageError: says what came.

@@ -83,7 +83,7 @@ def decode(genes: Genes, layout: Layout, *, prune: bool = True) -> Networks:
 
 
 def check_networks(networks: Networks, inputs: int) -> int:
-    """Refuse networks that the kernels cannot carry out on a number of inputs; how many there are.
+    """Refuse networks that the kernels cannot run on a number of inputs; return how many there are.
 
     Raises:
         UsageError: another number of inputs, an array of another type or shape, or a link out of range.
@@ -127,7 +127,7 @@ def _live_links(row: Genes, expressed: list[bool]) -> list[Link]:
 class NetworkController:
     """A genotype's network that drives any body: inputs −10 .. 10 in, wheel commands out.
 
-    Plain integers, a step at a time; the kernels carry out the same law for whole trials.
+    Plain integers, a step at a time; the kernels compute the same law for whole trials.
     """
 
     def __init__(self, genes: Genes, layout: Layout | None = None) -> None:

@@ -22,7 +22,7 @@ class OwnController:
     Args:
         decide: the user's.
         reset: called before each trial.
-        place: its file or module; an error in it is told by its line there.
+        place: its file or module; an error in it names the line there.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class OwnController:
         """One step.
 
         Raises:
-            UsageError: it stops with an error, or returns no two whole numbers −10 … 10.
+            UsageError: it fails, or does not return two whole numbers −10 … 10.
         """
         with blamed_on(self._place, UsageError, "decide fails"):
             given = self._decide(list(inputs))
@@ -83,7 +83,7 @@ def named_controller(spec: str, feeds: str, layout: Layout) -> OwnController | N
     """The controller that a person names: `file.py:name`, or as of `controller_genes`.
 
     Raises:
-        UsageError: it is none of these; says how it is wrong.
+        UsageError: it is none of these; says why.
     """
     place, _, name = spec.rpartition(":")
     if place and name.isidentifier() and place != "constant":

@@ -1,6 +1,6 @@
 """Trials from the files that a person has: CSV tables, JSON of `realitygap simulate`, folders of them.
 
-A track's heading has to agree with its way: a robot with two wheels goes where it looks, or back.
+A track's heading must agree with its way: a robot with two wheels goes where it faces, or back.
 """
 
 import csv

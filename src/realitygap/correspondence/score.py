@@ -33,7 +33,7 @@ LEAST_STARTS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """What came out. Scores 0 (another behaviour) to 10 (the same robot again).
+    """A comparison's results. Scores 0 (another behaviour) to 10 (the same robot again).
 
     Attributes:
         behaviour, layout: the two parts; score: their weighted mean.
@@ -77,7 +77,7 @@ def compare(
     """Compare b (situated) with a (simulated).
 
     Args:
-        a, b: trials, one at least of each.
+        a, b: trials, at least one of each.
         setting: where they were (`setting_of`).
         ceiling: trials of another behaviour, for the scale's lower end.
         scale: a scale that other comparisons have too; by default each makes its own.
@@ -113,7 +113,7 @@ def compare(
 
 
 def comparable(sets: Sequence[Sequence[Trial]]) -> tuple[list[list[Trial]], list[str]]:
-    """Sets of trials made alike: of one length, two trials at least in each; and what was done.
+    """Sets of trials made comparable: of one length, at least two trials in each; and what was done.
 
     Raises:
         TrackError: a set without trials, or trials too short for that.
@@ -186,7 +186,7 @@ def _median(times: Sequence[float | None]) -> float | None:
 
 
 def behaviour_score(scores: Sequence[float] | NDArray[np.float64], ends: tuple[float, float]) -> float:
-    """How near to the best that can be done, 0 to 10: the mean share of the way from worst to best.
+    """How near to the best possible, 0 to 10: the mean share of the way from worst to best.
 
     The paper's judges marked "how close they came to the ideal strategy", "on the grounds of how robust
     and optimal they proved to be in simulation after repeated testing" (§6, §7.1).
@@ -206,7 +206,7 @@ def behaviour_score(scores: Sequence[float] | NDArray[np.float64], ends: tuple[f
 
 
 def ends_of(task: Task, profile: Profile) -> tuple[float, float]:
-    """The scores of a robot that stands and of an ideal one, for a task with the paper's scores.
+    """The scores of a robot that stands still and of an ideal one, for a task with the paper's scores.
 
     The ideal drives at top speed all the time: straight to the lamp and stays there (light), or
     straight for ever (obstacles; no arena allows it, so that nobody reaches 10).

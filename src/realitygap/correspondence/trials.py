@@ -38,8 +38,8 @@ class Trial:
 
     Attributes:
         start: which start it is; trials of two sets with the same name and pose are a pair.
-        unit: which robot unit it was, "" where nobody said.
-        radius_cm: of its body, a Khepera's where nobody said.
+        unit: which robot unit it was, "" if unknown.
+        radius_cm: of its body, a Khepera's if unknown.
         source: the file, for messages.
         bridged_s: how much of it was lost and bridged.
         rate_hz: rows a second that it was made of, 10 where there were more.
@@ -114,7 +114,7 @@ def resampled(
         radius_cm: the body's.
 
     Raises:
-        TrackError: too short, too slow, lost for too long, time that stands or runs back.
+        TrackError: too short, too slow, lost for too long, or time that does not increase.
     """
     source = source or track.seen_by or "track"
     where = f"{source}, start {start}"
@@ -171,7 +171,7 @@ def _require_seen(t: Floats, where: str) -> None:
 
 
 def require_trials(trials: object) -> None:
-    """Refuse what is no list of trials.
+    """Refuse what is not a list of trials.
 
     Raises:
         UsageError: says what came.

@@ -1,6 +1,6 @@
 """What every algorithm is: its state a value, asked for individuals and told their fitness.
 
-It sees genes and fitness, never a robot. What an algorithm of one's own looks like is shown by
+It sees genes and fitness, never a robot. What an algorithm of your own looks like is shown by
 `examples/`; `realitygap.testing` has the contract that every algorithm passes.
 """
 
@@ -46,11 +46,11 @@ class Batch(NamedTuple):
 
 
 class State(Protocol):
-    """Where a run of an algorithm is; a value: nothing ever changes one. `Population` is one."""
+    """How far a run of an algorithm is; a value: nothing ever changes one. `Population` is one."""
 
     @property
     def evaluations(self) -> int:
-        """How many were told."""
+        """How many it was told of."""
 
     @property
     def genes(self) -> Genes:
@@ -121,7 +121,7 @@ class Variation(Protocol):
 
 
 def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
-    """Refuse what is no answer to `ask(state, n)`, of individuals like `one`; how many there are.
+    """Refuse what is not an answer to `ask(state, n)`, of individuals like `one`; return how many there are.
 
     Args:
         batch: the answer.
@@ -150,7 +150,7 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
 
 
 def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.float64]) -> None:
-    """Refuse a state of so many cells that does not tell of the evaluations that it was told of.
+    """Refuse a state of so many cells that does not match the evaluations that it was told of.
 
     The batch is all of them since a state that was checked, with their fitness [n].
 

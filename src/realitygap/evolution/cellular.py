@@ -65,7 +65,7 @@ class _Cellular(ABC):
         return state.told(batch, fitness)
 
     def from_bytes(self, data: bytes) -> Population:
-        """The state that was written down."""
+        """The state that was saved."""
         return Population.from_bytes(data)
 
     @abstractmethod

@@ -106,16 +106,16 @@ def _always(fitness: float, resident: float) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Population:
-    """A population and all that is needed to go on; a value: nothing ever changes one.
+    """A population and all that is needed to continue; a value: nothing ever changes one.
 
     Attributes:
         stream: where all draws of the run come from.
-        evaluations: how many were told.
+        evaluations: how many it was told of.
         genes: [cells, ...] individuals.
         fitness: [cells], −inf where no one lives yet.
         numbers: [cells] evaluation number of each resident, −1 where no one lives yet.
         best_genes, best_fitness, best_number: the fittest ever told (the first of equals).
-        memory: arrays by name that an algorithm goes on from besides, as the size of its steps.
+        memory: arrays by name that an algorithm also continues from, such as the size of its steps.
     """
 
     stream: np.uint64
@@ -163,7 +163,7 @@ class Population:
             takes: of a fitness and that of the resident: whether one takes the cell; always, if left out.
 
         Raises:
-            UsageError: a fitness that is no finite number, an answer out of turn, or another's individuals.
+            UsageError: a fitness that is not finite, an answer out of turn, or other individuals.
         """
         values = self._checked(batch, fitness)
         genes, residents, numbers = self.genes.copy(), self.fitness.copy(), self.numbers.copy()
@@ -188,7 +188,7 @@ class Population:
         """The same with other arrays in its memory; those that are not named stay.
 
         Raises:
-            UsageError: something that is no array of numbers: it could not be written down.
+            UsageError: something that is not an array of numbers: it could not be saved.
         """
         return replace(self, memory={**self.memory, **_arrays_of(memory)})
 
@@ -216,7 +216,7 @@ class Population:
         return values
 
     def to_bytes(self) -> bytes:
-        """The population written down, checked on reading."""
+        """The population as bytes, checked on reading."""
         numbers = {name: getattr(self, name) for name in NUMBERS} | {"stream": int(self.stream)}
         return pack(numbers, {name: getattr(self, name) for name in ARRAYS} | self._memory())
 

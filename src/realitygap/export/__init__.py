@@ -1,4 +1,4 @@
-"""What others take up: networks as source for a robot's own processor (the paper's down-load), tables."""
+"""For use elsewhere: networks as source for a robot's own processor (the paper's down-load), tables."""
 
 from realitygap.lazy import names_of
 

@@ -1,4 +1,4 @@
-"""A transferred trial as a log: Rerun's (.rrd) or MCAP (for Foxglove), both robots under one time line.
+"""A transferred trial as a log: Rerun's (.rrd) or MCAP (for Foxglove), both robots on one time line.
 
 docs/tables-and-logs.md names what is in them.
 """
@@ -33,7 +33,7 @@ JPEG_QUALITY = 80
 
 
 def write_log(one: Lived, kind: str, folder: Path) -> Path:
-    """Write a trial's log into a folder, which is made if it is not there; the file.
+    """Write a trial's log into a folder, which is made if needed; return the file.
 
     Args:
         one: the trial.

@@ -1,4 +1,4 @@
-"""What a robot's own processor needs of an evolved controller: whole numbers alone.
+"""What a robot's own processor needs of an evolved controller: whole numbers only.
 
 A reading becomes an input by counting the edges that it has passed, found by trying every reading, so that
 it is the input that the simulation's own arithmetic gives; the network is §5.3's; an output becomes a
@@ -68,7 +68,7 @@ class OnBoard:
         sources: neuron of each link, the inputs first; weights; delays, in updates.
         commands: of the outputs −10 … 10, in the robot's units.
         period_s: length of a step; speeds: cm/s of one unit, left and right.
-        vectors: to try it by.
+        vectors: to test it with.
     """
 
     name: str
@@ -118,8 +118,8 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
         steps: length of its test vectors.
 
     Raises:
-        UsageError: a name that is none in C or Python.
-        StudyError: a network or a range too large for 16 bits, or a period of no whole milliseconds.
+        UsageError: a name that is not valid in C and Python.
+        StudyError: a network or a range too large for 16 bits, or a period that is not whole milliseconds.
     """
     study, profile, task = run.study, run.study.profile, run.study.facts(run.task)
     feeds, sensors = str(task["feeds"]), tuple(task["sensors"])

@@ -35,7 +35,7 @@ def write_source(one: OnBoard, language: str, folder: Path) -> list[Path]:
     Args:
         one: the controller.
         language: one of LANGUAGES.
-        folder: where to; made if it is not there. Files of the same names are replaced.
+        folder: where to; made if needed. Files of the same names are replaced.
 
     Returns:
         The files written.

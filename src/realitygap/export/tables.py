@@ -75,7 +75,7 @@ def write_tables(study: Study, kind: str, folder: Path) -> dict[Path, int]:
     Args:
         study: with its transfers, as far as there are any.
         kind: one of FORMATS.
-        folder: where to; made if it is not there. Files of the same names are replaced.
+        folder: where to; made if needed. Files of the same names are replaced.
 
     Raises:
         UsageError: another format, or no pyarrow for Parquet.

@@ -1,4 +1,4 @@
-"""A transferred trial as both robots lived it, step by step: what a log of it shows."""
+"""A transferred trial of both robots, step by step: what a log of it shows."""
 
 from collections.abc import Mapping
 from pathlib import Path

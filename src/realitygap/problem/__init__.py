@@ -1,4 +1,4 @@
-"""Tasks as problems for anybody's optimiser: arrays of solutions in, fitness and measures out."""
+"""Tasks as problems for any optimiser: arrays of solutions in, fitness and measures out."""
 
 from realitygap.lazy import names_of
 

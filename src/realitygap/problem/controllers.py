@@ -55,8 +55,8 @@ class WeightedController:
         """One step.
 
         Raises:
-            UsageError: another number of inputs, an output that is no finite number, or a user's function
-                that stops with an error.
+            UsageError: another number of inputs, an output that is not finite, or a user's function
+                that fails.
         """
         fed = np.array(inputs, np.float64) / LIMIT
         if fed.shape != (self.form.inputs,):
@@ -72,7 +72,7 @@ class WeightedController:
 
 
 def stopped(form: Form, error: Exception, *given: Floats) -> UsageError:
-    """What to say of a user's function that stopped with an error where it was given these: its line."""
+    """The error of a user's function that failed when given these: names its line."""
     plain: Any = getattr(form.decide, "py_func", form.decide)
     try:
         with blamed_on(plain.__code__.co_filename, UsageError, "the controller fails"):

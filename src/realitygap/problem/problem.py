@@ -1,4 +1,4 @@
-"""A task as a problem for anybody's optimiser: solutions [B, dim] in, fitness and measures out.
+"""A task as a problem for any optimiser: solutions [B, dim] in, fitness and measures out.
 
 problem = Problem("obstacle-avoidance", controller="feed-forward:8")
 batch = problem.evaluate(X, seed=generation)        # maximise batch.fitness
@@ -51,7 +51,7 @@ MEASURES = ("speed", "turning")
 
 
 class Batch(NamedTuple):
-    """What became of B solutions.
+    """The results of B solutions.
 
     Attributes:
         fitness: [B] mean score over the trials; larger is better.
@@ -69,9 +69,9 @@ class Problem:
     """A task, a robot and a kind of controller.
 
     Args:
-        task: one that comes with the package, a Python file of one's own, or a Task.
+        task: one that comes with the package, a Python file of your own, or a Task.
         controller: "feed-forward:8" or "recurrent:4" (hidden neurons; weights are real numbers),
-            "delay-network" (the paper's genotype of slots, whole numbers), or a function or class of one's
+            "delay-network" (the paper's genotype of slots, whole numbers), or a function or class of your
             own, itself or as FILE.py:NAME (`controllers.form_of` says what it is given).
         profile: the robot: a shipped profile's name or a TOML file.
         noise: zero, observed, double or a number.
@@ -144,7 +144,7 @@ class Problem:
         return np.rint(inside).astype(np.int8).reshape(-1, *self.layout.shape)
 
     def controller(self, solution: Any) -> WeightedController | NetworkController:
-        """What drives any body as one solution [dim] does."""
+        """A controller that drives any body as one solution [dim] does."""
         if len(found := self.decode(solution)) != 1:
             raise UsageError(f"solution: expected one, {self.dim} numbers, got {len(found)} of them.")
         (one,) = found
@@ -161,7 +161,7 @@ class Problem:
             trials: of each; the task's own if None.
 
         Raises:
-            UsageError: an array that does not fit, a seed that is none, or outputs that are no numbers.
+            UsageError: an array that does not fit, an invalid seed, or outputs that are not finite.
         """
         decoded = self.decode(solutions)
         count = self.simulation.task.trials if trials is None else as_count(trials, "trials")
@@ -177,8 +177,8 @@ class Problem:
         return Batch(scores.mean(1), measures, {"scores": scores, "sd": scores.std(1)})
 
     def retest(self, solutions: Any, trials: int = 100, seed: int = 0) -> Batch:
-        """Fitness on trials that no `evaluate` with a seed below 2**62 has seen: of a champion, never its own
-        best luck."""
+        """Fitness on trials that no `evaluate` with a seed below 2**62 has seen: of a champion, free of the
+        luck that chose it."""
         return self.evaluate(solutions, FRESH + int(as_stream(seed, "seed")), trials)
 
     def champion(self, solutions: Any, trials: int = 100, choosing: int = 20) -> tuple[int, Batch]:

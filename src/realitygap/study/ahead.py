@@ -26,7 +26,7 @@ class Ahead:
         self._benches = [Bench(materials, condition) for condition in range(len(materials.tasks))]
 
     def carry_out(self, job: str, tell: Tell) -> None:
-        """One job; there is nothing to tell."""
+        """One job, which has no messages."""
         bench = self._benches[0]
         if job == "breeding":
             bench.breed()
@@ -53,7 +53,7 @@ def compile_ahead() -> None:
 
 
 def compile_side_by_side(pool: Pool) -> None:
-    """Compile all of it by the pool's processes, if there are several, and nothing is on file."""
+    """Compile all of it in the pool's processes, if there are several and nothing is on file."""
     if isinstance(pool, Processes) and pool.size > 1 and SHELF.folder and not SHELF.holds("run_trials"):
         for jobs in STAGES:
             pool.work(Setup(Ahead, ()), jobs, lambda message: None)

@@ -1,6 +1,6 @@
-"""What a study is to do: every setting that a result depends on, in TOML and out.
+"""A study's configuration: every setting that a result depends on, read from TOML and written.
 
-A condition is a task at a noise level; each is evolved `runs` times. Whatever is left out takes
+A condition is a task at a noise level; each is evolved `runs` times. Whatever is omitted takes
 the paper's value. Paths are relative to the file that names them.
 """
 
@@ -40,7 +40,7 @@ class StudyConfig(Value):
         checkpoint_every: evaluations that a killed process loses at most; changes no result.
         profile: the robot, a shipped name or a TOML file.
         conditions: tasks and noise levels, in this order.
-        task: changes to every task, as `task.seconds`.
+        task: changes to every task, such as `task.seconds`.
         evolution, encoding: the algorithm, and how genes stand for networks; variation: rates of the
             operators on the paper's genotypes.
         arenas: another arena for a task, by the task's name.

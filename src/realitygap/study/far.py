@@ -1,4 +1,4 @@
-"""A study where its folder is not to be seen: made again, without its evaluations, of its files' content."""
+"""A study where its folder cannot be seen: rebuilt, without its evaluations, from its files' content."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A study's folder: made once, locked while worked on, opened only by the configuration it was made with."""
+"""A study's folder: made once, locked while in use, opened only with the configuration it was made with."""
 
 import tomllib
 from collections.abc import Mapping
@@ -86,7 +86,7 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
 
 
 def take_back(folder: Path, requested: Materials) -> None:
-    """Remove a study that was begun just now and failed before an evaluation of it was kept."""
+    """Remove a study that was just started and failed before any evaluation was kept."""
     if exists(folder):
         with Reader(folder / DATABASE).reading() as database:
             if database.execute("SELECT sum(evaluations) FROM run").fetchone()[0]:
@@ -102,7 +102,7 @@ def take_back(folder: Path, requested: Materials) -> None:
 
 
 def open_to_begin(folder: Path) -> None:
-    """See that a study could be begun in the folder; the lock is held.
+    """Check that a study can start in the folder; the lock is held.
 
     Raises:
         StudyError: there is one, or something else.

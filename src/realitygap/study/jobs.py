@@ -1,6 +1,6 @@
-"""A job is a whole run, from its checkpoint to its tests, told in messages to whoever writes.
+"""A job is a whole run, from its checkpoint to its tests, told in messages to the process that writes.
 
-One after the other, or all side by side: then what they ask for at a time is carried out in one batch.
+One after the other, or all side by side: then what they ask for at one time runs in one batch.
 """
 
 from collections.abc import Generator, Iterable, Iterator, Mapping
@@ -79,7 +79,7 @@ class Workshop:
                 self._bench(condition).compile()
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """A run; `tell` hears its messages."""
+        """A run; `tell` receives its messages."""
         for message in self.messages([job]):
             tell(message)
 

@@ -1,4 +1,4 @@
-"""Read a study back, finished or not, while another process may be working on it.
+"""Read a study, finished or not, even while another process works on it.
 
 Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())` needs no more.
 """
@@ -38,18 +38,18 @@ __all__ = ["Run", "Study", "as_study", "load_study"]
 
 
 def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
-    """A study from its folder, as it is now; evaluations are read when asked for.
+    """A study from its folder, as it is now; evaluations are read when needed.
 
-    Reading runs nobody's code. A simulation in a task of a user's own takes that task's file: one
+    Reading runs no user's code. A simulation in a user's own task needs that task's file: one
     that this user neither evolved with nor agreed to is not run.
 
     Args:
-        path: the study's folder, or a Study, which is read anew.
+        path: the study's folder, or a Study, which is read again.
         trust: agree to run the task files that it brings, from now on.
 
     Raises:
         StudyError: no study there, a database that is broken or of another format, or a study.toml
-            that was edited since.
+            that has been edited since.
         ConfigError: a broken study.toml.
     """
     folder = as_path(path, "study")
@@ -92,12 +92,12 @@ class Study(Tables):
         """A task of the study, with the study's settings and arena; a user's file is run for it.
 
         Raises:
-            StudyError: a file that this user has not agreed to run, or that was edited since.
+            StudyError: a file that this user has not agreed to run, or that has been edited since.
         """
         return self._materials.task(str(getattr(name, "name", name)))
 
     def facts(self, task: str | Task) -> dict[str, Any]:
-        """A task without its score, as `Task.to_dict` has it: nobody's file is run.
+        """A task without its score, as by `Task.to_dict`: no user's file is run.
 
         Raises:
             StudyError: the study has no such task.
@@ -115,7 +115,7 @@ class Study(Tables):
         """How genotypes that evolve in a task stand for networks; a user's file is run for it.
 
         Raises:
-            StudyError: a file that this user has not agreed to run, or that was edited since.
+            StudyError: a file that this user has not agreed to run, or that has been edited since.
         """
         name = str(getattr(task, "name", task))
         if name not in self._encodings:
@@ -165,7 +165,7 @@ class Study(Tables):
             height: of its frame, in pixels.
 
         Raises:
-            StudyError: no run has been begun.
+            StudyError: no run has started.
         """
         return above("report.notebook").shown_study(self, height)
 
@@ -242,7 +242,7 @@ class Run:
         """An individual in words, and its genotype: "champion", "fittest" or the number of an evaluation.
 
         Raises:
-            StudyError: there is none such, or not yet.
+            StudyError: there is no such individual, or not yet.
         """
         if who in ("champion", "fittest"):
             genes = self.champion if who == "champion" else self.fittest

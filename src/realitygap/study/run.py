@@ -1,7 +1,7 @@
 """One run: `advance(bench, plan, state, n)` evaluates n individuals more; `finish` tests the last.
 
 State is a value, and every draw is named by the run, the evaluation and the trial: how a run is
-cut into pieces, and who carries them out, changes no bit. Both are generators: they yield the trials that
+cut into pieces, and what carries them out, changes no bit. Both are generators: they yield the trials that
 they ask for and are sent the scores, so that an engine may carry out those of many runs at once.
 """
 
@@ -193,7 +193,7 @@ def advance(
 def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, Results]:
     """Retest the last population, then test the fittest and the champion at every noise level.
 
-    All individuals meet the same starts and draws: they are compared like with like.
+    All individuals meet the same starts and draws: so they are compared like with like.
     """
     cells = np.flatnonzero(state.numbers >= 0)
     if not len(cells):

@@ -1,4 +1,4 @@
-"""Carry out a study: make or resume its folder, give its runs to workers, write what they find."""
+"""Carry out a study: make or resume its folder, give its runs to workers, write their results."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -45,7 +45,7 @@ def run_study(
     engine: str = "cores",
     on_progress: OnProgress | None = None,
 ) -> Study:
-    """Carry out a study in a folder, or go on with the one that is there.
+    """Carry out a study in a folder, or continue the one that is there.
 
     Neither `workers` nor an interruption at any moment changes a bit of the result.
 
@@ -53,15 +53,15 @@ def run_study(
         folder: made if it does not exist.
         config: what to do; None to resume a study as it was made.
         workers: processes that carry out runs, one a core if None, 1 stays in this process; or a pool.
-        resume: go on with the study that is in the folder; without one, make it from `config`.
-        shard: the share of the runs to carry out; one that was begun is gone on with as it was. `merge`
+        resume: continue the study in the folder; if there is none, make it from `config`.
+        shard: the share of the runs to carry out; one that was started continues as it was. `merge`
             makes the study of all shards' folders.
         engine: "cores", or "cuda": an NVIDIA GPU carries out the trials of all runs side by side, without
             workers.
         on_progress: called a few times a second.
 
     Returns:
-        The study, finished (of a shard its runs). A study that is finished already is left as it is.
+        The study, finished (of a shard its runs). A study that is already finished is left as it is.
 
     Raises:
         UsageError: a wrong configuration, or a folder that cannot be used.
@@ -151,7 +151,7 @@ class _Keeper:
         self._reporter.phase(phase, done=self._done, total=self._total, what="evaluations", **counts)
 
     def keep(self, message: Message) -> None:
-        """What came of a job."""
+        """Keep the results of a job."""
         run, reporter = message.run, self._reporter
         if isinstance(message, Advanced):
             self._store.advance(message)

@@ -27,7 +27,7 @@ EDITED = "Restore it, or start another study with it, in a folder of its own."
 
 
 def whole(key: str, value: object, low: int, high: int) -> None:
-    """Refuse what is no whole number from `low` to `high`, both allowed.
+    """Refuse what is not a whole number from `low` to `high`, both allowed.
 
     Args:
         key: its name in the message.
@@ -46,7 +46,7 @@ def apply(table: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
     """A configuration's dictionary with texts "key=value" carried out; `key` may have dots.
 
     Raises:
-        ConfigError: a text that is no setting, or an unknown first part of a key.
+        ConfigError: a text that is not a setting, or an unknown first part of a key.
     """
     changed = copy.deepcopy(dict(table))
     pairs = [_pair(text) for text in settings]
@@ -93,14 +93,12 @@ def refuse_difference(
     requested: Mapping[str, Any],
     cure: str = "Leave it as it was, or choose another --out.",
 ) -> None:
-    """Refuse to go on with other settings than those that something was made with.
-
-    `what` says where it is and how it came about: "FOLDER: the study was made".
+    """Refuse to continue with other settings than those that something was made with.
 
     Args:
         what: where it is and how it came about: "FOLDER: the study was made".
         there: its settings.
-        requested: those of now.
+        requested: the present ones.
         cure: what to do.
 
     Raises:
@@ -113,7 +111,7 @@ def refuse_difference(
 
 
 def refuse_edited_settings(file: Path, made: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Refuse a file of settings that are not those that its study was made with.
+    """Refuse a file of other settings than its study was made with.
 
     Raises:
         StudyError: names the file, the first key that differs, and both values.

@@ -1,4 +1,4 @@
-"""The files that a study follows from: in its own folder, and as they were when it was made."""
+"""The files that a study depends on: in its own folder, and as they were when it was made."""
 
 import os
 import tomllib
@@ -32,7 +32,7 @@ def inside(folder: Path, name: str) -> Path:
 
 
 def refuse_edited(folder: Path, sources: Mapping[str, bytes]) -> None:
-    """See that files of a study's folder are as they were when it was made.
+    """Check that files of a study's folder are as they were when it was made.
 
     Raises:
         StudyError: one is missing, leads elsewhere, or was edited: says where.
@@ -64,7 +64,7 @@ def changed(name: str, was: bytes, now: bytes) -> str | None:
 
 
 def refuse_links(folder: Path) -> None:
-    """See that nothing written into a folder could land elsewhere.
+    """Check that nothing written into a folder could end up elsewhere.
 
     Raises:
         StudyError: the folder, or something in it, is a symbolic link.

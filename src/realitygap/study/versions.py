@@ -1,4 +1,4 @@
-"""What is at work: versions, the commit as far as anybody can know, and the processor."""
+"""What is in use: versions, the commit as far as it can be known, and the processor."""
 
 import filecmp
 import json

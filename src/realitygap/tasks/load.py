@@ -53,7 +53,7 @@ def reference(task: object) -> str:
     """The name or file that a task is loaded from again: what a study writes down.
 
     Raises:
-        TaskError: a Task that no file holds, or one that was changed since it was loaded.
+        TaskError: a Task that no file holds, or that has been changed since it was loaded.
     """
     if isinstance(task, PathLike):
         return str(Path(task))

@@ -1,6 +1,6 @@
 """A task's score, compiled once and kept on disk as the kernels are.
 
-Every index is checked while it runs: that costs a trial nothing that could be measured.
+Every index is checked while it runs, at no measurable cost.
 """
 
 import inspect
@@ -26,7 +26,7 @@ Score = Callable[[Any, Any], float]
 
 
 class CompiledScore:
-    """A score as it is called: compiled, and what goes wrong in it told by the user's file and line.
+    """A score as it is called: compiled; an error in it names the user's file and line.
 
     Attributes:
         plain: the user's function.
@@ -70,7 +70,7 @@ class CompiledScore:
         return loop
 
     def failure(self, error: Exception, path: Path, room: Room) -> TaskError:
-        """What stopped the score; machine code knows no lines, so plain Python goes there once more."""
+        """What failed in the score; machine code knows no lines, so plain Python runs it again."""
         try:
             with np.errstate(all="ignore"):
                 self.plain(Path(*map(np.copy, path)), room)

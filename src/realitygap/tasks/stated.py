@@ -11,7 +11,7 @@ __all__ = ["beside", "check_score", "check_spread", "ending"]
 
 
 def check_spread(spread: float, wheels: float | None) -> None:
-    """Refuse shares that are none, and the wheels' alone.
+    """Refuse invalid shares, and the wheels' alone.
 
     Raises:
         ConfigError: names the key.

@@ -60,7 +60,7 @@ class Task:
         feeds: "proximity", "ambient", or both: which of the robot's sensors the network reads. Both are
             written ("proximity", "ambient") and kept as "proximity+ambient".
         sensors: which of them feeds each input of the network; none named: all that the robot has. Of
-            both kinds the numbers go on: a Khepera's 0 to 7 are proximity sensors, 8 to 15 ambient.
+            both kinds the numbers continue: a Khepera's 0 to 7 are proximity sensors, 8 to 15 ambient.
         start: where a trial begins.
         seconds: length of a trial, a multiple of 0.1.
         trials: trials in one evaluation; fitness is the mean of their scores.
@@ -115,7 +115,7 @@ class Task:
         """The same task with constants drawn anew, under a name and a title that say so.
 
         Args:
-            spread: share, 0 to 0.9, as the attribute has it; 0 leaves the task as it is.
+            spread: share, 0 to 0.9, as the attribute; 0 leaves the task as it is.
             wheels: that of wheels and track, if it is another.
 
         Raises:
@@ -138,7 +138,7 @@ class Task:
         """Steps of the robot's period in one trial.
 
         Raises:
-            TaskError: it lasts no whole number of them.
+            TaskError: it does not last a whole number of them.
         """
         steps = round(self.seconds / profile.period_s)
         if abs(steps * profile.period_s - self.seconds) > 1e-6:

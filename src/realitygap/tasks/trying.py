@@ -1,4 +1,4 @@
-"""A task's score tried on example paths before it judges anybody: compiled and as plain Python.
+"""A task's score tried on example paths before it is used: compiled and as plain Python.
 
 The paths lie at the extremes of the task's own room: at rest, all over it, in contact, at its lamps
 and cylinders. Shorter paths and rooms with no lamp or three are tried too; there both must agree,

@@ -13,7 +13,7 @@ the package passes the same tests as yours:
         def opened(self):
             return nullcontext((MyRobot("/dev/ttyACM0"), RealClock()))
 
-A contract asks for what it tests by one method, which you override; nothing here imports pytest.
+You override one method, which gives the contract what it tests; nothing here imports pytest.
 `pytest.register_assert_rewrite("realitygap.testing")` in your `conftest.py` shows the values of a
 failed assertion.
 """

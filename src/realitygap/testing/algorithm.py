@@ -34,7 +34,7 @@ class AlgorithmContract:
         return float(np.abs(genes.astype(float)).sum())
 
     def test_it_starts_empty(self) -> None:
-        """Before the first evaluation nobody lives anywhere and nobody is best."""
+        """Before the first evaluation all cells are empty and there is no best."""
         algorithm = self.made()
         state = algorithm.init(STREAM)
         assert state.evaluations == 0 and state.best_number == -1
@@ -60,7 +60,7 @@ class AlgorithmContract:
                 assert 1 <= check_batch(algorithm.ask(state, n), state, n, one) <= n
 
     def test_the_size_of_batches_changes_nothing(self) -> None:
-        """Whoever asks for one at a time gets the same individuals."""
+        """Asking for one at a time gives the same individuals."""
         algorithm = self.made()
         single, many = algorithm.init(STREAM), algorithm.init(STREAM)
         lived: list[list[Batch]] = [[], []]
@@ -74,7 +74,7 @@ class AlgorithmContract:
         assert single.to_bytes() == many.to_bytes()
 
     def test_telling_leaves_the_old_state(self) -> None:
-        """From the old one another future can be told."""
+        """From the old state another future is possible."""
         algorithm = self.made()
         for pause in self.pauses:
             state = self._after(algorithm, pause)
@@ -85,7 +85,7 @@ class AlgorithmContract:
             assert high.best_number == pause and np.array_equal(high.best_genes, batch.genes[0])
 
     def test_residents_are_who_they_say(self) -> None:
-        """Parents are earlier; whoever lives in a cell was evaluated under its number."""
+        """Parents are earlier; each resident was evaluated under its number."""
         algorithm, lived = self.made(), []
         state = algorithm.init(STREAM)
         while state.evaluations < 120:
@@ -107,7 +107,7 @@ class AlgorithmContract:
         assert state.best_fitness == 6.0 and state.best_number == told.index(6.0)
 
     def test_resuming_continues_with_the_same_bits(self) -> None:
-        """A run that was written down and read again ends in the same bytes."""
+        """A run that was saved and read again ends in the same bytes."""
         algorithm = self.made()
         straight = self._after(algorithm, 90)
         for pause in self.pauses:

@@ -47,7 +47,7 @@ class BodyContract:
             assert np.abs(_counters(body)).max() <= 5
 
     def test_readings_are_whole_counts_in_range(self) -> None:
-        """Of each kind as many as its channels say; none of a kind that it has not."""
+        """Of each kind as many as its channels say; none of a kind that it lacks."""
         with self.opened() as (body, _):
             attend(body, *(one.name for one in body.channels))
             body.reset(MIDDLE)
@@ -56,7 +56,7 @@ class BodyContract:
                 assert (getattr(readings, kind) == np.round(getattr(readings, kind))).all()
 
     def test_it_goes_where_its_wheels_take_it(self) -> None:
-        """Ahead is where it looks, and a right wheel that is the faster turns it to the left."""
+        """Ahead is where it faces, and a faster right wheel turns it to the left."""
         with self.opened() as (body, clock):
             if not isinstance(body, Seen):
                 raise SkipTest("this body does not know where it is")
@@ -81,7 +81,7 @@ class BodyContract:
         assert unit > 0 and abs(left - 2 * unit) < 0.4 * unit and abs(right + 3 * unit) < 0.6 * unit
 
     def test_a_stopped_body_stands(self) -> None:
-        """Its counters do not change any more."""
+        """Its counters no longer change."""
         with self.opened() as (body, clock):
             body.reset(MIDDLE)
             body.act(self._command(4, -4))

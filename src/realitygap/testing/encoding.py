@@ -57,7 +57,7 @@ class EncodingContract:
         assert np.array_equal(genes, kept)
 
     def test_a_body_is_driven_as_in_simulation(self) -> None:
-        """What drives a robot decides on the same inputs what the simulated network decided."""
+        """On the same inputs the robot's controller decides as the simulated network did."""
         encoding = self.made(8)
         simulation = Simulation("obstacle-avoidance", "paper")
         for stream in STREAMS[:4]:

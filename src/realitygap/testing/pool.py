@@ -45,7 +45,7 @@ class _Bench:
                 os.kill(os.getpid(), signal.SIGKILL)
 
     def close(self) -> None:
-        """Nothing to let go."""
+        """Nothing to release."""
 
 
 class PoolContract:
@@ -65,7 +65,7 @@ class PoolContract:
         raise NotImplementedError("override opened()")
 
     def test_every_job_is_answered_once(self) -> None:
-        """Each job's messages come once and in their order; whose come first is the pool's affair."""
+        """Each job's messages come once and in order; which job comes first is up to the pool."""
         with closing(self.opened()) as pool:
             _complete(_heard(pool, map(_Job, range(20))), 20)
 
@@ -77,7 +77,7 @@ class PoolContract:
             _complete(_heard(pool, map(_Job, range(4)), "two"), 4)
 
     def test_an_error_arrives_as_itself(self) -> None:
-        """With its words; the pool can be closed then."""
+        """With its message; the pool can then be closed."""
         with closing(self.opened()) as pool:
             try:
                 _heard(pool, [_Job(0), _Job(1, "refused"), _Job(2)])
@@ -103,7 +103,7 @@ class PoolContract:
                 raise AssertionError("expected KeyboardInterrupt")
 
     def test_a_lost_worker_is_replaced(self) -> None:
-        """Its job is made again by another, and nothing is heard twice."""
+        """Another does its job again, and no message comes twice."""
         if not self.loses:
             raise SkipTest("its workers are not lost without this process")
         with tempfile.TemporaryDirectory() as folder, closing(self.opened()) as pool:

@@ -47,7 +47,7 @@ class TrackContract:
         assert np.ptp(seen.x) + np.ptp(seen.y) + np.ptp(seen.heading) > 0
 
     def test_headings_are_radians(self) -> None:
-        """A robot drives where it looks, ahead or back; of short ways, where it shakes, nothing is said."""
+        """A robot drives where it looks, ahead or back; short ways, where it shakes, do not count."""
         seen = self.track().only(self.track().found)
         way, turn = np.diff(seen.x) + 1j * np.diff(seen.y), np.diff(seen.heading)
         along = way * np.exp(-1j * (seen.heading[:-1] + np.arctan2(np.sin(turn), np.cos(turn)) / 2))

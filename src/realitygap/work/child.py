@@ -1,4 +1,4 @@
-"""A program in a process of its own, spoken to through its pipes: no wait for it is without end."""
+"""A program in a process of its own, reached through its pipes: every wait for it ends."""
 
 import os
 import select
@@ -18,11 +18,11 @@ def ask(process: subprocess.Popen[bytes], question: bytes, *, within_s: float, w
     Args:
         process: the program, with pipes.
         question: the line.
-        within_s: how long it may take nothing, or say nothing.
+        within_s: how long it may accept nothing, or say nothing.
         who: it is, for the message.
 
     Raises:
-        RobotError: it took nothing, or said nothing, for so long.
+        RobotError: it accepted nothing, or said nothing, for so long.
         OSError: it reads no more.
     """
     assert process.stdin is not None and process.stdout is not None
@@ -43,7 +43,7 @@ def ask(process: subprocess.Popen[bytes], question: bytes, *, within_s: float, w
 
 
 def end(process: subprocess.Popen[bytes], leave_s: float) -> None:
-    """Close its pipes, which ends it; insist if need be, after `leave_s`."""
+    """Close its pipes, which ends it; kill it after `leave_s` if needed."""
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:
             with suppress(OSError):

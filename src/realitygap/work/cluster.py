@@ -228,7 +228,7 @@ def _refuse_other(theirs: dict[str, str]) -> None:
 
 @cache
 def versions() -> dict[str, str]:
-    """What a worker has to have in common with who asks; of realitygap its very files."""
+    """What a worker must have in common with this process; of realitygap its very files."""
     found = {"Python": platform.python_version()}
     for name in PACKAGES:
         try:

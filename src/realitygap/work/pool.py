@@ -1,8 +1,8 @@
-"""A pool carries out jobs and passes on what comes of them: this process, processes, or one of your own.
+"""A pool carries out jobs and passes on their results: this process, processes, or one of your own.
 
 A job is a value, and what it comes to a function of it alone: any worker may carry it out, twice if the
-first is lost. A worker gets its bench from a `Setup`, which travels as a message; where it is, is the
-pool's affair. One whose workers do not see the parent's files says so by an attribute, `far = True`:
+first is lost. A worker gets its bench from a `Setup`, which travels as a message; where it is, is up to
+the pool. One whose workers do not see the parent's files says so by an attribute, `far = True`:
 then what they need of them travels too. A pool of your own:
 
     from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -43,10 +43,10 @@ class Bench(Protocol):
     """Carries out jobs of one kind; made once in a worker, used by one thread."""
 
     def carry_out(self, job: Any, tell: Tell) -> None:
-        """One job; `tell` hears its messages, the same ones in the same order each time."""
+        """One job; `tell` receives its messages, the same ones in the same order each time."""
 
     def close(self) -> None:
-        """Let go what it holds."""
+        """Release what it holds."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Pool(Protocol):
     """Carries out jobs. `realitygap.testing.PoolContract` is what every one keeps to."""
 
     def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
-        """Carry out all jobs, in any order; `tell` hears each message of each job once, in this thread.
+        """Carry out all jobs, in any order; `tell` receives each message of each job once, in this thread.
 
         A worker that is lost is replaced, and its job made again. What `tell` raises ends the work.
 
@@ -116,14 +116,14 @@ class _Numbering:
         self.close = self._bench.close
 
     def carry_out(self, job: tuple[int, Any], tell: Tell) -> None:
-        """One job by its number; `tell` hears parts."""
+        """One job by its number; `tell` receives parts."""
         numbers = count()
         self._bench.carry_out(job[1], lambda message: tell(_Part(job[0], next(numbers), message)))
         tell(_Part(job[0], next(numbers), end=True))
 
 
 class Counted:
-    """Somebody's pool, held to its word: no message is lost, doubled or out of its turn."""
+    """A given pool, checked: no message is lost, duplicated or out of turn."""
 
     def __init__(self, pool: Pool) -> None:
         self._pool, self.close = pool, pool.close

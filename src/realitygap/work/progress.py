@@ -1,4 +1,4 @@
-"""How far work is, told now and then: one event, one reporter, for whatever is counted."""
+"""Progress, reported now and then: one event and one reporter for all kinds of work."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -41,7 +41,7 @@ class Reporter:
     """Counts work, in about core-seconds or any other unit, and tells it a few times a second at most.
 
     Args:
-        tell: who is told.
+        tell: called with each event.
         work: of each phase, what an earlier session did left out.
         patience_s: before so much time is spent on work nobody can say how long the rest takes.
     """

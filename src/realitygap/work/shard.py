@@ -2,7 +2,7 @@
 
     Shard.parse("2/3").folder(Path("out/study"))  # out/study-shard-2-of-3
 
-A shard's folder is marked, so that what was made apart is put together only when it belongs together.
+A shard's folder is marked, so that only shards that belong together are merged.
 """
 
 import json
@@ -45,7 +45,7 @@ class Shard:
         """From "2/3".
 
         Raises:
-            ConfigError: no shard, or one that there is not.
+            ConfigError: not a shard, or one that does not exist.
         """
         found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", str(text).strip())
         if found is None:
@@ -95,14 +95,14 @@ class Mark:
     finished: bool = False
 
     def write(self, folder: Path, *, finished: bool) -> None:
-        """Put it down in the folder, which is made if need be."""
+        """Write it into the folder, which is made if needed."""
         folder.mkdir(parents=True, exist_ok=True)
         table = {"shard": str(self.shard), "work": self.work, "finished": finished, "facts": self.facts}
         whole.write(folder / MARK, json.dumps(table, indent=1) + "\n")
 
 
 def read_mark(folder: Path) -> Mark | None:
-    """What a folder says that it is a shard of; None of one that holds a whole.
+    """What a folder says it is a shard of; None for one that holds a whole.
 
     Raises:
         StudyError: the mark cannot be read.
@@ -123,8 +123,8 @@ def marked(folder: Path, shard: Shard | None, work: str, *, begun: bool, **facts
     """The mark of the share that is worked on in a folder; None if all of the work is done there.
 
     Args:
-        folder: in which work begins or goes on.
-        shard: that was asked for; None goes on with whatever the folder holds.
+        folder: in which work begins or continues.
+        shard: that was requested; None continues whatever the folder holds.
         work: what the command does.
         begun: whether there is work of its kind in the folder.
         facts: what all shards share.

@@ -1,4 +1,4 @@
-"""Workers as a person asks for them: a number of processes, or a pool of one's own."""
+"""Workers as a person asks for them: a number of processes, or a pool of your own."""
 
 import os
 from collections.abc import Iterator
@@ -61,7 +61,7 @@ def named_pool(text: str) -> Pool:
     """The pool that `file.py:Name` or `module:Name` makes, called without arguments; or "dask:ADDRESS".
 
     Raises:
-        ConfigError: what is named is none; says what it lacks.
+        ConfigError: what is named is not a pool; says what it lacks.
         StudyError: workers with other versions than this process.
     """
     if text.startswith("dask:"):

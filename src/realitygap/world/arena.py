@@ -108,7 +108,7 @@ class Arena(Value):
             require(not covered, f"lamps[{i}]", "no point inside a cylinder", lamp.points(), "Move the lamp.")
 
     def obstacle_at(self, x: float, y: float, radius: float) -> str | None:
-        """What a disc at (x, y) would overlap, in words; None where it stands free. Lengths cm."""
+        """What a disc at (x, y) would overlap, in words; None where it is free. Lengths cm."""
         width, depth = self.size_cm
         if not (0 <= x <= width and 0 <= y <= depth):
             return f"the outside of the room ({width:g} by {depth:g} cm)"
@@ -134,7 +134,7 @@ class Arena(Value):
         return any(value != 1.0 for value in self.reflectances())
 
     def to_dict(self) -> dict[str, Any]:
-        """As a file has it: a surface like those of the constants says nothing of its reflectance."""
+        """As in a file: surfaces like those of the constants have no reflectance there."""
         table = super().to_dict()
         for part in (table, *table["cylinders"]):
             if part["reflectance"] == 1.0:
@@ -194,7 +194,7 @@ def arena_names() -> tuple[str, ...]:
 
 
 def require_reflectance(value: float) -> None:
-    """Refuse what no surface has.
+    """Refuse a reflectance that no surface has.
 
     Raises:
         ConfigError: names the key.

@@ -58,7 +58,7 @@ class Body(Value):
         object.__setattr__(self, "radius_cm", radius)
 
     def edges(self) -> NDArray[np.float64]:
-        """The outline as the kernels have it, [corners, 4]: corner, outward normal of the edge after it."""
+        """The outline as the kernels take it, [corners, 4]: corner, outward normal of the edge after it."""
         corners = np.array(self.outline_cm).reshape(-1, 2)
         ahead = np.roll(corners, -1, axis=0) - corners
         normals = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1) / np.hypot(*ahead.T)[:, None]

@@ -1,4 +1,4 @@
-"""TOML in, frozen values out, and back: the only place where a robot's or arena's file is read.
+"""TOML to frozen values and back: the only place where a robot's or arena's file is read.
 
 A value is a frozen dataclass whose field names are the file's keys. `Value` converts what came
 (a file's lists and whole numbers, or a Python caller's) to the declared types and then lets the

@@ -56,7 +56,7 @@ class LookUp(Value):
             require(ends[0] >= 0 and ends[1] <= top, key, f"counts from 0 to top ({top:g})", ends)
 
     def to_kernel(self) -> Table | tuple[()]:
-        """The table as the kernels have it; (): none."""
+        """The table as the kernels take it; (): none."""
         if not self:
             return ()
         nothing = np.array(self.nothing)

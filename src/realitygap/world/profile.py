@@ -228,7 +228,7 @@ class Profile(Value):
             sensors: which of the readings each input is made of.
 
         Raises:
-            ConfigError: other feeds, readings of another number of sensors, or a sensor that there is not.
+            ConfigError: other feeds, readings of another number of sensors, or an unknown sensor.
         """
         bands = self.bands(feeds)
         there = len(bands)

@@ -34,7 +34,7 @@ class FittedChannel(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class Constant(Value):
-    """A constant and its 95 % interval; `told` is false where the data did not decide it."""
+    """A constant and its 95 % interval; `told` is false where it is not identifiable from the data."""
 
     key: str
     value: float

@@ -56,7 +56,7 @@ def places(sensors: Sequence[Sensor]) -> NDArray[np.float64]:
 
 
 def check_radians(sensors: Sequence[Sensor]) -> None:
-    """Refuse directions that are none in degrees, but look outwards in radians."""
+    """Refuse directions that look outwards only if they are in radians."""
     turned = [s for s in sensors if s.direction_deg and math.hypot(s.x_cm, s.y_cm) > 0]
     if len(turned) < FEWEST_TURNED or any(abs(s.direction_deg) > math.tau + 1e-3 for s in sensors):
         return
