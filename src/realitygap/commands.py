@@ -218,7 +218,7 @@ def calibrate(
         light: another form for ambient light.
         beside: fit ambient light in all other forms too, for comparison.
         out: the profile's TOML file to write.
-        on_progress: is told how many of all fits are done; None shows it.
+        on_progress: called with fits done and fits in all; None shows them.
 
     Raises:
         RecordingError: a recording cannot be read.

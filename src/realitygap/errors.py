@@ -40,7 +40,7 @@ class StudyBusyError(StudyError):
 
 
 class StudyInterruptedError(RealityGapError, KeyboardInterrupt):
-    """Ctrl-C while a study ran: what was saved is kept. Whoever waits for KeyboardInterrupt gets it."""
+    """Ctrl-C while a study ran: what was saved is kept. It is also a KeyboardInterrupt."""
 
     exit_code = 130
 

@@ -1,4 +1,4 @@
-"""What is loaded when it is first asked for: public names of a room, rooms above, packages of an extra."""
+"""What is loaded when first needed: public names of a room, rooms above, packages of an extra."""
 
 import importlib
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ def names_of(room: str, homes: Mapping[str, str]) -> tuple[list[str], Callable[[
 
     Args:
         room: the package's `__name__`.
-        homes: names, parted by spaces, by the file of the package that holds them.
+        homes: names, separated by spaces, by the file of the package that holds them.
     """
     where = {name: home for home, names in homes.items() for name in names.split()}
 

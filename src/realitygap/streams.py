@@ -1,7 +1,7 @@
 """The names of all random streams of the simulation and of what is made with it: one table.
 
 A stream is made of its parent and a name (`kernels.rng.substream`), so two streams of one parent must
-never share a name. Children that are only counted (runs, evaluations, trials, slots) stand under a
+never share a name. Children that are only counted (runs, evaluations, trials, slots) are under a
 stream of their own. The twin has another generator and names its draws itself (`twin/noise.py`).
 Experiments of many studies name theirs in words (`named_stream`).
 """

@@ -100,7 +100,7 @@ def fed(sensed: Any, feeds: str) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """Wheel speeds asked for, in Khepera units."""
+    """Requested wheel speeds, in Khepera units."""
 
     left: int
     right: int

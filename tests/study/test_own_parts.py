@@ -180,7 +180,7 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
         (
             TOLD,
             "state = state.told(batch, -fitness)",
-            r"tell: expected the highest fitness of all that were told",
+            r"tell: expected the highest fitness ever told",
         ),
         (
             TOLD,

@@ -126,7 +126,7 @@ def _beside(out: Path) -> Path:
 
 
 def load_all(paths: Iterable[str], objects: Sequence[str] = ()) -> list[Recording]:
-    """Every recording at some places; `objects` as --object has them."""
+    """Every recording at some places; `objects` as in --object."""
     from realitygap.calibration.recordings.files import find_recordings, load_recording
     from realitygap.errors import CalibrationError
 

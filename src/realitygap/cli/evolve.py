@@ -113,11 +113,11 @@ def begun_config(folder: Path, task: str, config: Path | None, resume: bool) -> 
 def changed_config(
     begun: StudyConfig, task: str, noise: tuple[float, ...], settings: Iterable[str], given: Mapping[str, Any]
 ) -> StudyConfig:
-    """The task alone at these levels of noise, with settings as --set has them, and what else is given:
+    """The task alone at these levels of noise, with settings as in --set, and other values:
     `spreads`, `arena`, and fields of a configuration.
 
     Args:
-        begun: what all this changes.
+        begun: the configuration that these change.
         task: a name or a file, as typed.
         noise: levels.
         settings: KEY=VALUE each.

@@ -25,7 +25,7 @@ class ProgressLine:
     """A context in which progress becomes something to look at.
 
     Attributes:
-        after_s: nothing is shown before the first progress that is told so long after the beginning;
+        after_s: nothing is shown before the first event that comes so long after the start;
             None: something is shown from the beginning on.
     """
 
@@ -98,7 +98,7 @@ class ProgressLine:
         self._show("scoring behaviour", done, total, "runs", done == total)
 
     def frames(self, phase: str, done: int, total: int | None) -> None:
-        """Show how many frames of a film are done; None: nobody knows how many it has."""
+        """Show how many frames of a film are done; None: it is unknown how many it has."""
         whole = max(total or done, done)
         self._show(phase, done, whole, "frames", done == whole)
 
@@ -152,7 +152,7 @@ class _NotebookBar:
         self._say(words, f"<div>{bar} {words}</div>")
 
     def stop(self) -> None:
-        """Leave what is worth keeping."""
+        """Leave the last line where it is worth keeping."""
         took = self._line.took()
         self._say(took, f"<small>{html.escape(took)}</small>")
 

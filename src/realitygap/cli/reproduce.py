@@ -75,7 +75,7 @@ def reproduce(
 
 
 def requested_by(out: Path, resume: bool, options: dict[str, Any]) -> Reproduction:
-    """What is asked for: what was given, and for the rest what was asked for before, or as usual."""
+    """The settings: those given, and for the rest the saved or the usual ones."""
     from realitygap.experiments.reproduction import Reproduction, begun
 
     return replace((begun(out) if resume else None) or Reproduction(), **option.given(options))
@@ -91,11 +91,11 @@ def carried_out(
     resume: bool,
     watch: bool = False,
 ) -> Carried:
-    """Calibrate, evolve, let the champions drive the twin if there is to be a `transfer`, report.
+    """Calibrate, evolve, let the champions drive the twin if `transfer` is set, report.
 
     Args:
         out: the study's folder.
-        requested: what is asked for.
+        requested: the settings.
         transfer: let the champions drive the twin.
         workers: processes; one a core if None.
         engine: what evolution's trials run on.

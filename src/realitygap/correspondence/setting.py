@@ -1,4 +1,4 @@
-"""Where trials took place: the arena, what stands around a robot in it, and the exemplars that serve."""
+"""Where trials took place: the arena, what is around a robot in it, and the exemplars that apply."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ class Setting:
 
     Attributes:
         name: for people.
-        arena: None: nobody knows; then only the tracks' own motion is compared.
+        arena: None: unknown; then only the tracks' own motion is compared.
         exemplars: a paper's task: obstacle avoidance where no lamp is, else light seeking; None: both.
         jitter: whether jitter counts as behaviour.
     """
@@ -90,7 +90,7 @@ class Around(NamedTuple):
 
 
 def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Floats | float) -> Around:
-    """What stands around a robot at places x, y [n] (cm) that looks along `heading` (rad); its radius is one,
+    """What is around a robot at places x, y [n] (cm) that faces along `heading` (rad); its radius is one,
     or [n].
 
     Args:

@@ -1,4 +1,4 @@
-"""A trial as it is compared: where the robot was, ten times a second, whoever watched it."""
+"""A trial as it is compared: where the robot was, ten times a second, however it was watched."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def noisiness(a: Sequence[Trial], b: Sequence[Trial]) -> float:
 
 
 def signed(a: Told, b: Told) -> tuple[float, float | None, float]:
-    """Noisiness, responsiveness and looping of b beside a, from what was told of both sets' trials.
+    """Noisiness, responsiveness and looping of b beside a, from the descriptors of both sets' trials.
 
     Responsiveness is the log2 of how much sooner b answers to what it meets: how far from a surface
     ahead it turns; with a lamp how squarely it faces that; None without an arena. Looping is how much

@@ -19,7 +19,7 @@ MOST = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """What a robot of Enki's is to whoever drives it.
+    """What a driver needs to know of one of Enki's robots.
 
     Attributes:
         words: its name for a person.

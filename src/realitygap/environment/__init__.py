@@ -22,7 +22,7 @@ __all__, __getattr__ = names_of(__name__, {
 __all__ += ["register"]
 
 NAMES = {"ObstacleAvoidance": "obstacle-avoidance", "LightSeeking": "light-seeking", "Task": None}
-"""Environments and their tasks; `Task` is refused without one of a user's own."""
+"""Environments and their tasks; `Task` needs a user's own task."""
 
 
 def register() -> None:

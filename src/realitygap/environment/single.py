@@ -46,10 +46,10 @@ Seen32 = NDArray[np.float32]
 class RobotEnv(gymnasium.Env[Seen32, Seen32]):
     """A robot at a task: observations, actions and rewards as in `RobotVectorEnv`.
 
-    On another reality than the simulation its path is what the robot itself knows: its pose where it is told
+    On another reality than the simulation its path is what the robot itself knows: its pose if it reports it
     (Enki, a body of your own), else what its wheels count, or the speeds that they measure (a Thymio),
-    both of which miss slip. What nobody places (a robot on a line) stands where you put it before each
-    reset; `options={"pose": …}` says where that is.
+    both of which miss slip. A robot that does not place itself (one on a line) stands where you put it
+    before each reset; `options={"pose": …}` says where that is.
 
     Args:
         task, profile, arena: as of `RobotVectorEnv`.
@@ -172,7 +172,7 @@ class _Situated:
         return self._body
 
     def reset(self, *, seed: int | None, options: Info) -> tuple[Seen32, Info]:
-        """Place it, or take it that somebody has."""
+        """Place it, or assume that somebody has."""
         pose = pose_of(self.simulation, options["pose"])
         self._rest()
         if seed is not None:
@@ -261,7 +261,7 @@ class _Situated:
                 self._moving.close()
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release it."""
         from realitygap.robots.body import abandon
 
         try:

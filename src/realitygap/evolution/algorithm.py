@@ -181,7 +181,7 @@ def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.floa
     known = isinstance(best, int | np.integer) and 0 <= best < told
     its = float(fitness[best - first]) if known and best >= first else max(high, top)
     if not known or its < high or not math.isclose(its, top, rel_tol=1e-6):
-        expected = "the highest fitness of all that were told (best_fitness) and whose it is (best_number)"
+        expected = "the highest fitness ever told (best_fitness) and its evaluation (best_number)"
         raise UsageError(f"tell: expected {expected}, got {top} of evaluation {best}.")
     for one, number in [*zip(genes, numbers, strict=True), (state.best_genes, best)]:
         if number >= first and not np.array_equal(one, batch.genes[number - first]):

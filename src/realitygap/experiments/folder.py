@@ -90,7 +90,7 @@ def open_folder(
     Args:
         folder: the experiment's.
         kind: of experiment.
-        requested: what is asked for; None: to continue what is there.
+        requested: the settings; None: to continue what is there.
         resume: continue it.
         facts: what is written beside new settings.
 

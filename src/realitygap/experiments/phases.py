@@ -147,7 +147,7 @@ class Phases:
     def drive(self, phase: Phase, setup: Callable[[], Setup], jobs: Iterable[Any]) -> None:
         """Have jobs done, of which each tells shares of itself and then what it made.
 
-        `setup`, which a worker begins with, is asked for if there is something to do.
+        `setup`, which a worker starts with, is called if there is something to do.
         """
 
         def heard(message: float | Made) -> None:

@@ -35,7 +35,7 @@ LARGE, WIDE = "obstacle-avoidance-large", ("enki:thymio2",)
 
 @dataclass(frozen=True, kw_only=True)
 class Realities(Settings):
-    """What is asked for; on each reality the same.
+    """The settings, the same on each reality.
 
     Attributes:
         robots: addresses that must be there: "twin", "stranger", "enki:MODEL", or a robot of your own that
@@ -83,7 +83,7 @@ class Realities(Settings):
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """Robots that are programs of a user's, run only where somebody names them."""
+        """Robots that are a user's programs, run only if they are named."""
         return tuple(robot for robot in self.robots if Address.parse(robot).kind == "own")
 
     @property

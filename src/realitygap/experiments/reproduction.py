@@ -110,7 +110,7 @@ def configured(
 
     Args:
         folder: the study's.
-        requested: what was asked for.
+        requested: the settings.
         resume: continue what is there.
         workers: processes; one a core if None.
         on_progress: called with the calibration's progress.

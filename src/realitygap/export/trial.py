@@ -73,7 +73,7 @@ class Lived(NamedTuple):
 def lived(
     run: Run, individual: str = "champion", robot: str | None = None, start: int | None = None
 ) -> Lived:
-    """A trial of a run on a robot, simulated anew beside it; the first that is as asked.
+    """A trial of a run on a robot, simulated again beside it; the first that fits.
 
     What is not known is left out: see `transfer/replay.py`.
 

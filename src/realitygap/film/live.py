@@ -48,7 +48,7 @@ class LiveCamera(Closing):
 
     Args:
         source: a camera's number, or what OpenCV opens: a file, an address.
-        size: width and height that a camera is asked for, px.
+        size: width and height requested of a camera, px.
 
     Raises:
         FilmError: it cannot be opened, or gives no picture.

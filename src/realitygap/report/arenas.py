@@ -158,12 +158,12 @@ def _draw_rays(ax: Axes, robot: Robot, arena: Arena, feeds: str, pose: tuple[flo
 def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> F:
     """The rays of what is fed to a network, to what they meet or as far as they matter: [rays, 2 ends, 2] cm.
 
-    The pose is x, y (cm), heading (rad); `feeds` as a task has it.
+    The pose is x, y (cm), heading (rad); `feeds` as in a task.
 
     Args:
         robot: the robot.
         arena: the room.
-        feeds: as a task has it.
+        feeds: as in a task.
         pose: x, y (cm), heading (rad).
     """
     found = []
@@ -197,13 +197,13 @@ def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[
 def arena_figure(room: world.Arena, profile: Profile, feeds: str, start: np.ndarray) -> Figure:
     """Figure 1 or 2: a task's arena, with a robot that senses by what is fed to it, to scale.
 
-    `feeds` is "proximity", "ambient" or "proximity+ambient"; `start` as `draw_start` has it.
+    `feeds` is "proximity", "ambient" or "proximity+ambient"; `start` as for `draw_start`.
 
     Args:
         room: the task's arena.
         profile: the robot.
         feeds: "proximity", "ambient" or "proximity+ambient".
-        start: where trials begin, as `draw_start` has it.
+        start: where trials begin, as for `draw_start`.
     """
     arena, robot = room.to_kernel(), profile.to_kernel()
     width, depth = (float(v) for v in arena.size)

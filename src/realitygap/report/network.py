@@ -47,7 +47,7 @@ def draw_network(
 
     Args:
         ax: where; its axes become cm.
-        genes: [slots, 2 + 4 · links] as `realitygap.controller.genotype` has it.
+        genes: [slots, 2 + 4 · links] as in `realitygap.controller.genotype`.
         profile: the robot.
         feeds: "proximity", "ambient" or "proximity+ambient".
         sensors: which of their readings feeds each input.

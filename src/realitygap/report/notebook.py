@@ -68,7 +68,7 @@ class Shown:
 
 
 class Gallery(Mapping[str, Figure]):
-    """The figures of a page by name, each drawn, as Matplotlib's, when it is asked for."""
+    """The figures of a page by name, each drawn by Matplotlib when first needed."""
 
     def __init__(self, figures: Figures) -> None:
         self._figures = figures

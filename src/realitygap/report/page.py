@@ -63,7 +63,7 @@ class Picture:
 
 
 class Figures(dict[str, Picture]):
-    """The figures of a page by name, in the order in which they were asked for: it says which there are.
+    """The figures of a page by name, in the order in which they were added.
 
     Attributes:
         workers: who draws them.

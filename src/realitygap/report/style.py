@@ -160,7 +160,7 @@ _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 
 
 def inline_svg(svg: str, name: str, alt: str) -> str:
-    """An SVG ready to stand in a page: ids of its own, the page's colours, a text for the blind."""
+    """An SVG ready for a page: ids of its own, the page's colours, a text for the blind."""
     svg = _METADATA.sub("", _HEAD.sub("", svg, count=1))
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     svg = re.sub(r"url\(#", f"url(#{name}-", svg)

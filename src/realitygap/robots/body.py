@@ -19,12 +19,12 @@ Optional members are found by name:
     odometry    an `Odometry`, as read with the last `sense`: of a body that counts turns
     clock       its own time (`Timed`): of a simulated body, say a `SteppedClock`; else the computer's
     enter       enter(room, seed, pose) puts it into a room (`Placing`), where `reset(pose)` may set it
-                down anew: of a simulated body; else a person builds the room and carries the robot
+                down again: of a simulated body; else a person builds the room and carries the robot
     pose        where it truly is (`Seen`): the path of a transfer, if no camera sees it; else the
                 path is computed from its counters
     speeds      (left, right) that its motors measured, as read with the last `sense` (`Paced`): of a
                 body that does not count turns; the path, if nothing else tells it
-    inspect     inspect() tries what it has besides, for `robot check`; a dict (`Inspected`)
+    inspect     inspect() tries what else it has, for `robot check`; a dict (`Inspected`)
     pulses_per_mm   of its counters, roughly: where the profile has none that were measured
     facts       what recordings say of it: "robot", its name; "units" of its commands, "base", the shipped
                 profile of what is known of it, and "pulses_per_mm"; your own needs no more

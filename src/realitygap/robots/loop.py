@@ -47,7 +47,7 @@ def drive(
     clock: Clock | None = None,
     recorder: Recorder | None = None,
 ) -> Recording:
-    """Let a controller drive a body, a step each of its periods.
+    """Drive a body with a controller, one step each of its periods.
 
     The time-table moves on with a step that is late by more than a whole one: the robot never has to
     catch up. Whatever ends the drive, an exception, Ctrl-C, Ctrl-Z, SIGTERM or a lost line, the wheels

@@ -33,7 +33,7 @@ class Home(Closing):
 
 
 def words_for(folder: Path, pool: Pool) -> Words:
-    """What a pool's workers are told of a study."""
+    """What a pool's workers receive of a study."""
     place = "" if far(pool) else str(folder.resolve())
     return place, Reader(folder / DATABASE).sources() or {}
 

@@ -170,7 +170,7 @@ class Study(Tables):
         return above("report.notebook").shown_study(self, height)
 
     def figures(self) -> Mapping[str, Any]:
-        """The page's figures by name, each drawn, as Matplotlib's, when it is asked for."""
+        """The page's figures by name, each drawn by Matplotlib when first needed."""
         figures: Mapping[str, Any] = above("report.notebook").of_study(self)
         return figures
 

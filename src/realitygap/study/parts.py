@@ -79,8 +79,8 @@ class TaskSettings(Value):
 class Encoding(Value):
     """How genes stand for networks: "slots" (§5.2) of so many slots and links, or FILE.py:NAME.
 
-    A network's inputs are the task's sensors. `own` are the settings of an encoding of a user's; they
-    stand in its table beside `kind`, and are checked where its file is run.
+    A network's inputs are the task's sensors. `own` are the settings of a user's encoding; they
+    are in its table beside `kind`, and are checked where its file is run.
     """
 
     kind: str = SLOTS
@@ -112,7 +112,7 @@ class Encoding(Value):
 class Evolution(Value):
     """The algorithm: "torus" (rows, columns), "panmictic" or "random" (size), or FILE.py:NAME.
 
-    `own` are the settings of an algorithm of a user's; they stand in its table beside `algorithm`, and are
+    `own` are the settings of a user's algorithm; they are in its table beside `algorithm`, and are
     checked where its file is run.
     """
 

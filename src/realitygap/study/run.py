@@ -89,7 +89,7 @@ class Bench:
         return self._simulations[noise]
 
     def scores(self, asked: Asked) -> Scores:
-        """What is asked for, [n, trials]."""
+        """The requested scores, [n, trials]."""
         return self.simulation(asked.noise).scores(self.encoding.decode(asked.genes.copy()), asked.streams)
 
     @cached_property

@@ -199,7 +199,7 @@ class Task:
         return bool(is_clear(profile.to_kernel(), self.arena.to_kernel(), *place))
 
     def room(self, profile: Profile) -> params.Room:
-        """What the score sees of the world besides the path."""
+        """What the score sees of the world, apart from the path."""
         arena = self.arena.to_kernel()
         speeds = profile.wheels.speed_per_unit_cm_s
         return params.Room(

@@ -51,7 +51,7 @@ class AlgorithmContract:
             assert same(once, twice) and state.to_bytes() == kept
 
     def test_batches_are_as_large_as_they_may_be_at_most(self) -> None:
-        """From one individual to as many as were asked for, numbered from those told, of one type."""
+        """From one individual to as many as requested, numbered from those told, of one type."""
         algorithm = self.made()
         one = algorithm.ask(algorithm.init(STREAM), 1).genes[0]
         for pause in self.pauses:

@@ -55,7 +55,7 @@ def drive(
     start: Pose | None = None,
     seconds: float | None = None,
 ) -> Drove:
-    """Let a controller drive a body at a task, and score its track.
+    """Drive a body at a task with a controller, and score its track.
 
     Args:
         body: the robot: a SimulatedBody, or any that keeps the contract of `robots/body.py`.

@@ -84,7 +84,7 @@ def driven(
     seconds: float,
     recorder: Recorder | None = None,
 ) -> Driven:
-    """Let an evolved controller drive a robot as it drove the simulation's: fed by `profile`'s input range,
+    """Drive a robot with an evolved controller as it drove the simulation's: fed by `profile`'s input range,
     commanding in its units. The robot is at its start; a recorder keeps the steps.
 
     Args:
@@ -123,7 +123,7 @@ def driven(
 def turned(
     body: Body, profile: Profile, counters: Floats, speeds: Floats, times: Floats
 ) -> tuple[Floats, tuple[float, float] | None]:
-    """What the wheels have turned, as `Driven` has it: `counters`, and how long one of them is (cm).
+    """What the wheels have turned, as in `Driven`: `counters`, and how long one of them is (cm).
 
     Args:
         body: whose wheels.

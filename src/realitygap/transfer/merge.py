@@ -25,7 +25,7 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
     """Copy every trial to the study's folder; those that are there are kept.
 
     Args:
-        shards: their folders, as `study.merge.all_shards` has them.
+        shards: their folders, as from `study.merge.all_shards`.
         folder: the study's.
 
     Returns:

@@ -56,7 +56,7 @@ class Transfer:
 
     Attributes:
         runs: ids or names; all finished ones if empty.
-        robots: addresses, as `robots/address.py` has them: "twin:UNIT", "khepera:PORT", "file.py:Class".
+        robots: addresses, as in `robots/address.py`: "twin:UNIT", "khepera:PORT", "file.py:Class".
         starts: trials of each individual on each robot.
         individual: "champion" or "fittest".
         controller: who drives in place of an individual, at the runs' tasks and noise: a network's file,

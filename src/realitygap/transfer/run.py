@@ -46,7 +46,7 @@ class Attendant(NamedTuple):
     """The person beside a real robot.
 
     Attributes:
-        carry: puts it at a start, and returns when it stands there.
+        carry: puts it at a start, and returns when it is there.
         found: says whether it starts where the camera sees it; else it only has to be seen.
         says: called with why the camera does not see it, where known.
     """
@@ -65,7 +65,7 @@ def run_transfer(
     shard: Shard | None = None,
     on_progress: OnProgress | None = None,
 ) -> list[Transferred]:
-    """Let individuals of a study drive robots, each from the same poses as in simulation.
+    """Drive robots with individuals of a study, each from the same poses as in simulation.
 
     Trials that are there already are kept, so that an interrupted transfer continues.
 

@@ -68,7 +68,7 @@ def marks_of(
 
 
 def _read(file: Path) -> dict[str, dict[str, Any]]:
-    """Rows that were kept, by what they follow from; what is broken or was edited is computed anew."""
+    """Rows that were kept, by what they follow from; broken or edited ones are computed again."""
     with contextlib.suppress(OSError, ValueError, RecursionError):
         there = json.loads(file.read_text("utf-8"))
         if isinstance(there, dict):

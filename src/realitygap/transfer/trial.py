@@ -44,7 +44,7 @@ TRIAL = "transfer.toml"
 SIMULATED, SITUATED, SEALED = "simulated.csv", "situated.csv", "sealed.csv"
 
 Carry = Callable[[Situation, Pose], None]
-"""The person who carries a real robot to its start; returns when it stands there."""
+"""The person who carries a real robot to its start; returns when it is there."""
 
 Tell = Callable[[float], None]
 
@@ -104,7 +104,7 @@ class Stage:
 
         Args:
             one: the trial.
-            genes: of who drives, as `genes` has them.
+            genes: of the driver, as from `genes`.
             folder: of the trial's files.
             tell: receives the share of the film that is done.
         """

@@ -43,7 +43,7 @@ class Reporter:
     Args:
         tell: called with each event.
         work: of each phase, what an earlier session did left out.
-        patience_s: before so much time is spent on work nobody can say how long the rest takes.
+        patience_s: the time left is estimated once so much time has been spent on work.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Reporter:
         self._last = self._told = time.monotonic()
 
     def phase(self, name: str, *, done: int, total: int, what: str = "", **more: Any) -> None:
-        """A phase begins, of whose total so much is done already; `more` is for the event.
+        """Start a phase, of whose total so much is already done; `more` is for the event.
 
         Args:
             name: the phase's.
@@ -71,7 +71,7 @@ class Reporter:
         self._say()
 
     def end(self) -> None:
-        """The phase is over; what was thought to be left of it is not."""
+        """End the phase; nothing of it is left."""
         self._left[self._event["phase"]] = 0.0
         self._say()
 
@@ -88,7 +88,7 @@ class Reporter:
             self._say()
 
     def found(self, done: int, work_left: float) -> None:
-        """So much of the phase was there already, which says nothing of how fast work goes."""
+        """So much of the phase was already there, which says nothing about the speed of work."""
         phase = self._event["phase"]
         self._left[phase] = min(self._left[phase], work_left)
         self._event["done"], self._last = done, time.monotonic()

@@ -50,7 +50,7 @@ class Controller:
 
     @property
     def name(self) -> str:
-        """As the names of files and messages have it."""
+        """As in the names of files and messages."""
         who = "" if self.individual == "champion" else f"-{self.individual}"
         return f"{self.task}-set-{self.seed_set}-level-{self.level!r}-run-{self.run}{who}"
 

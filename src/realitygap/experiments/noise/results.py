@@ -30,7 +30,7 @@ CALIBRATION = ("unit", "channel", "model_error", "noise", "ratio", "ratio_over_a
 def write_results(stage: Stage) -> Path:
     """Gather all controllers' results: controllers.csv, cells.csv, calibration.csv, study.toml.
 
-    Of an arm of the plan all profiles besides, and rows by calibration unit and foreign ones; where it is
+    For an arm of the plan also all profiles, and rows by calibration unit and foreign ones; where it is
     known what robots read and did, without-camera.csv.
 
     Raises:

@@ -49,7 +49,7 @@ class Lived(NamedTuple):
 
 
 class Situated(NamedTuple):
-    """A controller's trials on the twin: no Tracks, but arrays as the file has them.
+    """A controller's trials on the twin: no Tracks, but arrays as in the file.
 
     Attributes:
         units: numbers of those that it drove.

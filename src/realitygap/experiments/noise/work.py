@@ -69,12 +69,12 @@ class Bench:
 
 
 Words = tuple[str, dict[str, Any], dict[str, bytes]]
-"""What workers are told of a study: its folder, "" where they do not see it; then its settings, as in its
+"""What workers know of a study: its folder, "" where they do not see it; then its settings, as in its
 file, and its calibrations and an arena of its own, by their names from the folder."""
 
 
 def words_for(folder: Path, config: NoiseConfig, pool: Pool) -> Words:
-    """What a pool's workers are told.
+    """What a pool's workers receive.
 
     Raises:
         ConfigError: a robot that only this machine has.

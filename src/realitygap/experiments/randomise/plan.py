@@ -127,7 +127,7 @@ class Condition(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As the names of files have it."""
+        """As in the names of files."""
         known = self.known.replace(" %", "").replace(", ", "-").replace(" ", "-")
         return f"{known}{'-randomised' * self.randomised}-noise-{self.noise:g}"
 
@@ -142,7 +142,7 @@ class Controller:
 
     @property
     def name(self) -> str:
-        """As the names of files and messages have it."""
+        """As in the names of files and messages."""
         return f"{self.condition.name}-run-{self.run}"
 
 

@@ -68,7 +68,7 @@ class Bench:
         self._rig: Rig | None = None
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """A controller's trials, on its unit and simulated; shares are told, then the content of its file."""
+        """A controller's trials, on its unit and simulated; shares of it, then the content of its file."""
         one, config = job.controller, self._config
         rig, task = self._ready(one.unit, job.truth), config.task
         rig.profile = job.profile

@@ -39,7 +39,7 @@ def step_budget(dialect: Dialect, kinds: tuple[str, ...], baud: int | None, *, t
         dialect: the line's.
         kinds: of sensors.
         baud: the line's; None: one that takes no time, as over a network.
-        turns: whether counters and speeds are asked for.
+        turns: whether counters and speeds are requested.
 
     Raises:
         BaudError: sensors and speed command alone take longer than a step; shows the arithmetic.
@@ -174,7 +174,7 @@ class LineBody:
         self.clock.close()
 
     def inspect(self) -> dict[str, Any]:
-        """Switch its LEDs on and off; and count what had to be asked for again so far."""
+        """Switch its LEDs on and off, and count the requests repeated so far."""
         for on in (True, False):
             for number in range(self.dialect.leds):
                 self.driver.led(number, on)

@@ -125,7 +125,7 @@ class Driver(Closing, ABC):
     def watch(self) -> None:
         """Until the next `stop` the guard stops the robot if nothing is said on the line for half a second.
 
-        Whoever speaks next is told so by a `FrozenError`. Under a clock that waits nothing is needed.
+        The next command then raises a `FrozenError`. Under a clock that waits nothing is needed.
         """
         if self._guard is not None:
             self._guard.watch()

@@ -224,7 +224,7 @@ class Line:
         """Bring the line back into step.
 
         Raises:
-            GarbledError: nobody answers.
+            GarbledError: no answer came.
         """
         until = self.clock.now() + self.dialect.patience_s
         while self.clock.now() < until and self.hear(QUIET_S) is not None:

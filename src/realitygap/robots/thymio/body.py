@@ -161,7 +161,7 @@ class ThymioBody:
             self._guard = None
 
     def inspect(self) -> dict[str, Any]:
-        """Count what had to be asked for again so far."""
+        """Count the requests repeated so far."""
         return {"faults": self.line.faults}
 
     def _tell(self) -> None:

@@ -37,7 +37,7 @@ BEGINNINGS = 4
 """Answers may be so late, in questions, and are still told apart."""
 
 AGAIN_S = 0.04
-"""An answer that is not there by then is asked for again (a dongle takes 10 to 30 ms)."""
+"""After this time an answer is requested again (a dongle takes 10 to 30 ms)."""
 
 GREET_S, QUIET_S, GREETINGS = 0.5, 0.4, 5
 """For the first word of a node; a node that has said nothing for so long has said all; tries."""
@@ -124,7 +124,7 @@ class AsebaLine:
         self.clock.wrote(len(data))
 
     def fetch(self, names: Sequence[str], until: float) -> dict[str, list[int]] | None:
-        """The values of some variables, asked for until they come; None if they do not in time.
+        """The values of some variables, requested until they come; None if they do not in time.
 
         Raises:
             LineError: the line is lost.

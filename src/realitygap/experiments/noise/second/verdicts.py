@@ -29,7 +29,7 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What decides, as `claims.toml` has it."""
+    """What decides, as in `claims.toml`."""
 
     robot: float
     against: tuple[float, ...]
