@@ -316,7 +316,7 @@ def test_levels_and_tasks_are_read_as_they_are_typed():
 
 
 @pytest.mark.parametrize(("old", "new", "words"), [
-    ("twin_noise = 1.0", "twin_noise = 2.0", "noise-study.toml was edited .*: twin_noise was 1.0, now 2.0"),
+    ("twin_noise = 1.0", "twin_noise = 2.0", "study.toml has been edited .*: twin_noise was 1.0, now 2.0"),
     ("starts = 3", "starts = 4", "starts was 3, now 4"),
 ])  # fmt: skip
 def test_edited_settings_are_refused(done, tmp_path, old, new, words):
@@ -336,7 +336,7 @@ def test_an_edited_calibration_is_refused(done, tmp_path):
     text = robot.read_text()
     assert "track_cm = 5." in text
     robot.write_text(text.replace("track_cm = 5.", "track_cm = 6.", 1))
-    with pytest.raises(StudyError, match=r"keeps another profile.toml .*: wheels.track_cm was"):
+    with pytest.raises(StudyError, match=r"keeps a different profile.toml .*: wheels.track_cm was"):
         noise_study(folder, resume=True, workers=1)
 
 

@@ -150,7 +150,7 @@ def _drop(text: str) -> str:
         ("controllers.csv", lambda text: text.replace(",101,", ",here,", 1), "home_unit: expected a"),
         ("study.toml", lambda text: text.replace('"E"', '"X"'), "arm: expected one of E, T, E5"),
         ("study.toml", lambda text: text.replace("arm =", "ark ="), "expected an arm of the second study"),
-        ("study.toml", lambda text: text + '[plan]\n"claims.toml" = "0"\n', "with the version that began"),
+        ("study.toml", lambda text: text + '[plan]\n"claims.toml" = "0"\n', "with the version that started"),
     ],
 )  # fmt: skip
 def test_broken_arms_are_refused(folder: Path, tmp_path: Path, file: str, change, said: str) -> None:

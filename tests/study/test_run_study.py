@@ -151,7 +151,7 @@ def test_another_configuration_is_refused_by_its_first_key(finished, tmp_path):
     robot = tmp_path / "robot.toml"
     text = (finished.folder / "profile.toml").read_text()
     robot.write_text(text.replace("radius_cm = 2.9", "radius_cm = 2.8"))
-    with pytest.raises(StudyError, match=r"keeps another profile.toml"):
+    with pytest.raises(StudyError, match=r"keeps a different profile.toml"):
         run_study(finished.folder, small(profile=str(robot)), resume=True)
 
 

@@ -53,11 +53,11 @@ def edit(path: Path, old: str, new: str) -> None:
 @pytest.mark.parametrize(
     ("file", "old", "new", "words"),
     [
-        ("study.toml", "seed = 7", "seed = 8", "study.toml was edited .*: seed was 7, now 8"),
+        ("study.toml", "seed = 7", "seed = 8", "study.toml has been edited .*: seed was 7, now 8"),
         ("study.toml", '"observed"', '"zero"', r"conditions\[0\].noise was 'observed', now 'zero'"),
         ("profile.toml", "step_cm", "stop_cm", "profile.toml has been edited since"),
         ("arenas/light-seeking.toml", "[110.0, 70.0]", "[150.0, 70.0]",
-         r"light-seeking.toml was edited .*: size_cm was \[110.0, 70.0\], now \[150.0, 70.0\]"),
+         r"light-seeking.toml has been edited .*: size_cm was \[110.0, 70.0\], now \[150.0, 70.0\]"),
     ],
 )  # fmt: skip
 def test_an_edited_study_is_refused_with_the_difference(copy, file, old, new, words):
