@@ -166,7 +166,7 @@ def _wheels(fit: WheelFit, recording: WheelRecording, figures: Figures) -> _Part
     part.tables.append(_Table("Constants", ["constant", "value", "95 % interval"], rows))
     if fit.friction is not None:
         part.sentences.append(
-            f"By {fit.friction.starts} standing starts, the threshold of friction lies between "
+            f"From {fit.friction.starts} standing starts, the threshold of friction lies between "
             f"{fit.friction.low:.1f} and {fit.friction.high:.1f} cm/s²."
         )
     if fit.odometry is not None:
