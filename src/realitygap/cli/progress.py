@@ -25,7 +25,7 @@ class ProgressLine:
     """A context in which progress becomes something to look at.
 
     Attributes:
-        after_s: nothing is shown before the first event that comes so long after the start;
+        after_s: nothing is shown before the first event that comes this long after the start;
             None: something is shown from the beginning on.
     """
 

@@ -32,7 +32,7 @@ SCORES = ("behaviour", "correspondence")
 
 
 class Carried(NamedTuple):
-    """A study that was carried out, its report's page (of a shard None), its tables of scores, more parts of
+    """A study that was carried out, its report's page (None for a shard), its tables of scores, more parts of
     the JSON, and how long each phase took, in words."""
 
     folder: Path
@@ -66,7 +66,7 @@ def carry_out(
         resume: continue what is there.
         shard: which share of the study, without a report; None continues a shard that is there.
         then: what is done between the study and its report; it gives further parts of the JSON.
-        watch: keep a page up to date that shows how evolution goes; refused of a shard.
+        watch: keep a page up to date that shows how evolution goes; refused for a shard.
 
     Raises:
         UsageError: a shard is to be watched.
@@ -130,8 +130,8 @@ def show_shard(folder: Path, more: Mapping[str, Any], *, json_output: bool) -> N
 
 
 def show_study(carried: Carried, *, json_output: bool) -> None:
-    """Print a study's runs and scores, and where it and its report are; of a shard the finished runs, and how
-    all shards are put together."""
+    """Print a study's runs and scores, and where it and its report are; for a shard the finished runs, and
+    how to merge all shards."""
     folder, study, page, tables, more, _ = carried
     if page is None:
         done = [run for run in study.runs if run.finished]

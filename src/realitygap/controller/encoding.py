@@ -1,8 +1,8 @@
 """What an encoding is: how genes of some type and shape stand for networks.
 
-The paper's is `controller.operators.Variation` (slots, §5.2). One of a user's own has genes of any kind;
+The paper's is `controller.operators.Variation` (slots, §5.2). A user's own has genes of any kind;
 its networks are those of the paper (integers, §5.3), so that every one of them can also be written as a
-genotype of slots: that is what pictures, texts and robots take it for.
+genotype of slots: which is what pictures, texts and robots use.
 """
 
 from pathlib import Path
@@ -98,7 +98,7 @@ def _first(nets: Networks) -> Any:
 
 
 def facts_of(encoding: Encoding, settings: dict[str, Any]) -> dict[str, Any]:
-    """What is kept with genotypes, ready for JSON: type (with its order of bytes) and shape read them."""
+    """What is kept with genotypes, ready for JSON: their type (with byte order) and shape."""
     kind = np.dtype(encoding.dtype).newbyteorder("<").str
     return {"dtype": kind, "shape": [int(size) for size in encoding.shape], **settings}
 

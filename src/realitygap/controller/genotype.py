@@ -1,4 +1,4 @@
-"""Genotypes as people meet them: a random one, and their text form.
+"""Genotypes for people: a random one, and their text form.
 
 The text has a line a neuron and a line a link, so that two genotypes can be compared by `diff`:
 
@@ -12,7 +12,7 @@ The text has a line a neuron and a line a link, so that two genotypes can be com
     slot 12 off threshold 5  # hidden
     end
 
-What is left out is blank; `off` marks content that is stored but not expressed; anything after
+What is omitted is blank; `off` marks content that is stored but not expressed; anything after
 a # is a comment. The same genotype always gives the same text, and the text the same genotype.
 """
 

@@ -47,7 +47,7 @@ MOTORS = ("left", "right")
 
 
 def load_network(path: str | Path, inputs: int) -> Genes:
-    """The genotype of a network that a person wrote for a task of so many inputs.
+    """The genotype of a network that a person wrote for a task with this many inputs.
 
     Raises:
         GenotypeError: names the file and the key, what was expected and what came.

@@ -169,7 +169,7 @@ class EnkiProcess:
         return self._moment(1, self._ask("place", (x_cm, y_cm, heading)))
 
     def run(self, steps: int, left_cm_s: float, right_cm_s: float) -> Moment:
-        """Let so many steps pass with these speeds of the wheels."""
+        """Run some steps with these speeds of the wheels."""
         return self._moment(steps, self._ask("run", (steps, left_cm_s, right_cm_s)))
 
     def close(self) -> None:

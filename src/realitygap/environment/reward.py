@@ -1,7 +1,7 @@
 """Rewards that add up to a task's score, whatever the score is.
 
 After step k of K a path is worth k/K of the score of its first k rows, so that at its end it is worth its
-score; a step's reward is what the worth rose by.
+score; a step's reward is the rise in that worth.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ __all__ = ["Rewards"]
 
 
 class Rewards:
-    """What N robots are rewarded with.
+    """The rewards of N robots.
 
     Args:
         score: the task's.
@@ -37,7 +37,7 @@ class Rewards:
         self.sums = np.zeros(robots)
 
     def begin(self, which: NDArray[np.int64]) -> None:
-        """Trials of these robots begin."""
+        """Start trials of these robots."""
         self.sums[which] = 0.0
 
     def next(

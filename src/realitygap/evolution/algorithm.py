@@ -150,7 +150,7 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
 
 
 def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.float64]) -> None:
-    """Refuse a state of so many cells that does not match the evaluations that it was told of.
+    """Refuse a state with `cells` cells that does not match the evaluations that it was told of.
 
     The batch is all of them since a state that was checked, with their fitness [n].
 

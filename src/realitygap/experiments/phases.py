@@ -25,7 +25,7 @@ from realitygap.work.workers import Workers, opened
 __all__ = ["Made", "Phase", "Phases", "Recorded", "session"]
 
 FIRST_GUESS_S = 2.0
-"""The time left is estimated once so much time has been spent on finished work."""
+"""The time left is estimated once this much time has been spent on finished work."""
 KEEP_S = 10.0
 """How often the time that a phase has taken is saved."""
 
@@ -95,7 +95,7 @@ class Phases:
     def calibrate(
         self, phase: Phase, units: Iterable[int], record: Callable[[int, Recorded], None], steps: int
     ) -> None:
-        """Record and fit units that lack a profile, one after the other; each has so many parts (`steps`).
+        """Record and fit units that lack a profile, one after the other; each has `steps` parts.
 
         Args:
             phase: this one.

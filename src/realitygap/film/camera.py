@@ -97,7 +97,7 @@ class CameraModel:
         return np.stack(self.columns_rows(points[..., 0], points[..., 1], height_cm), -1)
 
     def columns_rows(self, x: Floats, y: Floats, height_cm: float | None = None) -> tuple[Floats, Floats]:
-        """The same of x and y apart, which are broadcast: a grid is quicker so."""
+        """The same for separate x and y, which are broadcast: faster for a grid."""
         (x, y), h = self._moved((x, y), height_cm, self.plane_cm), self.homography
         depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
         seen = depth > 1e-12

@@ -253,7 +253,7 @@ def _likeliest(finders: list[Finder], pictures: list[Grey]) -> int:
 
 
 def _flat(disk: Disk, scale: float, size: tuple[int, int]) -> Finder:
-    """Looks through a camera straight above, of so many pixels a centimetre."""
+    """Looks through a camera straight above, with a scale in pixels a centimetre."""
     matrix = np.diag([scale, scale, 1.0])
     flat = CameraModel(width_px=size[0], height_px=size[1], homography=matrix, plane_cm=disk.height_cm)
     return Finder(flat, disk, slack=_LOOSE)

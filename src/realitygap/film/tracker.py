@@ -66,7 +66,7 @@ class Tracker:
             return _track([(t_s, self.see(picture)) for t_s, picture in frames])
 
     def blame(self, frames: int) -> str:
-        """What to say of so many frames in which the robot is never seen."""
+        """The message if the robot is seen in none of the frames."""
         name = self._marker.name
         cure = (
             f"Check that the robot carries the {name}, that the camera was calibrated for this film, "

@@ -32,7 +32,7 @@ _ANY_NOTES = {} if int(av.__version__.split(".")[0]) >= 19 else {"metadata_error
 """Opens a film even if its notes are not UTF-8, as PyAV 19 and later do by default."""
 
 _BROKEN_IN_A_ROW = 50
-"""So many packets in a row that cannot be decoded end a film."""
+"""This many packets in a row that cannot be decoded end a film."""
 
 _TICK = Fraction(1, 90_000)
 """Unit of the times that pictures of an uneven film bear, s."""

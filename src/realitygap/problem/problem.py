@@ -118,7 +118,7 @@ class Problem:
         self.measure_bounds = np.array([[-1.0, -1.0], [1.0, 1.0]])
 
     def x0(self, seed: int = 0) -> Floats:
-        """[dim] where a search may begin: no weights, or a random genotype of the paper's kind."""
+        """[dim] where a search may start: zero weights, or a random genotype of the paper's kind."""
         if self.layout is None:
             return np.zeros(self.dim)
         return Variation(layout=self.layout).random(np.uint64(seed)).reshape(-1).astype(np.float64)

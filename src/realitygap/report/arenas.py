@@ -19,7 +19,7 @@ from realitygap.world.profile import Profile
 __all__ = ["arena_figure", "cast", "draw_arena", "draw_start", "rays_of", "sensor_rays"]
 
 AMBIENT_RAYS_CM = 15.0
-"""Only walls end the ambient sensors' rays: a picture shows so much of them."""
+"""Only walls end the ambient sensors' rays: a picture shows this much of them."""
 
 
 def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = False) -> None:

@@ -23,7 +23,7 @@ OnProgress = Callable[[int, int, str], None]
 """Called with parts done, parts in all, and the name of the next one."""
 
 FEW = 12
-"""Up to so many figures, drawing takes less time than loading matplotlib in other processes."""
+"""Up to this many figures, drawing takes less time than loading matplotlib in other processes."""
 
 GLYPHS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 

@@ -42,7 +42,7 @@ MOST_RUNS = 2 * PER_CONDITION
 MOST_TRIALS = 2
 """Trials of a run that the page holds."""
 LIT_RAYS_CM = 15.0
-"""Only walls end the ambient sensors' rays: the page draws so much of them."""
+"""Only walls end the ambient sensors' rays: the page draws this much of them."""
 FINEST_CM = 0.01
 LARGEST = 32_000
 """A room's longer side in units of packed places, at most: they are int16."""

@@ -1,4 +1,4 @@
-"""The few statistics the figures and tables need: means, and how sure one may be of them."""
+"""The few statistics that the figures and tables need: means and their uncertainty."""
 
 import math
 from dataclasses import dataclass

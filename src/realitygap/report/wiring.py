@@ -103,7 +103,7 @@ def lay_out(wiring: Wiring, robot: Robot, sensor_places: F, sensors: Sequence[in
 
 
 def width_inches(hidden: int) -> float:
-    """How wide a picture must be for so many hidden neurons."""
+    """How wide a picture must be for this many hidden neurons."""
     return 3.7 if hidden <= 3 else 4.6 if hidden <= 7 else 6.6
 
 

@@ -108,7 +108,7 @@ class Silence:
         self.watched, self._seconds = words.endswith(DRIVES), 0.0
 
     def passes(self, seconds: float) -> bool:
-        """Whether it is too long, so many seconds later; it is so once."""
+        """Whether it is too long, some seconds later; True only once."""
         self._seconds += min(seconds, 2 * TICK_S)
         if not self.watched or self._seconds < SILENCE_S:
             return False

@@ -18,7 +18,7 @@ MOVING = (*NUMBERS, signal.SIGTSTP)
 """While a robot moves whose time does not wait: it must stop before this process is suspended."""
 
 PATIENCE_S = 5.0
-"""A robot has so long to stop; then the next signal ends the wait."""
+"""A robot has this long to stop; then the next signal ends the wait."""
 
 _active: list[Stopping] = []
 """Contexts within which the main thread is, which handle all of `NUMBERS`: signals are a process's own."""

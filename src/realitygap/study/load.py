@@ -189,7 +189,7 @@ class Study(Tables):
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One evolutionary run, as far as it is; None where it is not that far yet.
+    """One evolutionary run so far; None for what does not exist yet.
 
     Attributes:
         id: from 1; name: task/noise/index.

@@ -77,7 +77,7 @@ class TaskSettings(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class Encoding(Value):
-    """How genes stand for networks: "slots" (§5.2) of so many slots and links, or FILE.py:NAME.
+    """How genes stand for networks: "slots" (§5.2) with numbers of slots and links, or FILE.py:NAME.
 
     A network's inputs are the task's sensors. `own` are the settings of a user's encoding; they
     are in its table beside `kind`, and are checked where its file is run.
@@ -99,7 +99,7 @@ class Encoding(Value):
             object.__setattr__(self, key, value)
 
     def make(self, inputs: int, variation: Variation) -> Made:
-        """The encoding of networks of so many inputs; `variation` has the rates of the slots' operators."""
+        """The encoding of networks with `inputs` inputs; `variation` has rates of the slots' operators."""
         settings = {key: value for key, value in self.to_dict().items() if key != "kind"}
         return make_encoding(self.kind, variation, settings, inputs=inputs)
 

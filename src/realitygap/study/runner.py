@@ -61,7 +61,7 @@ def run_study(
         on_progress: called a few times a second.
 
     Returns:
-        The study, finished (of a shard its runs). A study that is already finished is left as it is.
+        The study, finished (for a shard its runs). A study that is already finished is left as it is.
 
     Raises:
         UsageError: a wrong configuration, or a folder that cannot be used.
@@ -104,7 +104,7 @@ def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
 def _carry_out(
     folder: Path, workshop: Workshop, pool: Pool, mark: Mark | None, on_progress: OnProgress | None
 ) -> None:
-    """All runs that are not finished, of a shard its own."""
+    """All runs that are not finished, for a shard its own."""
     with Store(folder / DATABASE) as store:
         runs = workshop.runs if mark is None else mark.shard.own(workshop.runs)
         left = {run: workshop.config.evaluations - done for run, done in store.unfinished() if run in runs}

@@ -34,7 +34,7 @@ DRAWN = ", constants drawn within "
 
 @dataclass(frozen=True, kw_only=True)
 class Start(Value):
-    """Where a trial begins: uniform in a disc, uniform between two headings (lengths cm, degrees)."""
+    """Where a trial starts: uniform in a disc, uniform between two headings (lengths cm, degrees)."""
 
     x_cm: float
     y_cm: float

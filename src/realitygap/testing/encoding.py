@@ -22,7 +22,7 @@ class EncodingContract:
     """
 
     def made(self, inputs: int) -> Encoding:
-        """The encoding of networks of so many inputs."""
+        """The encoding of networks with `inputs` inputs."""
         raise NotImplementedError("override made()")
 
     def test_genotypes_are_of_its_type_and_shape(self) -> None:

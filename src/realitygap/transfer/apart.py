@@ -95,7 +95,7 @@ class _Replayer:
 
 
 def _replayed(simulation: Simulation, situated: Recording, track: Track, pose: Pose) -> float:
-    """Mean distance (cm) of a robot's path from the simulation's under its commands; NaN of no path."""
+    """Mean distance (cm) of a robot's path from the simulation's under its commands; NaN without a path."""
     replayer = _Replayer(situated.commands, simulation.profile)
     seconds = len(situated.t) * simulation.profile.period_s
     try:

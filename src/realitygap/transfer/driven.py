@@ -26,7 +26,7 @@ class Driven(NamedTuple):
         counters: [steps + 1, 2] pulses, NaN where nothing was counted; of wheels whose speeds are measured
             instead, those times seconds.
         cm_per_pulse: of the left wheel and the right one, if known.
-        poses: where it was; none of a robot that does not know.
+        poses: where it was; None for a robot that does not know.
         period_s: of a step.
         t: [steps + 1] s, when each was read.
     """

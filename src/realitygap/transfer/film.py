@@ -54,7 +54,7 @@ DISK = "disk.toml"
 """Beside a film, if it is not the shipped disk."""
 
 LEAST_POSES, GRIDS = 16, range(4, 10)
-"""Poses that a camera is calibrated with, on the coarsest grid that has so many free places."""
+"""Poses that a camera is calibrated with, on the coarsest grid that has this many free places."""
 
 GOLDEN_DEG = 222.4922
 """Turn from one known pose to the next: headings all round, no two alike."""

@@ -52,7 +52,7 @@ class Transferred:
         view: what made the camera's frames, None where no camera saw the robot.
         fitness_simulated, fitness_situated: the task's own score of each path, NaN if it has long gaps.
         late_steps: how many of the drive's steps began more than 10 ms late.
-        missed_steps: how many had no answer in time, None of a robot whose line misses none.
+        missed_steps: how many had no answer in time, None for a robot whose line misses none.
         lost_steps: how many of the situated path's rows have no pose.
         trouble: what was wrong with a live camera's film, or why the robot was lost in it; None: nothing.
     """

@@ -140,7 +140,7 @@ class Transfer:
 
     @property
     def named(self) -> Named | None:
-        """Who drives in place of an individual, if anybody."""
+        """The controller that drives in place of an individual, if any."""
         return None if self.controller is None else Named(str(self.controller))
 
     @property

@@ -92,7 +92,7 @@ def order_of(
 
 
 def _rho(first: Floats, second: Floats) -> float:
-    """Spearman's, of the controllers that both know; NaN of too few."""
+    """Spearman's, of the controllers that both know; NaN for too few."""
     both = np.isfinite(first) & np.isfinite(second)
     if both.sum() < LEAST:
         return math.nan
@@ -100,7 +100,7 @@ def _rho(first: Floats, second: Floats) -> float:
 
 
 def mean(values: Sequence[float]) -> float:
-    """Of those that are known; NaN of none."""
+    """Of those that are known; NaN for none."""
     known = [value for value in values if math.isfinite(value)]
     return math.fsum(known) / len(known) if known else math.nan
 

@@ -23,7 +23,7 @@ __all__ = ["MANY", "PACKED", "Packed", "content", "every", "placed", "unpacked"]
 HOME, PACKED = "transfer", "trials.sqlar"
 """A study's folder of transfers, and the file in it."""
 MANY = 1000
-"""From so many trials on they are packed by default."""
+"""From this many trials on they are packed by default."""
 
 DEPTH = 4
 """Parts of a file's name from the folder of transfers: robot, run, start, file."""

@@ -26,7 +26,7 @@ APART_S = 0.25
 """Frames nearer than the one to a step show that step; farther apart than the other they show none."""
 
 BRIDGED_STEPS = 5
-"""A score goes straight across a gap of so many steps at most."""
+"""A score goes straight across a gap of this many steps at most."""
 
 
 def of_track(track: Track, steps: int, begin_s: float = 0.0, *, period_s: float = STEP_S) -> Track:

@@ -78,7 +78,7 @@ def run_transfer(
         on_progress: called a few times a second.
 
     Returns:
-        All trials that were requested (of a shard its own), old and new.
+        All trials that were requested (for a shard its own), old and new.
 
     Raises:
         RobotError, FilmError: a robot or a camera fails; recordings are kept.

@@ -78,7 +78,7 @@ class _Worker:
 
 
 class Processes:
-    """A pool of so many processes, which start when there is work for them and stay for more.
+    """A pool of processes, which start when there is work for them and stay for more.
 
     `one_thread`: their linear algebra takes one thread each.
     """

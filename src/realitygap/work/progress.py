@@ -43,7 +43,7 @@ class Reporter:
     Args:
         tell: called with each event.
         work: of each phase, what an earlier session did left out.
-        patience_s: the time left is estimated once so much time has been spent on work.
+        patience_s: the time left is estimated once this much time has been spent on work.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Reporter:
         self._last = self._told = time.monotonic()
 
     def phase(self, name: str, *, done: int, total: int, what: str = "", **more: Any) -> None:
-        """Start a phase, of whose total so much is already done; `more` is for the event.
+        """Start a phase, of which part may already be done; `more` is for the event.
 
         Args:
             name: the phase's.
@@ -76,7 +76,7 @@ class Reporter:
         self._say()
 
     def add(self, work: float, *, done: int = 0, of: str | None = None, **more: Any) -> None:
-        """So much more work is done, of this phase or of another, and so many things are ready."""
+        """Add work done, of this phase or of another, and things that are ready."""
         now = time.monotonic()
         self.spent += now - self._last
         self._last = now
@@ -88,7 +88,7 @@ class Reporter:
             self._say()
 
     def found(self, done: int, work_left: float) -> None:
-        """So much of the phase was already there, which says nothing about the speed of work."""
+        """Count part of the phase as already there, which says nothing about the speed of work."""
         phase = self._event["phase"]
         self._left[phase] = min(self._left[phase], work_left)
         self._event["done"], self._last = done, time.monotonic()

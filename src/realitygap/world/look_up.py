@@ -34,7 +34,7 @@ class LookUp(Value):
         return bool(self.nothing)
 
     def check(self, sensors: int, top: float) -> None:
-        """Refuse a table that is not of so many sensors with this full scale.
+        """Refuse a table that is not for these sensors and this full scale.
 
         Raises:
             ConfigError: names the key.

@@ -21,7 +21,7 @@ FAN = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.0, 0.25, 0.5, 0.75, 1.0)
 
 @cache
 def ray_angles(number: int) -> tuple[float, ...]:
-    """Middles of so many equal parts of 180°, degrees from the sensor's direction."""
+    """Middles of this many equal parts of 180°, degrees from the sensor's direction."""
     return tuple(180.0 / number * (i + 0.5) - 90.0 for i in range(number))
 
 

@@ -63,7 +63,7 @@ class Pair(NamedTuple):
 
 
 class Evolved(NamedTuple):
-    """A study of evolution: a seed set and calibration unit, and the levels that have so many runs there."""
+    """A study of evolution: a seed set and calibration unit, and the levels with this many runs there."""
 
     seed_set: int
     unit: int

@@ -77,7 +77,7 @@ def noise_study(
         on_progress: called a few times a second.
 
     Returns:
-        The folder `results` with controllers.csv, cells.csv, calibration.csv and study.toml; of a shard its
+        The folder `results` with controllers.csv, cells.csv, calibration.csv and study.toml; for a shard its
         folder.
 
     Raises:

@@ -102,7 +102,7 @@ class Arm:
 
 
 def arm_folder(folder: str | Path) -> Path | None:
-    """Where the tables of an arm are: this folder, or `results` in it; None if it is no arm."""
+    """Where the tables of an arm are: this folder, or `results` in it; None if it is not an arm."""
     for one in (Path(folder), Path(folder) / "results"):
         file = one / "study.toml"
         if file.is_file() and "arm" in read_toml(file, StudyError, AGAIN, broken=AGAIN):

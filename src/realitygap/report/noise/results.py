@@ -34,7 +34,7 @@ NEEDS = {
 class Misfit(NamedTuple):
     """How far a unit's calibrated model is from it in one channel; beyond `limit` noise explains nothing.
 
-    Unit 0 is a real robot. `ratio_over_all` is of all readings, dark ones too; it is NaN of calibrations
+    Unit 0 is a real robot. `ratio_over_all` is of all readings, dark ones too; it is NaN for calibrations
     that were made before there was another, whose `ratio` is just that.
     """
 

@@ -17,7 +17,7 @@ from realitygap.values import Readings
 __all__ = ["Epuck", "EpuckBody", "opened", "opened_second"]
 
 COUNTS = 2**16
-"""Its counters begin again after so many steps: 8 m."""
+"""Its counters begin again after this many steps: 8 m."""
 
 
 GREETING_S = 0.3

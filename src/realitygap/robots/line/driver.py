@@ -15,7 +15,7 @@ from realitygap.values import Closing
 __all__ = ["Driver"]
 
 STOP_S, STOP_TRIES = 1.4, (2, 4)
-"""The robot is told to stop for so long, and at least and at most so often."""
+"""The robot is told to stop for this long, at least and at most this often."""
 
 STAND_S = 0.5
 """Time that the wheels may take to stop."""

@@ -30,13 +30,13 @@ GIVE_UP_S = 1.0
 """A question not answered by then is given up: the robot keeps driving meanwhile."""
 
 LEAST_TRIES = 5
-"""But not before so many tries: time alone says nothing if the computer was suspended."""
+"""But not before this many tries: time alone says nothing if the computer was suspended."""
 
 BANNER_S = 0.25
 """How long a robot that has just been reset may take for its two lines."""
 
 BATCH_FAILURES = 3
-"""After so many failures of questions sent together, the robot is asked one at a time."""
+"""After this many failures of questions sent together, the robot is asked one at a time."""
 
 LONGEST = 4096
 """Characters without a line end from which on the input is noise."""

@@ -173,7 +173,7 @@ class Dialect:
         return sum(len(to.data) + self.commands[to.letter].answered for to in requests)
 
     def wire_ms(self, count: int, baud: int | None) -> float:
-        """How long so many characters take on the wire, ms; no time to speak of where there is no rate."""
+        """How long some characters take on the wire, ms; 0 without a rate."""
         return 1000.0 * self.bits * count / baud if baud else 0.0
 
 

@@ -22,10 +22,10 @@ FASTEST = 500
 """The largest target of a motor, about 16 cm/s."""
 
 SENSE_S = 0.09
-"""A reading not there so long after its request is missed: the last one is used instead."""
+"""A reading not there this long after its request is missed: the last one is used instead."""
 
 GIVE_UP_S = 1.0
-"""A robot that is silent for so long is lost."""
+"""A robot that is silent for this long is lost."""
 
 STOP_S, STANDS = 1.4, 40
 """Time in which it has to stand, and measured speeds up to which it does (standing motors say up to 20)."""

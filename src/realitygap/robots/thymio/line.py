@@ -40,7 +40,7 @@ AGAIN_S = 0.04
 """After this time an answer is requested again (a dongle takes 10 to 30 ms)."""
 
 GREET_S, QUIET_S, GREETINGS = 0.5, 0.4, 5
-"""For the first word of a node; a node that has said nothing for so long has said all; tries."""
+"""For the first word of a node; a node that has said nothing for this long has said all; tries."""
 
 
 def opened(place: str) -> Any:
