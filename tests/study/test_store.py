@@ -92,7 +92,7 @@ def test_a_missing_configuration(copy):
 def test_a_place_that_cannot_be_written(tmp_path):
     """A folder that cannot be made ends in one message with the path."""
     (tmp_path / "file").write_text("")
-    with pytest.raises(StudyError, match=r"file.*Check the path and its permissions"):
+    with pytest.raises(StudyError, match=r"file.*Check the path and its rights"):
         run_study(tmp_path / "file" / "study", small())
 
 
