@@ -164,7 +164,7 @@ def test_hand_puts_it_down() -> None:
     body.advance(300)
     assert body.truth()[:2] == pytest.approx((70, 50), abs=0.1)
     for x, y in [(20, 20), (1, 30), (-5, 20), (42.5, 22.5)]:
-        with pytest.raises(ConfigError, match="no room"):
+        with pytest.raises(ConfigError, match="does not fit"):
             body.place(x, y, 0.0)
 
 
