@@ -28,6 +28,7 @@ CONVERT = {
     # descriptors are in the degrees that people can just tell apart
     "correspondence/descriptors.py": (3, "turn rates and bearings, deg/s and deg"),
     "correspondence/distances.py": (1, "a constant, written in degrees"),
+    "correspondence/evidence.py": (2, "how far a track turned and what lies ahead, deg/s and deg"),
     "correspondence/reading.py": (1, "a heading that was given in radians is recognised"),
     # libraries that ask for degrees
     "report/robots.py": (1, "matplotlib's wedges"),
