@@ -36,8 +36,8 @@ _BROKEN_IN_A_ROW = 50
 
 _TICK = Fraction(1, 90_000)
 """Unit of the times that pictures of an uneven film bear, s."""
-_THREADS = 2
-"""x264's pictures depend on their number, by default that of the machine's cores."""
+_THREADS = 1
+"""x264's pictures depend on their number, and with two they differ now and then between equal films."""
 
 
 @dataclass(frozen=True)
