@@ -73,6 +73,15 @@ class Judgement:
     warnings: tuple[str, ...] = ()
 
     @property
+    def fitted_out(self) -> list[str]:
+        """In words, how the recording's set-up differs from what it says, or from the profile's room."""
+        said = [f"rig turned by {self.turn_deg:+.1f} degrees"] if self.turn_deg else []
+        if self.shift_cm or self.background:
+            said.append(f"set down {10 * self.shift_cm:+.1f} mm farther away")
+            said.append(f"the room's infrared adds {self.background:+.5f}/cm² to that of the profile's room")
+        return said
+
+    @property
     def noise_fits(self) -> bool | None:
         """Whether every deviation that could be measured fits the profile's; None: none could."""
         pairs = [(m, p) for m, p in self.noise.values() if np.isfinite(m)]

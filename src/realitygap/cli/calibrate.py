@@ -285,11 +285,8 @@ def _tell_judgement(one: Judgement) -> None:
     click.echo(
         f"{one.source}: {one.kind}, RMSE {one.rmse:.3g} {unit}, bias {one.bias:+.3g} (model minus measured)"
     )
-    if one.turn_deg:
-        click.echo(f"  rig turned by {one.turn_deg:+.1f} degrees: fitted out")
-    if one.shift_cm or one.background:
-        click.echo(f"  set down {10 * one.shift_cm:+.1f} mm further off, in a room whose infrared adds "
-                   f"{one.background:+.5f}/cm² to the profile's: fitted out")  # fmt: skip
+    for what_differs in one.fitted_out:
+        click.echo(f"  {what_differs}: fitted out")
     head = [what, "rmse", "bias", "error/noise where lit", "over all"]
     keys = (("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))[: used - 1]
     rows = [[m.sensor, *(Figure(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
