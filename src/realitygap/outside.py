@@ -10,7 +10,6 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numba.core.serialize import dumps
 
 __all__ = ["frozen", "used"]
 
@@ -40,6 +39,8 @@ def frozen(function: Any, met: tuple[Any, ...] = ()) -> tuple[str, ...]:
     Raises:
         OSError, TypeError: one of these functions has no file.
     """
+    from numba.core.serialize import dumps  # slow to load, and needed only where something is compiled
+
     found: list[str] = []
     for _, one, name in used(function):
         if isinstance(one, _PLAIN):

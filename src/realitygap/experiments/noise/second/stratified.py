@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from realitygap.experiments.noise.contrasts import paired, unpaired
 from realitygap.experiments.noise.crossed import Crossed
@@ -60,8 +59,10 @@ def by_signed_ranks(first: Floats, second: Floats) -> Tested:
 
     The effect is the rank-biserial correlation: the ranks' sum in favour, less that against, over both.
     """
+    from scipy.stats import rankdata
+
     gap = first - second
-    ranks = stats.rankdata(np.abs(gap)) * np.sign(gap)
+    ranks = rankdata(np.abs(gap)) * np.sign(gap)
     excess, whole = float(ranks.sum()), float(np.abs(ranks).sum())
     return Tested(excess / whole if whole else 0.0, excess, paired(first, second).p)
 
@@ -98,6 +99,8 @@ def by_means(pairs: Groups, *, permutations: int, seed: int) -> Tested:
 
 def mean_interval(pairs: Groups, share: float) -> tuple[float, float]:
     """Interval of the difference of means within strata of two controllers or more: Welch's, over strata."""
+    from scipy.stats import t
+
     if not pairs:
         return (math.nan, math.nan)
     gap = by_means(pairs, permutations=0, seed=0).effect
@@ -108,7 +111,7 @@ def mean_interval(pairs: Groups, share: float) -> tuple[float, float]:
     variance, spread = sum(v for v, _ in parts), sum(v**2 / free for v, free in parts)
     if variance <= 0:
         return (gap, gap)
-    half = float(stats.t.ppf((1 + share) / 2, variance**2 / spread)) * math.sqrt(variance)
+    half = float(t.ppf((1 + share) / 2, variance**2 / spread)) * math.sqrt(variance)
     return (gap - half, gap + half)
 
 
@@ -142,6 +145,8 @@ def by_slopes(x: Floats, y: Floats, units: NDArray[np.int64], tasks: NDArray[np.
         units: its calibration unit [n].
         tasks: its task [n].
     """
+    from scipy.stats import ttest_1samp
+
     slopes = []
     for unit in sorted(set(units.tolist())):
         of_tasks = []
@@ -157,7 +162,7 @@ def by_slopes(x: Floats, y: Floats, units: NDArray[np.int64], tasks: NDArray[np.
     if len(slopes) < 3 or np.ptp(slopes) == 0:
         return NOTHING
     mean = float(np.mean(slopes))
-    return Tested(mean, -mean, float(stats.ttest_1samp(slopes, 0.0).pvalue))
+    return Tested(mean, -mean, float(ttest_1samp(slopes, 0.0).pvalue))
 
 
 def _standard(values: Floats, own: NDArray[np.bool_]) -> Floats:
