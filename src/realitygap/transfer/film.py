@@ -142,14 +142,15 @@ class Watcher:
             frames = []
             for k, pose in enumerate(poses):
                 standing = States.standing([0], [pose.x], [pose.y], [pose.heading]).pose[0]
-                grey = _grey(self._eye.frame(standing, FIRST + k))
+                grey = _grey(self.eye.frame(standing, FIRST + k))
                 frames.append(KnownFrame(name=f"pose {k + 1}", picture=grey, pose=pose))
             camera = calibrate_camera(frames, self.marker).camera
             camera.save(file)
         return camera
 
     @cached_property
-    def _eye(self) -> OverheadCamera:
+    def eye(self) -> OverheadCamera:
+        """The camera itself, in the drawn view."""
         from realitygap.calibration.recorder.camera import plate_of
         from realitygap.twin.camera import OverheadCamera
 
@@ -159,7 +160,7 @@ class Watcher:
     @property
     def view(self) -> str:
         """How its frames are made, in words."""
-        return str(self._eye.metadata["view"])
+        return str(self.eye.metadata["view"])
 
     def track(self, states: States, stream: int) -> Track:
         """The track of recorded states as the camera sees them, ten times a second.
@@ -168,7 +169,7 @@ class Watcher:
         """
         from realitygap.film.tracker import Tracker
 
-        frames = self._eye.looks(states, fps=WATCH_FPS, first=stream)
+        frames = self.eye.looks(states, fps=WATCH_FPS, first=stream)
         return Tracker(self.camera, self.marker).follow((t_s, self._look(show)) for t_s, show in frames)
 
     def _look(self, show: Callable[[Window], Any]) -> Look:

@@ -196,11 +196,14 @@ class Stage:
 
     @contextmanager
     def _filming(self, one: Situation) -> Iterator[OverheadCamera]:
-        """The camera that films a trial; kept, for the next film may be of the same arena."""
+        """The camera that films a trial; a renderer is kept, for the next film may be of the same arena."""
         from realitygap.calibration.recorder.camera import plate_of
-        from realitygap.twin.camera import OverheadCamera
+        from realitygap.twin.camera import VIEWS, OverheadCamera
 
         key, seed = (one.task, one.robot, one.twin_noise, one.view, one.marker), one.stream >> 1
+        if one.view == VIEWS[0]:
+            yield self.rig(one).watcher.eye.again(seed)
+            return
         if self._camera is not None and self._camera[0] == key:
             self._camera[1].begin(seed)
         else:

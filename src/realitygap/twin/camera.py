@@ -1,10 +1,13 @@
 """The overhead camera: recorded states in, frames out, afterwards and at any pace.
 
-MuJoCo's renderer draws the frames where an EGL or OSMesa library works, else they are drawn through the
-same camera and lens; `metadata` says which made them.
+Frames are drawn or, if asked for, made by MuJoCo's renderer, through the same camera and lens; `metadata`
+says which made them.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping
+from copy import copy
 from functools import partial
 from typing import Any
 
@@ -84,6 +87,12 @@ class OverheadCamera(Closing):
         self._seed = seed
         self._bank = normal_draws(draws(self._unit, seed, 53), 2 * WIDTH * HEIGHT * 3).astype(np.float32)
         self._bank *= np.float32(PIXEL_NOISE * self._noise)
+
+    def again(self, seed: int) -> OverheadCamera:
+        """This camera for another film, as if it were new: both share what they draw with."""
+        other = copy(self)
+        other.begin(seed)
+        return other
 
     def close(self) -> None:
         """End the renderer's process, if there is one."""
