@@ -80,8 +80,8 @@ def test_it_is_right_with_any_arms(script: ModuleType, tmp_path: Path) -> None:
     text = script.page(script.read(tmp_path), [])
     assert "Not yet carried out as planned on any robot." in text
     assert "**Not yet run:** T, E5, T5, T2, S." in text and "no headline: T not run" in text
-    assert "give the simulation that you judge by as much noise" in text
-    assert "Do not count on the noise that you evolve under" in text and "nan" not in text
+    assert "give the simulation by which you judge as much noise" in text
+    assert "Do not count on the noise during evolution" in text and "nan" not in text
 
 
 def test_arms_of_other_levels_and_realities_are_told_apart(script: ModuleType, tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_arms_of_other_levels_and_realities_are_told_apart(script: ModuleType, t
     assert "S (the stranger, 1000 evaluations, 96 champions" in text and "(e) in arm S" not in text
     assert "| S | proximity | 16 | 3.00" in text and "supports no claim" in text
     (told,) = re.findall(
-        r"Read off levels 0, 1 and 2 alone, which every arm has, it is: E ([^,]+), not", text
+        r"From levels 0, 1 and 2 alone, which every arm has, it is: E ([^,]+), not", text
     )
     three = replace(data, levels=data.levels[some], score=data.score[:, some])
     assert told == script.shown(script.peak_of(three)) and "nan" not in text
@@ -117,8 +117,8 @@ def test_what_does_not_fit_into_the_plans_hours_is_said(script: ModuleType, tmp_
     bought = script.bought()
     text = script.page(took, [one for one in bought if one.name == "E"])
     assert "**Not run:** E5, T5, T2, S: the arms before E5 took 6.7 hours of two cores" in text
-    assert "The plan has this experiment on arm T's robot, too" in text and "arm E's robot, too" not in text
-    assert "the plan has this experiment" not in script.page(took, bought).lower()
+    assert "The plan also has this experiment on arm T's robot" in text and "on arm E's robot" not in text
+    assert "the plan also has this experiment" not in script.page(took, bought).lower()
     write(data, tmp_path / "S", name="S", error=60.0)
     (late,) = (one for one in script.read(tmp_path) if one.name == "S")
     late = replace(late, settings={**late.settings, "seconds": {"evolve": 12_000.0}})
