@@ -98,9 +98,7 @@ def test_arms_of_other_levels_and_realities_are_told_apart(script: ModuleType, t
     assert "Arms E and E5 are one reality" in text and "**Out of order.**" in text
     assert "S (the stranger, 1000 evaluations, 96 champions" in text and "(e) in arm S" not in text
     assert "| S | proximity | 16 | 3.00" in text and "supports no claim" in text
-    (told,) = re.findall(
-        r"From levels 0, 1 and 2 alone, which every arm has, it is: E ([^,]+), not", text
-    )
+    (told,) = re.findall(r"From levels 0, 1 and 2 alone, which every arm has, it is: E ([^,]+), not", text)
     three = replace(data, levels=data.levels[some], score=data.score[:, some])
     assert told == script.shown(script.peak_of(three)) and "nan" not in text
     assert "| (d) | slopes | all levels |" in text.split("Arm E5: level 1 against")[1]
