@@ -41,10 +41,10 @@ def split_table(name: str, of: str, splits: Sequence[Split], robot: float) -> No
                 rows.append((f"{split.other:g}", first, word, *shown))
     return NoiseTable(
         name=name,
-        title=f"What the diagonal's difference between {robot:g} and each other level is made of, "
-        f"{of}. Of means it is the sum of both parts; deltas do not add up. Evolved level first: it "
-        f"is judged at {robot:g}, and the comparison level by controllers evolved at the other; comparison "
-        f"level first: by controllers evolved at {robot:g}, and the evolved level is judged at the other.",
+        title=f"What the diagonal's difference between {robot:g} and each other level is made of, {of}. "
+        "A difference of means is the sum of both parts; deltas do not add up. Evolved level first: it is "
+        f"judged at {robot:g}, and the comparison level by controllers evolved at the other. Comparison "
+        f"level first: it is judged by controllers evolved at {robot:g}, and the evolved level at the other.",
         head=("against level", "first", "measure", "diagonal", "evolved level", "comparison level"),
         rows=tuple(rows),
     )
@@ -54,11 +54,11 @@ def home_table(scope: Scope, settings: Mapping[str, object]) -> NoiseTable:
     """Claim (c) against the very simulation that a controller was evolved in."""
     first, starts = scope.home[0], settings.get("starts", "a unit's")
     title = (
-        f"(c), calibration unit alone, {scope.name}: each controller on the unit that it was evolved for, "
-        f"against the simulation that it was evolved in. {first.first} controllers evolved at "
+        f"(c), calibration unit alone, {scope.name}: each controller on the unit for which it was evolved, "
+        f"against the simulation in which it was evolved. {first.first} controllers evolved at "
         f"{first.level:g}, {', '.join(f'{c.second} at {c.other:g}' for c in scope.home)}. "
         f"Not planned: Holm's correction is over these comparisons alone. The scale is that for {starts} "
-        "pairs of trials: its floor is wider."
+        "pairs of trials, whose floor is wider."
     )
     return contrast_table(f"{scope.file}-home", title, scope.home)
 
@@ -96,8 +96,8 @@ def falls_table(facts: NoiseFacts) -> NoiseTable:
     return NoiseTable(
         name="falls",
         title="Not planned: fitness on the twin, on the calibration unit and on the others, by evolved "
-        "level. Rho: Spearman's, of evolved level and fall over the task's controllers, each fall less "
-        "the mean of those with the same calibration unit; below 0 the fall shrinks with noise.",
+        "level. Rho: Spearman's, of evolved level and fall over the task's controllers, each fall minus "
+        "the mean of those with the same calibration unit; below 0, the fall shrinks with noise.",
         head=("task", "level", "runs", "calibration unit", "other units", "fall", "rho over all levels"),
         rows=tuple(rows),
     )

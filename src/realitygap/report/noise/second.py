@@ -146,7 +146,7 @@ def _verdicts(arms: Sequence[Arm]) -> NoiseTable:
         rows.append((f"({claim.key}) {claim.title}", *words))
     return NoiseTable(
         name="verdicts",
-        title='The verdicts, by arm. "No claim" stands where the calibrated model errs too much.',
+        title='The verdicts, by arm. "No claim": the calibrated model errs too much.',
         head=("claim", *ARMS), rows=tuple(rows),
     )  # fmt: skip
 
@@ -165,8 +165,8 @@ def _comparisons(arm: Arm) -> NoiseTable:
         ))  # fmt: skip
     return NoiseTable(
         name=f"{arm.name}-comparisons",
-        title=f"Arm {arm.name}: level 1 against each other level, {len(arm.data)} controllers; above zero is "
-        "in favour of 1, but for (d), where below zero the fall shrinks. Effect: the rank-biserial "
+        title=f"Arm {arm.name}: level 1 against each other level, {len(arm.data)} controllers; above zero "
+        "favours 1, except in (d), where the fall shrinks below zero. Effect: the rank-biserial "
         "correlation for signed ranks, Cliff's delta for ranks, points for means, a share for failures, a "
         "correlation for slopes. Sets: the sign in each seed set.",
         head=("claim", "by", "against", "effect", "difference of means, 90 %", "sets", "p", "p (Holm)",
@@ -188,7 +188,7 @@ def _robust(arm: Arm) -> NoiseTable:
     return NoiseTable(
         name=f"{arm.name}-robust",
         title=f"Arm {arm.name}, again by other scores and other individuals: effect, and what would have "
-        "been found. They change no verdict. ▲: of another sign. Fitness is in deviations within the task.",
+        "been found. They change no verdict. ▲: another sign. Fitness is in deviations within the task.",
         head=("claim", "against", "as planned", *names), rows=tuple(rows),
     )  # fmt: skip
 
@@ -214,7 +214,7 @@ def _levels(arms: Sequence[Arm]) -> NoiseTable:
     return NoiseTable(
         name="levels",
         title="Champions by evolved level. (b): mean score in the simulation at level 1, and the share below "
-        f"{PLAN.failed:g}; (c): in the simulation that each was evolved in; (d): mean fall of fitness from "
+        f"{PLAN.failed:g}; (c): in the simulation in which each was evolved; (d): mean fall of fitness from "
         "calibration unit to foreign units, in the task's deviations.",
         head=("arm", "task", "level", "controllers", "(b) mean", "(c) mean", "(b) failures", "(d) fall"),
         rows=tuple(rows),

@@ -15,13 +15,13 @@ from realitygap.report.style import INK, MUTED, PAGE, new_figure
 __all__ = ["CAPTIONS", "peaks_figure", "splits_figure"]
 
 CAPTIONS = {
-    "peaks": "(a) and (e): mean correspondence score of all champions, by the level of the simulation that "
-    "their tracks are held against; bars: 95 % intervals, bootstrap over units and runs. Square: the "
+    "peaks": "(a) and (e): mean correspondence score of all champions, by the level of the simulation with "
+    "which their tracks are compared; bars: 95 % intervals, bootstrap over units and runs. Square: the "
     "curve's peak with its interval. Dotted line: the robot's level.",
     "splits": "What the diagonal's difference between level 1 and each other level is made of, on the "
     "calibration unit, in points of the score: the part of the evolved level (dark) and of the comparison "
-    "level (hatched), each order in a bar of its own (E: evolved level changed first; C: comparison level "
-    "first). Diamond: the whole, with its 95 % interval over runs.",
+    "level (hatched), one bar for each order (E: evolved level changed first; C: comparison level "
+    "first). Diamond: the whole difference, with its 95 % interval over runs.",
 }
 DARK, LIGHT = "#0072b2", "#e69f00"
 

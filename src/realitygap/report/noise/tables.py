@@ -160,7 +160,7 @@ def peaks_table(facts: NoiseFacts) -> NoiseTable:
     return NoiseTable(
         name="peaks",
         title=f"Levels at which the curves peak, and at which noisiness changes its sign. The robot's own "
-        f"level is {facts.data.robot:g}. An interval over all levels means: no peak to be seen.",
+        f"level is {facts.data.robot:g}. An interval over all levels means that no peak can be seen.",
         head=("tasks", "(a) comparison level", "(b) evolved level", "(c) diagonal", "noisiness passes zero"),
         rows=tuple(rows),
     )
@@ -256,8 +256,8 @@ def calibration_table(calibration: Sequence[Misfit]) -> NoiseTable:
     return NoiseTable(
         name="calibration",
         title=f"The calibrated simulations: model error over noise deviation, in counts, {counted}. ▲: above "
-        "the limit, where model error exceeds noise. Last, how near such a fit comes to a real robot: to "
-        "the tables behind the profile khepera.",
+        "the limit, where model error exceeds noise. Last: such a fit to "
+        "a real robot, the tables behind the profile khepera.",
         head=("unit", "channel", "model error", "noise", "ratio", "limit", ""),
         rows=rows,
     )

@@ -38,8 +38,8 @@ _SENTENCES = {
 _WHAT = {
     "a": "Claim (a), that tracks look most like a simulation as noisy as the robot,",
     "b": "Claim (b), that in one simulation controllers evolved at the robot's noise score best,",
-    "c": "Claim (c), the paper's diagonal, each controller against the simulations at the level that it was "
-    "evolved at,",
+    "c": "Claim (c), the paper's diagonal, each controller against the simulations at the level at which it "
+    "was evolved,",
 }
 
 
@@ -192,7 +192,7 @@ def _together(findings: Sequence[Finding]) -> str:
         return "So the noise that a controller evolved under affects how well it transfers."
     if "a" in held:
         return (
-            "So it matters which simulation a robot is compared with. Whether controllers transfer better "
+            "So it matters with which simulation a robot is compared. Whether controllers transfer better "
             "for having been evolved at the robot's noise is open."
         )
     if "c" in held:
