@@ -217,6 +217,23 @@ def lover(draw: Draw) -> Rule:
     return rule
 
 
+def stroller(draw: Draw) -> Rule:
+    """Straight on, then a turn on the spot, and on again: how long, and which way, by chance."""
+    pace, spin, left, turns = draw.uniform(2, 9), draw.uniform(1.5, 7), 0.0, True
+    runs, lasts, leftward = draw.uniform(5, 40), draw.uniform(2, 14), draw.uniform(0.2, 0.8)
+    way = 1
+
+    def rule(_: Readings) -> Command:
+        nonlocal left, turns, way
+        if left <= 0:
+            turns, way = not turns, 1 if draw.random() < leftward else -1
+            left = draw.exponential(lasts if turns else runs)
+        left -= 1
+        return turning(0, way * spin) if turns else turning(pace, 0)
+
+    return rule
+
+
 NOBODIES: dict[str, Maker] = {
     "standing": standing,
     "spinning": spinning,
@@ -248,5 +265,7 @@ FAMILIES: dict[str, dict[str, tuple[Maker, ...]]] = {
         **{kind: (make,) for kind, make in NOBODIES.items() if kind != "drawn"},
     },
 }  # fmt: skip
-FAMILIES[f"obstacle-avoidance{LARGE}"] = {**FAMILIES["obstacle-avoidance"], "lover": (lover,)}
-"""By task and kind, the designs that exemplars are drawn from; large robots have one more."""
+FAMILIES[f"obstacle-avoidance{LARGE}"] = {
+    **FAMILIES["obstacle-avoidance"], "lover": (lover,), "stroller": (stroller,)
+}  # fmt: skip
+"""By task and kind, the designs that exemplars are drawn from; large robots have two more."""
