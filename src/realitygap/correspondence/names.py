@@ -44,8 +44,9 @@ DOUBT = 0.05
 """A vote that each name has beforehand: nothing is certain."""
 LARGE, LARGE_CM = ", large", 5.5
 """Bodies whose radius is larger are named by exemplars of their own: the others' are of 2.6 to 4.1 cm."""
-UNTOLD = 0.5
-"""Of its confidence, what is left of a large robot's name whose evidence the track does not hold."""
+UNTOLD = 0.75
+"""Of its confidence, what is left of a large robot's name whose evidence the track does not hold; of "none of
+these", where it holds no kind's: a robot that stands before a wall may be jammed."""
 UNSEEN, LEAST, MOST = 0.1, 0.3, 9.0
 """A variance that nobody sees (in just-noticeable amounts); bounds of what a descriptor counts."""
 
@@ -102,8 +103,9 @@ class Namer:
         near = self.nearest(rows_of(trials, setting.arena, large=self._large))
         found = shares(*near, self.reach, self.temperature)
         if self._large and setting.arena is not None:
-            held = [{NONE: True, **tells(trial, setting.arena)} for trial in trials]
-            told = [each[self.kinds[k]] for each, k in zip(held, found.argmax(axis=1), strict=True)]
+            held = [tells(trial, setting.arena) for trial in trials]
+            best = [self.kinds[k] for k in found.argmax(axis=1)]
+            told = [each.get(kind, any(each.values())) for each, kind in zip(held, best, strict=True)]
             found *= np.where(told, 1.0, UNTOLD)[:, None]
         return [
             Name(trial.start, self.kinds[share.argmax()], round(float(share.max()), 3), trial.unit)
