@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from tests.correspondence.ladders import (
     PAPER_SCORES,
     Ladder,
@@ -30,6 +31,7 @@ from tests.correspondence.ladders import (
     right,
 )
 from tests.correspondence.vehicles import SMALL, VEHICLES, Driven, Vehicles, called_by_name, everybody
+from tests.correspondence.vehicles_fresh import FRESH
 from tests.correspondence.vehicles_later import LATER
 from tests.exemplars.wide import FAMILIES
 
@@ -100,14 +102,22 @@ def names() -> None:
 
 
 def names_on_enki(found: dict[str, list[Named]]) -> None:
-    """Both sets of vehicles by what they are written to do, on each robot, in trials that show it."""
+    """All sets of vehicles by what they are written to do, on each robot."""
     every = vehicles_named(SMALL, VEHICLES)
     found["vehicles on Enki's\nKhepera and e-puck"] = [name for one, name in every if one.shown]
     found["the same,\nas trials fall"] = [name for _, name in every]
-    large = vehicles_named(("thymio2",), VEHICLES) + vehicles_named(("thymio2",), VEHICLES, 60.0)
-    found["vehicles on\nEnki's Thymio II"] = [name for one, name in large if one.shown]
-    later = [pair for models, seconds in ROBOTS for pair in vehicles_named(models, LATER, seconds)]
-    found["later vehicles,\nall three robots"] = [name for one, name in later if one.shown]
+    by_set = {
+        of: [vehicles_named(models, vehicles, seconds) for models, seconds in ROBOTS]
+        for of, vehicles in (("", VEHICLES), ("later", LATER), ("fresh", FRESH))
+    }
+    large = [pair for of in ("", "later") for made in by_set[of][2:] for pair in made]
+    fresh = [pair for made in by_set["fresh"] for pair in made]
+    for label, pairs in (
+        ("vehicles looked at,\nThymio II", large),
+        ("fresh vehicles,\nall three robots", fresh),
+    ):
+        found[label] = [name for one, name in pairs if one.shown]
+        found[f"{label.splitlines()[0]}\nas trials fall"] = [name for _, name in pairs]
 
 
 def vehicles_named(models: Sequence[str], of: Vehicles, seconds: float = 20.0) -> list[tuple[Driven, Named]]:
@@ -128,26 +138,36 @@ def vehicles_named(models: Sequence[str], of: Vehicles, seconds: float = 20.0) -
         share = f"{right(shown):.0%}" if shown else "–"
         alls = f"{right([n for _, n in own]):.0%}"
         print(f"| {kind} | {family} | {len(shown)} of {len(own)} | {share} | {alls} | {others} |")
-    for what, pairs in {
-        "show it": [name for one, name in every if one.shown],
-        "do so by their commands": [name for one, name in every if one.ordered],
-        "all": [name for _, name in every],
+    for what, part in {
+        "show it": [pair for pair in every if pair[0].shown],
+        "do so by their commands": [pair for pair in every if pair[0].ordered],
+        "all": every,
     }.items():
-        sure = sum(name.confidence > 0.8 and name.kind != name.name for name in pairs)
+        names, (low, high) = [name for _, name in part], between(part)
+        sure = sum(name.confidence > 0.8 and name.kind != name.name for name in names)
         print(
-            f"{what}: {len(pairs)}, {right(pairs):.1%} right, "
-            f"off by {miscalibration(pairs):.3f}, {sure} surely wrong"
+            f"{what}: {len(names)}, {right(names):.1%} right ({low:.0%} to {high:.0%}), "
+            f"off by {miscalibration(names):.3f}, {sure} surely wrong"
         )
     return every
+
+
+def between(every: Sequence[tuple[Driven, Named]]) -> NDArray[np.float64]:
+    """95 % interval of the share of right names, by bootstrap over controllers: one's trials go together."""
+    own: dict[tuple[str, str], list[bool]] = {}
+    for one, name in every:
+        own.setdefault((one.kind, one.family), []).append(name.kind == name.name)
+    tally = np.array([(sum(each), len(each)) for each in own.values()])
+    picked = tally[np.random.default_rng(0).integers(len(tally), size=(10_000, len(tally)))].sum(axis=1)
+    return np.quantile(picked[:, 0] / picked[:, 1], (0.025, 0.975))
 
 
 def reliability_figure(found: dict[str, list[Named]]) -> None:
     """Share of right names against confidence, a panel a set of robots."""
     with styled():
-        figure = new_figure(PAGE, 2.3, layout="constrained")
-        for axes, (label, made) in zip(
-            figure.subplots(1, len(found), sharey=True), found.items(), strict=True
-        ):
+        figure = new_figure(PAGE, 4.2, layout="constrained")
+        panels = figure.subplots(2, 4, sharex=True, sharey=True)
+        for axes, (label, made) in zip(panels.flat, found.items(), strict=True):
             rows = reliability(made)
             count, sure, true = np.array(rows).T
             error = np.sqrt(true * (1 - true) / count)
@@ -155,12 +175,13 @@ def reliability_figure(found: dict[str, list[Named]]) -> None:
             axes.errorbar(sure, true, yerr=error, color=COLOURS[0], marker="o", markersize=3, linewidth=1)
             for n, x, y in rows:
                 axes.annotate(str(n), (x, y), (4, -8), textcoords="offset points", fontsize=6)
-            axes.set(title=label, xlabel="confidence", xlim=(0.3, 1.03), ylim=(0, 1.05))
+            axes.set(title=label, xlim=(0.3, 1.03), ylim=(0, 1.05))
             axes.title.set_fontsize(7)
             mean = np.mean([one.confidence for one in made])
             print(f"\n{label!r}: {len(made)} names, {right(made):.1%} right, confidence {mean:.3f}")
             print(f"off by {miscalibration(made):.3f}: {[tuple(np.round(row, 2)) for row in rows]}")
-        figure.axes[0].set_ylabel("share of right names")
+        figure.supxlabel("confidence", size="medium")
+        figure.supylabel("share of right names", size="medium")
         figure.savefig(HERE / "names.png", dpi=160, metadata={"Software": None})
 
 
