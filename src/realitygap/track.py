@@ -140,17 +140,15 @@ class Track:
         """Write it: frames with their quality as a tracker tells them, without as rows of steps."""
         columns = self.to_dict()
         place, turn = (".6f", ".6f") if self.quality is None else (".4f", ".3f")
-        time = ".1f" if self.quality is None and self._in_tenths() else ".4f"
+        # A step's rows are tenths of a second, a little late or not; with another period they are not.
+        tenths = self.quality is None and (np.abs(self.t - np.round(self.t, 1)) < LATE_S).all()
+        time = ".1f" if tenths else ".4f"
         rows: list[Sequence[str]] = [tuple(columns)]
         for t, x, y, heading, *quality in zip(*columns.values(), strict=True):
             lost = math.isnan(x)
             told = ("", "", "") if lost else (f"{x:{place}}", f"{y:{place}}", f"{heading:{turn}}")
             rows.append((f"{t:{time}}", *told, *("0" if lost else f"{q:.3f}" for q in quality)))
         whole.write(path, to_csv(rows))
-
-    def _in_tenths(self) -> bool:
-        """Whether its rows are tenths of a second, a little late or not: with another period they are not."""
-        return bool((np.abs(self.t - np.round(self.t, 1)) < LATE_S).all())
 
 
 @dataclass(frozen=True, kw_only=True)

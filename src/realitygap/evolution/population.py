@@ -100,10 +100,6 @@ def _arrays_of(memory: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _always(fitness: float, resident: float) -> bool:
-    return True
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Population:
     """A population and all that is needed to continue; a value: nothing ever changes one.
@@ -153,7 +149,7 @@ class Population:
         self,
         batch: Batch,
         fitness: ArrayLike,
-        takes: Callable[[float, float], bool] = _always,
+        takes: Callable[[float, float], bool] = lambda _fitness, _resident: True,
     ) -> Self:
         """The population after some evaluations.
 
@@ -218,10 +214,8 @@ class Population:
     def to_bytes(self) -> bytes:
         """The population as bytes, checked on reading."""
         numbers = {name: getattr(self, name) for name in NUMBERS} | {"stream": int(self.stream)}
-        return pack(numbers, {name: getattr(self, name) for name in ARRAYS} | self._memory())
-
-    def _memory(self) -> dict[str, NDArray[Any]]:
-        return {f"memory.{name}": value for name, value in self.memory.items()}
+        memory = {f"memory.{name}": value for name, value in self.memory.items()}
+        return pack(numbers, {name: getattr(self, name) for name in ARRAYS} | memory)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Self:

@@ -63,7 +63,9 @@ class CameraModel:
             got = f"{self.width_px}, {self.height_px}"
             raise FilmError(f"width_px, height_px: expected 1 to {LARGEST_PX}, got {got}.")
         matrix = np.array(self.homography, dtype=np.float64)
-        if matrix.shape != (3, 3) or not _can_be_inverted(matrix):
+        size = np.abs(matrix).max(initial=0.0)
+        fit = matrix.shape == (3, 3) and np.isfinite(size) and size > 0
+        if not fit or not np.linalg.cond(matrix / size) < WORST:
             raise FilmError("homography: expected 3 × 3 finite numbers that can be inverted.")
         numbers = (*self.radial, self.plane_cm, *(self.lens_cm or ()))
         if len(self.radial) != 2 or not all(abs(number) <= FARTHEST_CM for number in numbers):
@@ -187,11 +189,6 @@ class CameraModel:
             at + (side - at) * (above - high) / (above - low) for side, at in zip(sides, lens, strict=True)
         )
         return x, y
-
-
-def _can_be_inverted(matrix: Floats) -> bool:
-    size = np.abs(matrix).max()
-    return bool(np.isfinite(size) and size > 0 and np.linalg.cond(matrix / size) < WORST)
 
 
 def load_camera(path: str | Path) -> CameraModel:

@@ -135,14 +135,12 @@ class EnkiBody:
     def _catch_up(self) -> None:
         if self._due:
             steps, self._due = self._due, 0
-            left, right = (self._speed(given) for given in (self._given.left, self._given.right))
+            unit, top, given = self._is.unit_cm_s, self._is.top, self._given
+            left, right = (unit * max(-top, min(top, wheel)) for wheel in (given.left, given.right))
             with undisturbed():
                 self._now = self._enki.run(steps, left, right)
             if self._film is not None:
                 self._seen.append(self._now.poses)
-
-    def _speed(self, given: int) -> float:
-        return self._is.unit_cm_s * max(-self._is.top, min(self._is.top, given))
 
 
 def opened(name: str, *, noise: float = 1.0, **_: Any) -> EnkiBody:

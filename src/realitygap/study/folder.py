@@ -75,7 +75,8 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
             task.compiled_score()  # before anything is written, and the user's own file is blamed
     agree_to(requested.own_code())
     local, files = requested.copies()
-    sources = {**files, CONFIG: _text(local).encode()}
+    text = f"{_HEADER}\n{to_toml({**local.to_dict(), 'versions': versions()})}"
+    sources = {**files, CONFIG: text.encode()}
     with told(folder):
         for name, content in sources.items():
             path = folder / name
@@ -180,10 +181,6 @@ def programs(folder: Path) -> list[Path]:
 def agree(folder: Path) -> None:
     """Run the programs that a study brings from now on, whoever wrote them."""
     agree_to(path.read_bytes() for path in programs(folder))
-
-
-def _text(config: StudyConfig) -> str:
-    return f"{_HEADER}\n{to_toml({**config.to_dict(), 'versions': versions()})}"
 
 
 def _refuse_difference(folder: Path, requested: Materials) -> None:

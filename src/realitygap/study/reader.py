@@ -196,9 +196,8 @@ class Reader:
         whose, values = ("true", ()) if run is None else ("run = ?", (run,))
         query = f"SELECT {', '.join(kinds)} FROM {part} WHERE {whose} ORDER BY {order}"
         with self.reading(part, run) as database:
-            filled = np.fromiter(
-                map(_nan_for_none, database.execute(query, values)), np.dtype(list(kinds.items()))
-            )
+            rows = (tuple(np.nan if v is None else v for v in row) for row in database.execute(query, values))
+            filled = np.fromiter(rows, np.dtype(list(kinds.items())))
         return {key: np.ascontiguousarray(filled[key]) for key in kinds}
 
     def _kept(self, part: str) -> list[tuple[str, Any]] | None:
@@ -214,10 +213,6 @@ class Reader:
         if seen not in self._sound:
             verify(database, self._path, run, part)
             self._sound.add(seen)
-
-
-def _nan_for_none(row: Sequence[Any]) -> tuple[Any, ...]:
-    return tuple(np.nan if value is None else value for value in row)
 
 
 def _column(values: Sequence[Any]) -> NDArray[Any]:

@@ -53,7 +53,7 @@ class Packed(Closing):
         for name, text in files.items():
             columns = columns_of(text) if name.endswith(".csv") else None
             member, data = (name, text) if columns is None else (name + COLUMNS, columns)
-            rows.append((f"{folder}/{member}", _MODE, len(data), _shorter(data)))
+            rows.append((f"{folder}/{member}", _MODE, len(data), min(data, zlib.compress(data, 9), key=len)))
         with told(self._path):
             self._database.execute("BEGIN IMMEDIATE")
             self._database.execute(f"DELETE FROM sqlar WHERE {_IN}", _in(folder))
@@ -152,8 +152,3 @@ def _rows(home: Path, which: str, values: tuple[str, ...]) -> Iterator[tuple[Pat
 def _in(folder: str) -> tuple[str, str]:
     """What `_IN` compares with: "0" is next to "/"."""
     return f"{folder}/", f"{folder}0"
-
-
-def _shorter(data: bytes) -> bytes:
-    packed = zlib.compress(data, 9)
-    return packed if len(packed) < len(data) else data

@@ -36,7 +36,7 @@ class Replays:
 
     def __init__(self, study: Study) -> None:
         self._study = study
-        self._simulation = cache(self._made)
+        self._simulation = cache(lambda task, noise: Simulation(study.task(task), study.profile, noise))
 
     def of(self, folder: Path) -> Replay:
         """The transfer of a trial's folder.
@@ -54,9 +54,6 @@ class Replays:
             return Replay(None, None, situated)
         simulated = self._simulated(folder, genes, int(table["seed"]))
         return Replay(self._study.slots(self._study.run(table["run"]).task, genes)[0], simulated, situated)
-
-    def _made(self, task: str, noise: float) -> Simulation:
-        return Simulation(self._study.task(task), self._study.profile, noise)
 
     def _simulated(self, folder: Path, genes: Genes, seed: int) -> Trajectory | None:
         one, study = load_transfer(folder), self._study

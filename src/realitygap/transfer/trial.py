@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,17 +54,10 @@ class Stage:
 
     def __init__(self, study: Study, place: Path | None = None) -> None:
         self.study, self.place = study, place or study.folder
-        self.simulation = cache(self._simulated)
+        self.simulation = cache(lambda task, noise: Simulation(study.task(task), study.profile, noise))
+        self._versions = cache(versions)  # a commit's name takes three programs
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
         self._camera: tuple[object, OverheadCamera] | None = None
-
-    @cached_property
-    def _versions(self) -> dict[str, str]:
-        """Asked for once: a commit's name takes three programs."""
-        return versions()
-
-    def _simulated(self, task: str, noise: float) -> Simulation:
-        return Simulation(self.study.task(task), self.study.profile, noise)
 
     def camera_file(self, one: Situation) -> Path:
         """Where the calibration of the camera over a unit's arena is kept."""
@@ -234,5 +227,5 @@ class Stage:
         facts["late_steps"] = kept.late_steps
         facts["missed_steps"] = None if np.isnan(kept.read).all() else kept.missed_steps
         facts["lost_steps"] = path.lost
-        facts["versions"] = self._versions
+        facts["versions"] = self._versions()
         whole.write(folder / TRIAL, to_toml(facts))

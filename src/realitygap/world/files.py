@@ -24,6 +24,7 @@ from realitygap.toml import read_toml, to_toml
 __all__ = ["Value", "build", "load", "require", "shipped"]
 
 T = TypeVar("T")
+_hints = cache(get_type_hints)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,11 +116,6 @@ def _table(path: Path, kind: str, names: tuple[str, ...]) -> dict[str, Any]:
         )
     cure = f"Give the path of {_a(kind)}'s .toml file, or one of: {', '.join(names)}."
     return read_toml(path, ConfigError, cure)
-
-
-@cache
-def _hints(cls: type) -> dict[str, Any]:
-    return get_type_hints(cls)
 
 
 def _convert(hint: Any, value: Any, key: str) -> Any:

@@ -104,11 +104,12 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     if odometry is not None:
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
     model = wheel_speeds(profile, recording)
+    left = {name: wheel_speeds(one.profile, recording) - measured for name, one in fits.items()}
     speeds = [c for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *_speed_bounds(base))]
     refuse_wheels(recording, measured, model, {c.key: c.value for c in speeds})
     return WheelFit(
         profile=profile, form=form, constants=constants, alike=alike,
-        rmse={name: _rmse(wheel_speeds(one.profile, recording) - measured) for name, one in fits.items()},
+        rmse={name: float(np.sqrt(np.nanmean(off**2))) for name, off in left.items()},
         friction=friction, odometry=odometry,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
         pulses_per_mm=tuple(0.1 / length for length in per_pulse if recording.counted),
@@ -251,7 +252,3 @@ def _steady(recording: WheelRecording, measured: Floats) -> list[float]:
             use = (command != 0) & np.isfinite(measured[:, w])
         out.append(float((measured[use, w] * command[use]).sum() / (command[use] ** 2).sum()))
     return out
-
-
-def _rmse(off: Floats) -> float:
-    return float(np.sqrt(np.nanmean(off**2)))

@@ -23,9 +23,9 @@ from realitygap.experiments.noise.plan import (
 )
 from realitygap.kernels.params import Networks
 from realitygap.simulation.simulation import Simulation
-from realitygap.study.load import Study, load_study
+from realitygap.study.load import load_study
 from realitygap.values import Pose
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.profile import load_profile
 
 __all__ = ["Stage"]
 
@@ -40,10 +40,10 @@ class Stage:
     def __init__(self, folder: Path, config: NoiseConfig) -> None:
         self.folder, self.config = folder, config
         self.champions: dict[Controller, Genes] = {}
-        self.profile = cache(self._profile)
+        self.profile = cache(lambda unit: load_profile(calibration_folder(folder, unit) / PROFILE))
         self.task = cache(config.task)
         self.starts = cache(self._starts)
-        self._study = cache(self._load)
+        self._study = cache(lambda made: load_study(evolved_folder(folder, config, made)))
         self._encoding = cache(self._made)
 
     def networks(self, one: Controller) -> Networks:
@@ -90,16 +90,10 @@ class Stage:
         )
         return Simulation(self.task(task), worn, level)
 
-    def _profile(self, unit: int) -> Profile:
-        return load_profile(calibration_folder(self.folder, unit) / PROFILE)
-
     def _made(self, task: str, home: int) -> Encoding:
         any_of = Evolved(1, home, 1, self.config.levels)
         made = evolution(self.config, any_of, calibration_folder(self.folder, home) / PROFILE)
         return made.encoding_for(self.task(task).of(self.profile(home)))
-
-    def _load(self, made: Evolved) -> Study:
-        return load_study(evolved_folder(self.folder, self.config, made))
 
     def _starts(self, task: str, seed_set: int, unit: int) -> tuple[Pose, ...]:
         """Where the trials on a unit start: the same for all controllers and levels."""

@@ -181,7 +181,8 @@ def evolution(
         spread: of the randomised conditions.
     """
     mine = [condition for condition in conditions() if condition.known == known]
-    evolved = {condition: _evolved(condition, spread) for condition in mine}
+    drawn = {"spread": spread.infrared, "spread_wheels": spread.wheels}
+    evolved = {one: Evolved(task=TASK, noise=one.noise, **(drawn if one.randomised else {})) for one in mine}
     runs = _runs(config, unit)
     study = StudyConfig(
         title=f"Measure or randomise: {config.robot}:{unit}, known: {known}",
@@ -203,12 +204,6 @@ def evolution(
     return study, names
 
 
-def _evolved(condition: Condition, spread: Spread) -> Evolved:
-    if not condition.randomised:
-        return Evolved(task=TASK, noise=condition.noise)
-    return Evolved(task=TASK, noise=condition.noise, spread=spread.infrared, spread_wheels=spread.wheels)
-
-
 def _runs(config: RandomiseConfig, unit: int) -> list[int]:
     """Numbers of a condition's runs on this unit: the units take turns."""
     return [run for run in range(1, config.runs + 1) if config.numbers[(run - 1) % config.units] == unit]
@@ -225,8 +220,8 @@ class Profiles:
 
     def __init__(self, folder: Path, config: RandomiseConfig) -> None:
         self.folder, self.config = folder, config
-        self.of = cache(self._of)
-        self.spread = cache(self._spread)
+        self.of = cache(lambda unit, known: load_profile(self.file(unit, known)))
+        self.spread = cache(lambda: spread_of([self.of(unit, ALL) for unit in config.numbers]))
 
     def file(self, unit: int, known: str) -> str:
         """The profile of what is known of a unit: a file, or a shipped one's name."""
@@ -236,12 +231,6 @@ class Profiles:
         if known == "another unit":
             unit, known = numbers[(numbers.index(unit) + 1) % len(numbers)], ALL
         return str(calibrated_folder(self.folder, unit, known) / PROFILE)
-
-    def _of(self, unit: int, known: str) -> Profile:
-        return load_profile(self.file(unit, known))
-
-    def _spread(self) -> Spread:
-        return spread_of([self.of(unit, ALL) for unit in self.config.numbers])
 
 
 def spread_of(units: list[Profile]) -> Spread:
