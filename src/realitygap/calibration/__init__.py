@@ -1,6 +1,6 @@
-"""§3.2.1 of the paper: recordings of a robot, curves through them, a profile, and its judge.
+"""Calibration (§3.2.1): recordings of a robot, curves fitted to them, a profile, and its judgement.
 
-Its main verb is `realitygap.calibrate`.
+The main function is `realitygap.calibrate`.
 """
 
 from realitygap.lazy import names_of

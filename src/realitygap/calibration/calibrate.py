@@ -1,4 +1,4 @@
-"""From recordings to a profile (§3.2.1): fits, noise, input ranges, and where it all comes from."""
+"""From recordings to a profile (§3.2.1): fits, noise, input ranges and provenance."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ UNKNOWN_LAMP = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """A profile, the fits that it comes from, and what a person should know."""
+    """A profile, the fits behind it, and warnings."""
 
     profile: Profile
     infrared: ChannelFit | None
@@ -60,7 +60,7 @@ class Calibration:
 
     @property
     def surfaces(self) -> list[str]:
-        """What was fitted of surfaces whose reflectance was not known, in words."""
+        """The fitted reflectances of surfaces that the recordings left unknown, in words."""
         fitted = self.infrared.fit.constants if self.infrared else ()
         near = _of_kind(self.recordings, "infrared")
         return [
@@ -71,23 +71,24 @@ class Calibration:
         ]  # fmt: skip
 
     def show(self, height: int = 900) -> Any:
-        """The page of the calibration in a notebook, in a frame of so many pixels; `save` writes it."""
+        """The calibration's page in a notebook frame `height` pixels high; `save` writes it to a file."""
         return above("report.notebook").shown_calibration(self, height)
 
     def figures(self) -> Mapping[str, Any]:
-        """The page's figures by name, each drawn, as Matplotlib's, when it is asked for."""
+        """The page's figures by name, as Matplotlib figures, each drawn when it is first used."""
         figures: Mapping[str, Any] = above("report.notebook").of_calibration(self)
         return figures
 
     def named(self, name: str, *, date: str | None = None) -> Calibration:
-        """The same with a name for its profile, and of another day than today ("": of none)."""
+        """A copy with a name for its profile and another date (None: today's; "": none)."""
         where = self.profile.provenance
         dated = where if date is None else replace(where, date=date)
         return replace(self, profile=replace(self.profile, name=name, provenance=dated))
 
 
 def base_of(recordings: Sequence[Recording]) -> str:
-    """The shipped profile that the recorded robot begins from; of one that names none the paper's."""
+    """Name of the shipped profile to start from for the recorded robot; the paper's if the recordings name
+    none."""
     return str(next((r.facts["base"] for r in recordings if "base" in r.facts), "paper"))
 
 
@@ -100,18 +101,19 @@ def calibrate(
     beside: bool = True,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
-    """Fit a profile to recordings; what none of them tells stays as the base has it.
+    """Fit a profile to recordings; constants that no recording covers keep the base's values.
 
     Args:
         recordings: of any kinds; those of one kind are fitted together.
         base: a profile.
-        form: one of FORMS; "auto": "extended" or "measured", whichever errs less on places held out.
+        form: one of FORMS; "auto": "extended" or "measured", whichever has the smaller error on held-out
+            places.
         light: another form for ambient light.
         beside: fit ambient light in all other forms too, for comparison.
-        on_progress: is told how many of all fits are done.
+        on_progress: called with the number of fits done and of all fits.
 
     Raises:
-        CalibrationError: recordings that no sensible profile can be made from.
+        CalibrationError: the recordings give no plausible profile.
     """
     base = load_profile(base)
     _refuse(recordings, form)
@@ -137,7 +139,7 @@ def calibrate(
 
 
 def joined(parts: Sequence[Calibration], base: Profile) -> Calibration:
-    """One robot's calibrations by different kinds of recordings, as the one by all of them.
+    """Merge one robot's calibrations by different kinds of recordings, as if all had been fitted at once.
 
     Args:
         parts: each by all recordings of its kinds.
@@ -154,7 +156,7 @@ def joined(parts: Sequence[Calibration], base: Profile) -> Calibration:
 
 
 def _told(made: Calibration) -> Calibration:
-    """The fits, beside their base, with their profile, where it comes from, and what a person should know."""
+    """The calibration with its profile, provenance and warnings added; `made` holds the fits and the base."""
     base, source = made.profile, "calibrated; see provenance"
     profile = replace(_joined(made), name="calibrated", source=source, provenance=_provenance(made))
     return replace(made, profile=profile, warnings=tuple(dict.fromkeys(_warnings(made, base))))
@@ -165,7 +167,7 @@ def _of_kind(recordings: Sequence[Recording], kind: str) -> list[SensorRecording
 
 
 def _refuse(recordings: Sequence[Recording], form: str) -> None:
-    """Refuse what no calibration can begin with."""
+    """Refuse recordings that no calibration can use."""
     must_be(recordings, Sequence, "recordings", "Give a list of what load_recording(path) reads.")
     for one in recordings:
         must_be(one, SensorRecording | WheelRecording, "recordings", "load_recording(path) reads one.")
@@ -180,7 +182,7 @@ def _refuse(recordings: Sequence[Recording], form: str) -> None:
 
 
 def _joined(made: Calibration) -> Profile:
-    """The base with everything that was fitted in place, noise and input ranges included."""
+    """The base with all fitted constants, noise and input ranges in place."""
     profile, infrared, ambient, wheels = made.profile, made.infrared, made.ambient, made.wheels
     deviations = {
         e.channel: round(e.deviation, 3)
@@ -206,7 +208,6 @@ def _joined(made: Calibration) -> Profile:
 
 
 def _provenance(made: Calibration) -> Provenance:
-    """Where the constants of a calibration come from."""
     from importlib.metadata import version
 
     wheels, recordings = made.wheels, made.recordings
@@ -254,7 +255,6 @@ def _file(recording: Recording) -> SourceFile:
 
 
 def _warnings(made: Calibration, base: Profile) -> list[str]:
-    """All that a person should know."""
     kept = f"as profile {base.name!r} has them"
     out = [w for part in (*made.recordings, *made.channels) for w in part.warnings]
     if made.infrared is not None and made.ambient is None and base.ambient.sensors:

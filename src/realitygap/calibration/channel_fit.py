@@ -1,4 +1,4 @@
-"""One kind of sensor, fitted: its constants, how it was judged, and what is to be said of it."""
+"""The fit of one kind of sensor: its constants, its errors and its warnings."""
 
 from dataclasses import dataclass, field
 
@@ -14,39 +14,39 @@ from realitygap.world.profile import Profile
 __all__ = ["LOOKUP", "MEASURED", "UNLIT", "ChannelFit", "doubts", "unmeasured"]
 
 MEASURED = "measured"
-"""The form of curves: measured.py, LightCurves."""
+"""The form with curves: measured.py, LightCurves."""
 LOOKUP = "lookup"
-"""The form without a law: lookup.py."""
+"""The form without a model: lookup.py."""
 UNLIT = "no reading held out is neither dark nor saturated: model error over noise is that of all readings"
 OVERFITTED = 1.3
-"""Held-out RMSE over the fitted one, from which on a form is said to fit more than the robot."""
+"""Held-out RMSE over fitted RMSE above which a form is reported as overfitted."""
 FAR_OFF, NARROW = 10.0, 4.0
-"""Model error over noise, and an angular exponent, from which on a light's distances are doubted."""
+"""Model error over noise, and angular exponent, beyond which the distances of a light are doubted."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChannelFit:
-    """One kind of sensor, fitted.
+    """Fit of one kind of sensor.
 
     Attributes:
         kind: "infrared" or "ambient".
-        form: the form that was asked for.
+        form: the requested form.
         profile: the base with this form's constants in place.
-        fit: constants, intervals, what cannot be told apart.
-        by_form: RMSE of every form, counts; held_out: of those that were tried on places held out.
-        judged: each sensor's misfit on places held out: limits go by its lit_ratio.
-        misplaced: by how many deviations the model's lit readings change where places set by hand are a
+        fit: constants, intervals, and which constants cannot be separated.
+        by_form: RMSE of every form, counts; held_out: of those that were tried on held-out places.
+        judged: each sensor's misfit on held-out places; limits apply to its lit_ratio.
+        misplaced: change of the model's lit readings, in noise deviations, if places set by hand are a
             millimetre off; NaN where a program set them.
         noise: what could be measured of it.
-        deviation, measured: the noise's where sensors see something, counts, and whether it was measured
-            or is the base profile's.
+        deviation, measured: the noise's deviation where sensors see something, counts; whether it was
+            measured (else it is the base's).
         sensors: each sensor's misfit.
-        dead: sensors that told nothing, and why.
+        dead: sensors that gave no information, and why.
         warnings: in words.
-        distance_cm, bearing_deg: [n] of all rows; NaN where poses are all that is known.
-        name: [n] of each row's recording: its object, or its file where two have the same.
-        counts, model: [n, S]; counts are NaN where a sensor told nothing.
-        span: [S, 2] what each sensor's readings really span; NaN of none.
+        distance_cm, bearing_deg: [n] of all rows; NaN where only poses are known.
+        name: [n] each row's recording: its object, or its file where two have the same object.
+        counts, model: [n, S]; counts are NaN for dead sensors.
+        span: [S, 2] lowest and highest reading of each sensor; NaN without readings.
     """
 
     kind: str
@@ -73,23 +73,23 @@ class ChannelFit:
 
     @property
     def rmse(self) -> float:
-        """Of the form that was asked for, all sensors that live, counts."""
+        """RMSE of the requested form over all live sensors, counts."""
         return self.by_form[self.form]
 
     @property
     def ratio(self) -> float:
-        """Model error over noise of all sensors on places held out, where readings are neither dark nor
-        saturated: the figure that reports and limits go by; NaN where there are none."""
+        """Model error over noise of all sensors on held-out places whose readings are neither dark nor
+        saturated; reports and limits use this figure. NaN without such places."""
         return lit_ratio(self.judged)
 
     @property
     def ratio_placed(self) -> float:
-        """The ratio without what places that are a millimetre off explain of it; NaN as `misplaced`."""
+        """The ratio without the error that places a millimetre off would explain; NaN like `misplaced`."""
         return float(np.sqrt(max(self.ratio**2 - self.misplaced**2, 0.0)))
 
 
 def doubts(made: ChannelFit) -> list[str]:
-    """What a person should know of a fit, in words."""
+    """Warnings about a fit."""
     kind, limit, out = made.kind, LIMITS[made.kind], []
     over = [m for m in made.judged if m.lit_ratio > limit]
     if over:
@@ -101,7 +101,7 @@ def doubts(made: ChannelFit) -> list[str]:
     if not np.isfinite(made.ratio):
         out.append(f"{kind}: {UNLIT}")
     held_out = made.held_out[made.form]
-    if held_out > OVERFITTED * made.rmse and made.form != LOOKUP:  # which holds what it was made of
+    if held_out > OVERFITTED * made.rmse and made.form != LOOKUP:  # which holds its input
         out.append(
             f"{kind}: RMSE {held_out:.3g} on places held out, {made.rmse:.3g} on those fitted: the form "
             "overfits"
@@ -128,9 +128,11 @@ def doubts(made: ChannelFit) -> list[str]:
 
 
 def _doubtful_light(made: ChannelFit) -> list[str]:
-    """A warning where a linear law of light is far off, or its lobe odd: as with distances in another unit.
+    """A warning where a linear light model is far off or its lobe implausible, as with distances in another
+    unit.
 
-    The paper's law is far off on any sensor that reads light linearly: that says nothing of distances.
+    The paper's model is far off for any sensor that is linear in light, so it does not count as evidence
+    here.
     """
     if made.kind != "ambient" or made.profile.ambient.response != "linear" or not made.sensors:
         return []
@@ -145,7 +147,7 @@ def _doubtful_light(made: ChannelFit) -> list[str]:
 
 
 def unmeasured(deviation: float) -> str:
-    """What a noise that was not measured means, in words."""
+    """What it means that the noise was not measured, in words."""
     return (
         f"too little to measure noise by where sensors see something: {deviation:.3g} counts are assumed, "
         "and model error over noise, out of which none is taken, rests on them"

@@ -1,4 +1,4 @@
-"""Fits of a sensor channel in all its forms, side by side, each judged on places held out."""
+"""Fits of one kind of sensor in all forms, each judged on held-out places."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -37,13 +37,13 @@ from realitygap.world.profile import Profile
 __all__ = ["AUTO", "agreed", "contradicted", "fit_infrared", "fit_light", "ticks"]
 
 AUTO = "auto"
-"""The form that errs least on places held out, where readings are neither dark nor saturated."""
+"""The form with the smallest error on held-out places, where readings are neither dark nor saturated."""
 AS_GOOD = 1.1
-"""A form that errs so many times as much on places held out is still heard."""
+"""Forms whose held-out error is up to this factor larger are still considered."""
 
 
 def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = True) -> int:
-    """How often the fit of one kind of sensor says that it goes on; 0 without recordings."""
+    """How often a fit of one kind of sensor reports progress; 0 without recordings."""
     if not recordings:
         return 0
     if form == LOOKUP:
@@ -56,16 +56,16 @@ def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = Tr
 def fit_infrared(
     recordings: Sequence[SensorRecording], base: Profile, form: str, *, tick: Tick = lambda: None
 ) -> ChannelFit:
-    """Fit the proximity sensors to all recordings at once.
+    """Fit the proximity sensors to all recordings together.
 
     Args:
-        recordings: of its kind.
-        base: the profile that keeps what they do not cover.
+        recordings: of infrared.
+        base: the profile whose values stay where recordings say nothing.
         form: which constants are free.
         tick: called after each fit.
 
     Raises:
-        CalibrationError: the recordings are no robot's.
+        CalibrationError: the recordings cannot come from such a robot.
     """
     base = replace(base, infrared=replace(base.infrared, table=LookUp())) if base.infrared.table else base
     rows = Rows(recordings, base)
@@ -90,14 +90,14 @@ def fit_infrared(
 
 
 def _looked_up(rows: Rows, base: Profile) -> ChannelFit:
-    """The proximity sensors' look-up table, with the scatter that was recorded."""
+    """The proximity sensors' fit by look-up table, with the recorded noise."""
     profile, fit, held_out, said = fit_lookup(rows, base)
     made = _channel("infrared", LOOKUP, rows, {LOOKUP: fit}, {LOOKUP: held_out}, profile)
     return replace(made, warnings=(*made.warnings, *said))
 
 
 def contradicted(rows: Rows, deviation: float) -> list[str]:
-    """In words, by how much recordings of the same places differ, if by more than their noise, counts."""
+    """Warnings about recordings of the same places that differ by more than their noise (counts)."""
     apart = contradiction(rows, deviation)
     if not apart > deviation:
         return []
@@ -108,7 +108,7 @@ def contradicted(rows: Rows, deviation: float) -> list[str]:
 
 
 def lit_apart(rows: Rows, found: ChannelFit) -> list[str]:
-    """In words, what rooms' light does to readings, where that is more than their noise."""
+    """Warnings about room light that changes readings by more than their noise."""
     lit, values, dead = (
         backgrounds(found.fit.values, rows.scenes),
         found.fit.values,
@@ -129,9 +129,11 @@ def lit_apart(rows: Rows, found: ChannelFit) -> list[str]:
 
 
 def agreed(form: str, fits: Mapping[str, Fit]) -> tuple[Fit, tuple[str, ...]]:
-    """A form's fit, in which reflectances that another form puts elsewhere count as not identifiable; and in
-    words which those are. An interval holds if its form does: what two forms say that err as little is
-    neither's doing.
+    """A form's fit with reflectances marked as not identifiable where an almost equally good form disagrees;
+    and a warning that names them.
+
+    An interval is only valid if its form is right: two forms with similar error and different values refute
+    both.
     """
     fit, doubted, said = fits[form], set(), []
     others = [(name, c) for name, one in fits.items() if name != form for c in one.constants]
@@ -156,17 +158,17 @@ def fit_light(
     beside: bool = True,
     tick: Tick = lambda: None,
 ) -> ChannelFit:
-    """Fit the ambient sensors to all recordings at once; `beside` the form all others for comparison.
+    """Fit the ambient sensors to all recordings together.
 
     Args:
-        recordings: of its kind.
-        base: the profile that keeps what they do not cover.
+        recordings: of ambient light.
+        base: the profile whose values stay where recordings say nothing.
         form: which constants are free.
-        beside: whether the other forms are fitted, too, to compare with.
+        beside: whether the other forms are fitted too, for comparison.
         tick: called after each fit.
 
     Raises:
-        CalibrationError: the recordings are no robot's, or of lamps both known and unknown.
+        CalibrationError: the recordings cannot come from such a robot, or mix known and unknown lamps.
     """
     rows = Rows(recordings, base)
     room, *other = {r.pose is not None and r.arena is not None for r in recordings}
@@ -179,7 +181,7 @@ def fit_light(
     try:
         problems = light_problems(rows, base, printed, room=room, beside=beside)
         fits, held_out, parts = fit_forms(rows, problems, printed, noise, tick)
-    except ConfigError as error:  # on its way the fit came to a robot that cannot be
+    except ConfigError as error:  # the fit passed through an impossible robot
         named, why = ", ".join(r.source for r in recordings), str(error).rstrip(".")
         expected = f"these are no readings of ambient light: {why}. Is its kind right?"
         raise CalibrationError(f"{named}: {expected}") from None
@@ -202,7 +204,7 @@ def fit_light(
 def _channel(
     kind: str, form: str, rows: Rows, fits: dict[str, Fit], held_out: dict[str, Floats], profile: Profile
 ) -> ChannelFit:
-    """The form that was taken, with what is said of all: `held_out` [n, S] by form."""
+    """The chosen form with its judgement; `held_out` [n, S] by form."""
     fit = fits[form]
     source = ", ".join(r.source for r in rows.recordings)
     live = rows.live()
@@ -238,8 +240,8 @@ def _channel(
 
 
 def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
-    """The profile with each sensor's own noise, as a function of what it reads."""
-    # A table of one reading a place leaves nothing over: its noise shows in the readings themselves.
+    """The profile with each sensor's noise as a function of its reading."""
+    # With one reading a place the table leaves no residual: its noise is in the readings themselves.
     model = np.ones_like(made.model) if made.form == LOOKUP else made.model
     sample = pooled_noise(rows.live_recordings(), rows.split(model), rows.top)
     still = (np.zeros(len(r.counts)) if r.speed_cm_s is None else r.speed_cm_s for r in rows.recordings)

@@ -1,7 +1,7 @@
-"""Recordings that cannot be what they say: dead sensors, swapped columns, mirrored bearings.
+"""Checks of sensor recordings: dead sensors, swapped columns, mirrored bearings.
 
-A profile must never quietly make no sense: what one sensor does is warned of, what the table as a
-whole does is refused.
+A profile must never be silently wrong: problems of one sensor are warnings, problems of the whole table are
+errors.
 """
 
 import math
@@ -23,24 +23,25 @@ __all__ = [
 ]  # fmt: skip
 
 DARKEST = 10.0
-"""Ambient light reads more, counts of the paper's robot, however bright: its sensors end at about 50."""
+"""Ambient readings stay above this however bright the light (counts of the paper's robot): sensors end at
+about 50."""
 STILL = 30.0
-"""A sensor whose readings span less than this, counts of the paper's robot, shows nothing."""
+"""A sensor whose readings span less than this (counts of the paper's robot) counts as dead."""
 SATURATED_SHARE = 0.8
 ASIDE_DEG = 60.0
 MOST_ODD = 3
 NEIGHBOURS_DEG, LIKELY_DEG, LIKELY_SHARE, SURE_DEG, SURE_SHARE = 100.0, 5.0, 0.4, 8.0, 0.6
-"""How far apart two sensors look at most that may be exchanged; and how far apart, and by which share of
-that, they answer the wrong way round where it is likely, and where it is sure."""
+"""Largest angle between the directions of two sensors that may be exchanged; then the angle, and the share of
+it by which they answer the wrong way round, where an exchange is likely and where it is certain."""
 BLIND_CM, DAZZLED_CM, BRIGHT = 15.0, 1.0, 300.0
-"""Beyond, and nearer than, which a Khepera's infrared sees nothing, and any object as bright (counts of
-the paper's robot)."""
+"""Beyond the first distance a Khepera's infrared sees nothing; within the second any object reads at least
+`BRIGHT` (counts of the paper's robot)."""
 FEWEST_LIT = 40
 EXPLAINED = 0.5
 
 
 def dead_sensors(recording: SensorRecording, top: float) -> dict[int, str]:
-    """Sensors that tell nothing in a recording, of a converter that counts to `top`, and why, in words."""
+    """Sensors of a recording that give no information, and why; `top` is the converter's highest count."""
     dead = {}
     looks = "it looks dead" if _all_round(recording) else "it looks dead, or away from the object"
     for k in recorded(recording):
@@ -58,15 +59,15 @@ def dead_sensors(recording: SensorRecording, top: float) -> dict[int, str]:
 def refuse_silent(
     recordings: Sequence[SensorRecording], dead: Sequence[dict[int, str]], top: float
 ) -> dict[int, str]:
-    """The sensors that are dead in every one of the recordings that has them, and why.
+    """Sensors that are dead in every recording that has them, and why.
 
     Args:
-        recordings: of one kind; what one of them does not show another may.
+        recordings: of one kind; a sensor may be dead in one and live in another.
         dead: the dead sensors of each.
         top: the converter's highest count.
 
     Raises:
-        CalibrationError: most sensors are; or few readings lie between dark and saturated.
+        CalibrationError: most sensors are dead, or few readings lie between dark and saturated.
     """
     where = ", ".join(recording.source for recording in recordings)
     there = [set(recorded(recording)) for recording in recordings]
@@ -89,7 +90,7 @@ def refuse_silent(
 
 
 def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int, str]) -> tuple[str, ...]:
-    """Warnings about sensors that answer to another side than they look.
+    """Warnings about sensors that respond to another side than they face.
 
     Raises:
         CalibrationError: several do: columns are swapped, or bearings run the other way round.
@@ -98,7 +99,7 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
     looks = np.array([sensor.direction_deg for sensor in part.sensors])
     answers, sure = _answers(recording, part.top)
     live = np.array([k not in dead for k in range(len(looks))]) & sure
-    known = recording.pose is not None and recording.arena is not None  # walls throw light back
+    known = recording.pose is not None and recording.arena is not None  # walls reflect light
     odd = live & (not known) & (_apart(answers, looks) > ASIDE_DEG)
     mirrored = live & (_apart(-answers, looks) <= ASIDE_DEG)
     if odd.sum() >= MOST_ODD:
@@ -108,7 +109,7 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
         raise CalibrationError(
             f"{recording.source}: sensors answer to another side than they look: {which}. {cure}"
         )
-    expected = looks if known else _expected(part.sensors)  # a lamp across a room is too far for places
+    expected = looks if known else _expected(part.sensors)  # a lamp is too far off for places to matter
     crossed = _refuse_exchanged(recording, answers, expected, live)
     return crossed + tuple(
         f"{recording.source}: sensor {k} answers most at {answers[k]:.0f}° but looks to {looks[k]:.0f}°"
@@ -117,7 +118,7 @@ def refuse_swapped(recording: SensorRecording, profile: Profile, dead: dict[int,
 
 
 def _expected(sensors: Sequence[Sensor]) -> Floats:
-    """[S] the bearing that each sensor should answer to: between its direction and that of its place."""
+    """[S] bearing to which each sensor should respond, degrees: between its direction and its place's."""
     there = np.array([math.degrees(math.atan2(s.y_cm, s.x_cm)) for s in sensors])
     looks = np.array([s.direction_deg for s in sensors])
     return np.asarray(looks + _turn(there - looks) / 2)
@@ -126,10 +127,10 @@ def _expected(sensors: Sequence[Sensor]) -> Floats:
 def _refuse_exchanged(
     recording: SensorRecording, answers: Floats, expected: Floats, live: NDArray[np.bool_]
 ) -> tuple[str, ...]:
-    """Warnings about two sensors that seem to be exchanged: each answers on the other's side of the other.
+    """Warnings about two sensors that seem exchanged: each responds on the other's side.
 
     Raises:
-        CalibrationError: two plainly are.
+        CalibrationError: two certainly are.
     """
     told = []
     for i, j in combinations(np.flatnonzero(live).tolist(), 2):
@@ -151,10 +152,10 @@ def _refuse_exchanged(
 
 
 def refuse_units(recording: SensorRecording, top: float) -> None:
-    """Refuse distances that no infrared of a Khepera can have been recorded at.
+    """Refuse distances at which a Khepera's infrared cannot have been recorded.
 
     Raises:
-        CalibrationError: bright where it sees nothing, or dark where it is dazzled.
+        CalibrationError: readings are bright out of range, or dark next to the object.
     """
     if recording.kind != "infrared" or (recording.pose is not None and recording.from_sensor is None):
         return
@@ -174,7 +175,7 @@ def refuse_units(recording: SensorRecording, top: float) -> None:
 
 
 def refuse_other_kind(recording: SensorRecording, top: float) -> None:
-    """Refuse ambient light whose readings lie where proximity's do: at the converter's ends.
+    """Refuse ambient readings at the converter's ends, where only proximity readings lie.
 
     Raises:
         CalibrationError: says how many do.
@@ -188,12 +189,12 @@ def refuse_other_kind(recording: SensorRecording, top: float) -> None:
 
 
 def refuse_nonsense(where: str, counts: Floats, model: Floats, dead: dict[int, str]) -> None:
-    """Refuse a fit that explains less than half of what the sensors did.
+    """Refuse a fit that explains less than half of the readings' variation.
 
     Args:
         where: the recordings, for the message.
         counts, model: [n, S]; NaN where a reading does not count.
-        dead: sensors that told nothing, and why.
+        dead: sensors without information, and why.
 
     Raises:
         CalibrationError: names the share.
@@ -210,7 +211,7 @@ def refuse_nonsense(where: str, counts: Floats, model: Floats, dead: dict[int, s
 
 
 def refuse_mixed(recordings: Sequence[Recording]) -> None:
-    """Refuse recordings of several robots, and one that is given twice.
+    """Refuse recordings of several robots, or one recording given twice.
 
     Raises:
         CalibrationError: names both.
@@ -233,18 +234,17 @@ def refuse_mixed(recordings: Sequence[Recording]) -> None:
 
 
 def recorded(recording: SensorRecording) -> list[int]:
-    """The sensors that a recording has readings of."""
+    """Numbers of the sensors that a recording has readings of."""
     return [int(k) for k in np.flatnonzero(np.isfinite(recording.counts).any(axis=0))]
 
 
 def _all_round(recording: SensorRecording) -> bool:
-    """Whether the object was seen from all sides."""
     turned = np.unique(np.round(recording.bearing_deg % 360.0, 3))
     return len(turned) >= 4 and float(np.diff(np.append(turned, turned[0] + 360.0)).max()) <= 100.0
 
 
 def _signal(recording: SensorRecording, top: float) -> Floats:
-    """[n, S] 0 in the dark, 1 saturated."""
+    """[n, S] readings scaled to 0 (dark) to 1 (saturated)."""
     if recording.kind == "infrared":
         return np.nan_to_num(recording.counts) / top
     low, high = np.percentile(recording.counts, [0.5, 99.5])
@@ -252,7 +252,7 @@ def _signal(recording: SensorRecording, top: float) -> Floats:
 
 
 def _answers(recording: SensorRecording, top: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """[S] the bearing that each sensor answers to, degrees, and whether that is sure."""
+    """[S] bearing to which each sensor responds, degrees, and whether it is certain."""
     bearing, signal = np.radians(recording.bearing_deg), np.clip(_signal(recording, top), 0.0, 1.0)
     signal = np.where(signal > 0.1, signal, 0.0)
     if not _all_round(recording):
@@ -263,7 +263,7 @@ def _answers(recording: SensorRecording, top: float) -> tuple[Floats, NDArray[np
 
 
 def _turn(degrees: Floats) -> Floats:
-    """The same turn the shorter way round."""
+    """Degrees, wrapped to the shorter way round."""
     return np.asarray((degrees + 180.0) % 360.0 - 180.0)
 
 

@@ -1,4 +1,4 @@
-"""Fitted numbers: their intervals, and which of them the data cannot tell apart."""
+"""Fitted constants: their intervals, and which of them the data cannot separate."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,11 +14,11 @@ __all__ = ["SIGMAS", "blind_pairs", "bounded", "filling", "moved"]
 SIGMAS = 1.96
 """Intervals hold 95 %."""
 ALIKE, BLIND = 0.95, 1e-5
-"""Correlation from which on the data are said not to tell two constants apart."""
+"""Correlation from which two constants count as inseparable."""
 
 
 def moved(constant: Constant, values: Mapping[str, Floats]) -> Constant:
-    """A constant with the value that was kept in the end, its interval about that."""
+    """A constant with its final value, and its interval shifted with it."""
     key, _, number = constant.key.rstrip("]").partition("[")
     value = float(values[key][int(number or 0)])
     by = value - constant.value
@@ -28,14 +28,14 @@ def moved(constant: Constant, values: Mapping[str, Floats]) -> Constant:
 def bounded(
     names: Sequence[str], values: Floats, size: Floats, low: Floats, high: Floats, told: NDArray[np.bool_]
 ) -> tuple[Constant, ...]:
-    """Constants with 95 % intervals by the `size` of their deviations [p], cut off at their bounds [p].
+    """Constants with 95 % intervals, cut off at their bounds.
 
     Args:
         names: p of them.
-        values: what was fitted [p].
-        size: their standard deviations [p].
+        values: the fitted values [p].
+        size: their standard errors [p].
         low, high: their bounds [p].
-        told: whether the readings say anything of it [p].
+        told: whether each is identifiable [p].
     """
     least, most = np.fmax(low, values - SIGMAS * size), np.fmin(high, values + SIGMAS * size)
     columns = (column.tolist() for column in (values, least, most, told))
@@ -46,7 +46,8 @@ def bounded(
 
 
 def filling(scores: Floats, clusters: NDArray[np.int64]) -> Floats:
-    """[p, p] a sandwich covariance's filling of scores [n, p]: rows of one cluster [n] err together.
+    """[p, p] the middle ("meat") of a sandwich covariance from scores [n, p]; rows of one cluster [n] have
+    correlated errors.
 
     Liang and Zeger, "Longitudinal data analysis using generalized linear models" (Biometrika 73, 1986).
     """
@@ -57,7 +58,8 @@ def filling(scores: Floats, clusters: NDArray[np.int64]) -> Floats:
 
 
 def blind_pairs(names: Sequence[str], curvature: Floats) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of constants whose estimates hang together by `|ρ| ≥ 0.95`: of two kinds the closest pair."""
+    """Pairs of constants whose estimates correlate with `|ρ| ≥ 0.95`; of two kinds of constant only the
+    closest pair."""
     size = np.sqrt(np.diag(curvature))
     moves = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
     names, size = [names[int(i)] for i in moves], size[moves]
@@ -69,7 +71,7 @@ def blind_pairs(names: Sequence[str], curvature: Floats) -> tuple[tuple[str, str
     for i, j in np.argwhere(np.tril(np.abs(rho) >= ALIKE, -1)).tolist():
         first, second = sorted(names[k].partition("[")[0] for k in (i, j))
         kinds = (first, second)
-        # A shift's mean is held at 0: no question of the data's.
+        # A shift's mean is fixed at 0 by definition.
         shifted = kinds[1] == f"{kinds[0]}_shift" or (kinds[0] == kinds[1] and kinds[0].endswith("_shift"))
         pair = (names[i], names[j], float(rho[i, j]))
         if not shifted and abs(pair[2]) > abs(closest.get(kinds, ("", "", 0.0))[2]):

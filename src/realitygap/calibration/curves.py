@@ -1,9 +1,9 @@
-"""A monotone curve for each sensor through what it read: a table of counts at equal steps.
+"""A monotone curve for each sensor: a table of counts at equal steps, fitted to its readings.
 
-Penalised least squares: curves bend little over the share, or over the light itself (Whittaker 1923);
-falling steps are penalised until there are none (Eilers 2005), and a sensor with few readings follows the
-curve that all sensors share. Their matrices are kept as bands [3, S, STEPS + 1], diagonal last.
-Readings at an end of the converter only say that a curve passes it there (Tobin 1958).
+Penalised least squares: a penalty on bends over the share, or over the light itself (Whittaker 1923); falling
+steps are penalised until there are none (Eilers 2005); a sensor with few readings follows the curve that all
+sensors share. Matrices are kept as bands [3, S, STEPS + 1], diagonal last. Readings at an end of the
+converter are censored (Tobin 1958).
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,21 @@ __all__ = ["ALIKE", "ALIKES", "STEPS", "Curves", "Seen", "on_curves", "smoothnes
 Use = NDArray[np.bool_]
 
 STEPS = 80
-"""Of a curve."""
+"""Steps of a curve."""
 ROUNDS, STEEP = 12, 1e6
 """Rounds of one fit, and the weight that keeps a curve from falling."""
 SETTLED = 1e-3
-"""Share of the full scale by which a round moves a curve that has come to rest."""
+"""A curve has converged when a round moves it by less than this share of the full scale."""
 ALIKE, ALIKES = 0.3, (0.3, 0.1, 0.03, 0.01)
-"""How alike curves are usually; and of sensors with gains of their own, tried on places held out."""
+"""How alike sensors' curves usually are; and for sensors with gains of their own, the values tried on
+held-out places."""
 SMOOTH = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-"""Weights of bends that are tried on places held out."""
+"""Weights of bends that are tried on held-out places."""
 
 
 def _bends(at: Floats) -> Floats:
-    """[3, STEPS + 1] bands of the sum of squared second differences of a curve over `at`; at equal steps
-    these are the plain ones."""
+    """[3, STEPS + 1] bands of the sum of squared second differences of a curve over `at`; with equal steps
+    these are the ordinary ones."""
     gap = np.diff(at)
     wide = (gap[1:] + gap[:-1]) / 2.0
     row = np.stack([wide / gap[:-1], -wide / gap[:-1] - wide / gap[1:], wide / gap[1:]])
@@ -51,11 +52,11 @@ OVER_LIGHT = _bends(np.append((SHARE / (1.0 - SHARE)) ** 2, (STEPS + 1.0) ** 2))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
-    """What curves are fitted to: counts [n, S] up to `top`, of which `use` [n, S] count, and their noise;
-    a sensor saturates at `most`, [S] or one for all.
+    """The data of a curve fit: counts [n, S] up to `top`, of which `use` [n, S] count, and their noise; a
+    sensor saturates at `most`, [S] or one for all.
 
-    Readings below `dead` are 0; `smooth` weighs bends over the share, or over the light if `linear`;
-    `alike` is the share of the full scale by which a sensor's curve may easily differ from that of all.
+    Readings below `dead` are 0; `smooth` weighs bends over the share, or over the light if `linear`; `alike`
+    is the expected deviation of a sensor's curve from the common one, as a share of the full scale.
     """
 
     counts: Floats
@@ -69,7 +70,7 @@ class Seen:
     alike: float = ALIKE
 
     def dark(self) -> float:
-        """Noise of the dark: the size of readings that are nearly 0."""
+        """Noise in the dark: the size of readings near 0."""
         low = self.counts[self.use & (self.counts < max(3.0 * self.noise, self.dead))]
         return float(np.sqrt(np.mean(low**2))) if len(low) else 0.0
 
@@ -83,8 +84,8 @@ def on_curves(curves: Floats, u: Floats) -> Floats:
 
 
 class Curves:
-    """The fit at shares u [n, S]: the normal equations are gathered once, their right side as often as
-    readings at the ends are taken anew."""
+    """A fit of curves at shares u [n, S]: the normal equations are assembled once, their right side each time
+    censored readings are re-estimated."""
 
     def __init__(self, seen: Seen, u: Floats) -> None:
         self._seen, self._u = seen, u
@@ -111,11 +112,11 @@ class Curves:
         return np.asarray(total[: self._size].reshape(-1, STEPS + 1))
 
     def fitted(self) -> Floats:
-        """The curves [S, STEPS + 1], from 0 to where each saturates, never falling."""
+        """The curves [S, STEPS + 1]: from 0 to each sensor's saturation, never falling."""
         common = self._solved(self._bread.sum(axis=1, keepdims=True), np.zeros((1, STEPS + 1)), pooled=True)
         curves = self._solved(self._bread, np.repeat(common, self._bread.shape[1], 0), pooled=False)
         curves = np.clip(np.maximum.accumulate(curves, axis=1), 0.0, self._most[:, None])
-        # Below half a count there is nothing: so that a sensor's reach ends.
+        # Below half a count it is 0, so that a sensor's range ends.
         return np.where(curves < curves[:, :1] + 0.5, curves[:, :1], curves)
 
     def _solved(self, bread: Floats, towards: Floats, *, pooled: bool) -> Floats:
@@ -139,7 +140,7 @@ class Curves:
         return curves
 
     def _held(self, bread: Floats, common: Floats | None) -> Floats:
-        """What holds curves where readings do not: little bends, and the curve of all, if there is one."""
+        """The penalties: small bends, and closeness to the common curve, if there is one."""
         seen = self._seen
         bends = OVER_LIGHT if seen.linear else OVER_SHARE
         held = np.repeat(bends[:, None] * (seen.smooth * STEPS**3 * bread[2].mean()), bread.shape[1], 1)
@@ -149,7 +150,7 @@ class Curves:
     def deviations(self, curves: Floats) -> Floats:
         """[S, STEPS + 1] standard errors of fitted curves' values, counts; infinite where no reading is near.
 
-        The light is taken as it is; what the curves leave over counts as noise.
+        The light is taken as exact; residuals count as noise.
         """
         inside = self._inside
         off = np.where(inside, on_curves(curves, self._u) - self._seen.counts, 0.0) / self._seen.noise
@@ -163,7 +164,7 @@ class Curves:
         return np.where(self._bread[2] > 0, size * left[:, None], np.inf)
 
     def _full(self, curves: Floats) -> Floats:
-        """Readings, with what is expected beyond where one ends at 0, in the dead zone or at the top."""
+        """Readings, with censored ones (0, the dead zone, the top) replaced by their expectation."""
         from scipy.special import ndtr
 
         counts, (low, high) = self._seen.counts, self._ends
@@ -177,13 +178,13 @@ class Curves:
         return out.reshape(counts.shape)
 
     def _at(self, curves: Floats, where: NDArray[np.int64]) -> Floats:
-        """What curves read there, by the number of a reading."""
+        """Values of curves there, by the number of a reading."""
         values, cell, share = curves.ravel(), self._cell.ravel()[where], self._share.ravel()[where]
         return np.asarray(values[cell] + share * (values[cell + 1] - values[cell]))
 
 
 def _solve(bands: Floats, right: Floats) -> Floats:
-    """[S, n] what symmetric matrices of these bands take to the right sides: all as one long matrix."""
+    """[S, n] solutions of symmetric banded systems: all solved as one long matrix."""
     from scipy.linalg.lapack import dpbsv
 
     _, found, failed = dpbsv(bands.reshape(3, -1), right.ravel())
@@ -202,13 +203,13 @@ def _times(bands: Floats, vectors: Floats) -> Floats:
 
 
 def smoothness(seen: Seen, u: Floats, folds: NDArray[np.int64], alikes: Sequence[float] = (ALIKE,)) -> Seen:
-    """The same, with the bends, and as alike, with which curves err least on places held out.
+    """A copy with the `smooth` and `alike` that give the smallest error on held-out places.
 
     Args:
         seen: what the curves are fitted to.
-        u: [n, S] where on its curve a sensor reads.
-        folds: [n] with which others a row is held out.
-        alikes: how alike curves may be.
+        u: [n, S] where on its curve each reading lies.
+        folds: [n] the number of the fold that each row belongs to.
+        alikes: values of `alike` to try.
     """
     tried = [
         replace(seen, smooth=weight, linear=linear, alike=alike)

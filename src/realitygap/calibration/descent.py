@@ -1,5 +1,5 @@
-"""How optics as measured get nearer to what was read: by scans and draws where readings jump (a ray that just
-meets a thing, or just not), and by least squares where they do not."""
+"""Improves measured optics: by scans and random draws where readings jump (a ray just hits or just misses an
+object), and by least squares where they do not."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,35 +17,36 @@ from realitygap.world.sensors import ProximitySensor
 __all__ = ["ENDS_CM", "PLAIN", "Descent"]
 
 PLAIN = 1.02
-"""What is less plain has to be so much better: where readings do not tell, one beam without an end."""
+"""A more complex model must be this factor better; otherwise one beam without a range limit is kept."""
 ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
-"""Where rays may end; then nearer and nearer about the best, by these shares of it."""
+"""Where rays may end; then closer about the best, by these shares of it."""
 NEARER, LIKE = (0.08, 0.015, 0.002), 1.0 + 1e-6
 AT_END = 0.015
-"""By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
+"""Within this share of their end rays are uncertain: readings that depend on them are left out of a descent.
+"""
 SHIFT = {"low": -1.0, "high": 1.0, "prior": 0.2, "step": 1e-3}
-"""How far off a straight series may have been set down, cm: its distances all are by as much."""
+"""Offset of a straight series, cm, common to all its distances."""
 LIGHT, LIT = {"low": 0.0, "high": 0.05, "prior": 0.002, "step": 1e-5}, 1.1
-"""What a room may add to what rays bring, 1/cm², easily as much as a white wall at 22 cm throws back. And so
-many times as much rigs' recordings have to leave over under one light as under several before these are
-taken: by half a deviation of the noise."""
+"""Light that a room may add to what rays bring, 1/cm²; the prior is that of a white wall at 22 cm. And the
+factor by which the residual under one light must exceed that under several before several are used: half a
+deviation of the noise."""
 BY_HAND = 0.01
 """Share of the full scale that a millimetre is worth where each place of a series was set by hand."""
 GAIN = 0.3
-"""By how much the sensors of a series may easily differ in what they make of light."""
+"""How much the gains of the sensors of a series may easily differ."""
 
 
 class Descent:
     """Steps from values to better ones.
 
     Args:
-        rows: readings, and the places where.
+        rows: readings and their places.
         sensors: of the base profile.
         noise: of a reading, counts.
-        draws: of the search at random.
+        draws: of the random search.
 
     Attributes:
-        straight: whether all recordings are series of one sensor before a wall.
+        straight: whether all recordings are series of one sensor facing a wall.
     """
 
     def __init__(self, rows: Rows, sensors: Sequence[ProximitySensor], noise: float, *, draws: int) -> None:
@@ -80,12 +81,12 @@ class Descent:
         ]
 
     def _backgrounds(self) -> list[Free]:
-        """What each recording's room adds."""
+        """The background light of each recording's room."""
         keys = [background_of(name) for name, _ in self._rows.scenes]
         return [Free(key=key, start=np.zeros(1), **LIGHT) for key in keys]
 
     def lit(self, optics: Optics, values: dict[str, Floats]) -> dict[str, Floats]:
-        """The values with a background of each recording, if several leave much less over with them."""
+        """The values with a background for each recording, if that reduces the residual clearly."""
         if self.straight or len(self._rows.recordings) < 2:
             return values
         tried = values | {free.key: np.full(1, free.prior) for free in self._backgrounds()}
@@ -93,19 +94,19 @@ class Descent:
         return dict(found) if self.left(optics, found) * LIT < self.left(optics, values) else values
 
     def left(self, optics: Optics, values: Values) -> float:
-        """What the values leave over: mean of the places' misfits, counts."""
+        """Residual of the values: mean of the places' misfits, counts."""
         seen = optics.seen
         return float(np.abs((optics.readings(values, seen.use) - seen.counts)[seen.use]).mean())
 
     def stage(
         self, optics: Optics, values: Values, noise: float, reach: float
     ) -> tuple[Optics, dict[str, Floats]]:
-        """Directions, then where rays end, then all else: nearer, as if readings were good to `noise`.
+        """One round of improvement: directions, then where rays end, then all other constants.
 
         Args:
-            optics: directions and rays, which change.
+            optics: directions and rays; both change.
             values: of all that is free, by name.
-            noise: what readings are taken to be good to, counts.
+            noise: assumed accuracy of the readings, counts.
             reach: how far a direction may turn, degrees.
         """
         values = self.turned(optics, values, noise, reach)
@@ -114,7 +115,7 @@ class Descent:
         return optics, self.solved(optics, values, noise).values
 
     def searched(self, optics: Optics, values: Values) -> dict[str, Floats]:
-        """Better values: at random first, and then by least squares."""
+        """Better values: by random search, then least squares."""
         if not self.straight:
             use = optics.seen.use
             end = Free(key="range_cm", start=values["range_cm"], low=1.0, high=100.0, jump=0.1)
@@ -129,19 +130,20 @@ class Descent:
         return self.mended(optics, values, self.solved(optics, values, self._noise).values)
 
     def mended(self, optics: Optics, values: Values, solved: Values) -> dict[str, Floats]:
-        """The values that least squares led to, with rays that end where they should; or those before."""
+        """The least-squares values with directions and ray ends readjusted, or the values before: whichever
+        have the smaller residual."""
         found = self.turned(optics, solved, self._noise, FINE_DEG[-1])
         tried: tuple[Values, ...] = (values, self.ended(optics, found))
         best = min(tried, key=lambda v: self.left(optics, v))
         return dict(best)
 
     def turned(self, optics: Optics, values: Values, noise: float, reach: float) -> dict[str, Floats]:
-        """The values with each sensor looking where that leaves least over.
+        """The values with each sensor's direction at its smallest residual.
 
         Args:
-            optics: what reaches the sensors, as it stands.
+            optics: the current optics.
             values: of all that is free, by name.
-            noise: what readings are taken to be good to, counts.
+            noise: assumed accuracy of the readings, counts.
             reach: how far a direction may turn, degrees.
         """
         if self.straight:
@@ -150,8 +152,9 @@ class Descent:
         return scan(lambda tried: optics.readings(tried, use), values, self._seen(optics, noise), reach)
 
     def ended(self, optics: Optics, values: Values, ends: Sequence[float] = ()) -> dict[str, Floats]:
-        """The values with rays that end where that leaves least over: nowhere, unless it is much better."""
-        if self.straight:  # a dead zone says as much
+        """The values with rays that end where the residual is smallest; without an end unless one is much
+        better."""
+        if self.straight:  # a dead zone has the same effect
             return dict(values)
 
         def left(end: float) -> float:
@@ -161,14 +164,14 @@ class Descent:
         for near in NEARER if best else ():
             tried = best * (1.0 + near * np.linspace(-1.0, 1.0, 11))
             found = np.array([left(end) for end in tried])
-            best = float(tried[found <= found.min() * LIKE].mean())  # amid those between two readings
+            best = float(tried[found <= found.min() * LIKE].mean())  # the middle of equally good ones
         return {**values, "range_cm": np.array([best if left(best) * PLAIN < left(0.0) else 0.0])}
 
     def solved(self, optics: Optics, start: Values, noise: float, *, intervals: bool = False) -> Fit:
-        """Least squares over all that is free, without the readings that hang on a ray's end by a hair.
+        """Least squares over all free constants, without readings that depend on the exact end of a ray.
 
         Args:
-            optics: what reaches the sensors, held as it is.
+            optics: the optics, held fixed.
             start: values to begin from.
             noise: of a reading, counts.
             intervals: whether to work out 95 % intervals.

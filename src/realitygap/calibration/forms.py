@@ -1,4 +1,4 @@
-"""A form's fit: what is free, where the search begins, and how it does on places held out."""
+"""The fit of a form: its free constants, where the search begins, and its error on held-out places."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,24 +26,24 @@ S = TypeVar("S", bound=Sensor)
 
 NEUTRAL = {"offset_cm": np.zeros(1), "exponent": np.ones(1)}
 DRAWS_HELD_OUT = 500
-"""Fewer draws where places are held out, four times over: what they miss errs to the careful side."""
+"""Fewer draws for held-out fits, of which there are four: a poorer search errs on the safe side."""
 SCANS_DEG, FINE_DEG, SCAN = (12.0, 3.0), (3.0, 1.0, 0.3), 17
-"""How far directions are looked for on either side, one search after another, and in how many steps:
-from nothing, and from values that are nearly right."""
+"""Ranges to either side and number of steps of successive searches for directions: from scratch, and from
+nearly correct values."""
 
 
 SAME_CM = 0.2
-"""Sensors that sit within this are the paper's: a fit moves them by less."""
+"""Sensors within this distance of the paper's are taken to be the paper's: a fit moves them by less."""
 DIRECTION_PRIOR_DEG = 5.0
-"""How straight sensors are soldered in: keeps a turned rig and as many turned sensors apart."""
+"""How accurately sensors are mounted: separates a turned rig from sensors that are all turned."""
 TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
-"""How far a rig may be turned, and how far it is likely to be."""
+"""Bound and prior deviation of a rig's rotation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """One form's fit: what is free, the model, the profile it starts from, whether it has to be looked
-    for step by step, and values to begin at."""
+    """One form's fit: free constants, model, starting profile, whether a stepwise search is needed, and
+    initial values."""
 
     frees: list[Free]
     model: Model
@@ -53,14 +53,14 @@ class Problem:
 
 
 def nominal(sensors: Sequence[S], paper: Sequence[S]) -> Sequence[S]:
-    """Sensors before any fit: the paper's, if they sit where its do; else there are only their own."""
+    """Sensors before any fit: the paper's if they sit in the same places, else the given ones."""
     here, there = ([(s.x_cm, s.y_cm) for s in some] for some in (sensors, paper))
     same = len(here) == len(there) and np.allclose(here, there, rtol=0, atol=SAME_CM)
     return paper if same else sensors
 
 
 def free_turns(rigs: Sequence[str]) -> list[Free]:
-    """How far each rig stood further round than it was thought to."""
+    """The rotation of each rig."""
     bounds = {"low": -TURN_DEG, "high": TURN_DEG}
     return [
         Free(key=rig, start=np.zeros(1), prior=TURN_PRIOR_DEG, step=0.05, jump=0.2, **bounds) for rig in rigs
@@ -68,13 +68,13 @@ def free_turns(rigs: Sequence[str]) -> list[Free]:
 
 
 def free_reflectances(scenes: Sequence[tuple[str, Scene]]) -> list[Free]:
-    """Of the surfaces of which it is not known."""
+    """The unknown reflectances of surfaces."""
     paints = [scene.paint for _, scene in scenes if scene.paint]
     return [Free(key=key, start=np.ones(1), low=0.01, high=WHITEST, step=1e-3) for key in paints]
 
 
 def free_directions(sensors: Sequence[Sensor], *, tie: float | None = 0.02, jump: float = 0.0) -> Free:
-    """Where each sensor looks."""
+    """The direction of each sensor."""
     start = np.array([s.direction_deg for s in sensors])
     return Free(
         key="direction_deg", start=start, low=-360, high=360, prior=DIRECTION_PRIOR_DEG, tie=tie, step=0.05,
@@ -83,7 +83,7 @@ def free_directions(sensors: Sequence[Sensor], *, tie: float | None = 0.02, jump
 
 
 def columns_of(values: Values, keys: Sequence[str], sensors: Sequence[Sensor]) -> dict[str, list[float]]:
-    """Those constants that were fitted, one a sensor; directions within what a profile can hold."""
+    """Fitted per-sensor constants by key; directions are kept within what a profile can hold."""
     n = len(sensors)
     columns = {key: np.broadcast_to(values[key], (n,)).tolist() for key in keys if key in values}
     if "direction_deg" in columns:
@@ -102,13 +102,13 @@ def with_columns(sensors: Sequence[S], columns: Mapping[str, Sequence[Any]]) -> 
 def fit_forms(
     rows: Rows, problems: Mapping[str, Problem], form: str, noise: float, tick: Tick
 ) -> tuple[dict[str, Fit], Floats, list[tuple[NDArray[np.bool_], Values]]]:
-    """Every form's fit; what the form that was asked for reads [n, S] on places held out; and those places
-    [n] with the values that were fitted without them.
+    """Every form's fit; the requested form's readings [n, S] on held-out places; and for each fold its rows
+    [n] with the values fitted without them.
 
     Args:
         rows: all readings.
         problems: by form, the simplest first.
-        form: the one that was asked for.
+        form: the requested one.
         noise: counts.
         tick: called before each fit.
     """
@@ -118,7 +118,7 @@ def fit_forms(
         fits[name] = solve_form(rows, problem, noise, intervals=name == form)
         simpler = list(fits.values())[:-1]
         if simpler and _lost(rows, fits[name], simpler[-1]):
-            # A sensor fell silent on the way, where nothing leads back: begin where the simpler form ended.
+            # A sensor's readings became 0, with no gradient back: restart from the simpler form's result.
             start = {f.key: NEUTRAL.get(f.key, f.start) for f in problem.frees} | simpler[-1].values
             again = solve_form(rows, problem, noise, start=start, intervals=name == form)
             if rows.rmse(again.model) < rows.rmse(fits[name].model):
@@ -131,7 +131,7 @@ def fit_forms(
     for out in rows.held_out(tick):
         seen = rows.without(out).measured(noise)
         some = solve(problem.frees, problem.model, seen, start=begin, intervals=False)
-        if problem.steep:  # not from where the search ended that saw these places
+        if problem.steep:  # not from a search that used these places
             some = _searched(problem, seen, some.values, draws=DRAWS_HELD_OUT, last=False)
         held_out[out] = some.model[out]
         parts.append((out, some.values))
@@ -139,7 +139,7 @@ def fit_forms(
 
 
 def _lost(rows: Rows, fit: Fit, simpler: Fit) -> bool:
-    """Whether any sensor is fitted much worse than by the form before."""
+    """Whether any sensor is fitted much worse than by the previous form."""
     live = rows.use.any(axis=0)
     now, before = (np.sqrt(((one.model - rows.counts) ** 2).mean(axis=0))[live] for one in (fit, simpler))
     return bool((now > 1.3 * before).any())
@@ -153,14 +153,14 @@ def solve_form(
     start: Values | None = None,
     intervals: bool,
 ) -> Fit:
-    """A form's least squares.
+    """Fit a form by least squares.
 
     Args:
         rows: all readings.
         problem: the form.
         noise: counts.
         start: where to begin; None: as the problem has it.
-        intervals: whether they are estimated.
+        intervals: whether to estimate 95 % intervals.
     """
     measured, begin = rows.measured(noise), start or problem.begin
     values: Values = begin or {f.key: f.start for f in problem.frees}
@@ -171,13 +171,15 @@ def solve_form(
 
 
 def _searched(problem: Problem, measured: Measured, start: Values, *, draws: int, last: bool) -> Fit:
-    """A steep form's fit from where least squares ended: random search, and least squares again."""
+    """The fit of a form with jumps, from the end of least squares: random search, then least squares."""
     values = search(problem.frees, problem.model, measured, start, draws=draws)
     return solve(problem.frees, problem.model, measured, start=values, intervals=last)
 
 
 def scan(model: Model, values: Values, measured: Measured, reach: float) -> dict[str, Floats]:
-    """The values, with each sensor's direction where it leaves least over within `reach` degrees.
+    """The values with each sensor's direction at its smallest residual within `reach` degrees.\n\nWhere
+    direct light is bright or a ray ends, a sensor's reading drops within a degree, which a derivative does
+    not show.
 
     Where direct light is bright, or a ray ends, a sensor's reading drops within a degree, and no derivative
     sees it come.
@@ -200,7 +202,7 @@ def scan(model: Model, values: Values, measured: Measured, reach: float) -> dict
 
 
 def mended(fit: Fit, frees: Sequence[Free], dead: Collection[int]) -> Fit:
-    """The fit with the others' median, and their own direction, of sensors that told nothing."""
+    """The fit with the median of the others' values, and the nominal direction, for dead sensors."""
     start = {f.key: f.start for f in frees}
     values = {key: value.copy() for key, value in fit.values.items()}
     at = {}

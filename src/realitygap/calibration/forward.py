@@ -1,7 +1,7 @@
-"""What the project's own model reads where a recording was made: the fits' forward model.
+"""The forward model of the fits: what the simulation reads where a recording was made.
 
-A table's wall, cylinder or lamp becomes a room made for the purpose, the robot placed at each row's
-distance and bearing; a recording in an arena keeps its poses. The kernels do the rest.
+A table's wall, cylinder or lamp becomes a room of its own with the robot at each row's distance and bearing;
+a recording in an arena keeps its poses. The kernels compute the readings.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ __all__ = [
 ]  # fmt: skip
 
 ROOM_CM = 1000.0
-"""A room so large that its other walls are out of everything's reach."""
+"""A room so large that its other walls are out of every sensor's range."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """Where a recording's rows were read: each place once.
+    """Where a recording's rows were read; each place is listed once.
 
-    poses [m, 3] x, y (cm), heading (rad); row [n] the place of each of the recording's rows;
-    bare: nothing is near but the object itself; paint: the constant that is its reflectance, if one is.
+    poses [m, 3] x, y (cm), heading (rad); row [n] the place of each row of the recording; bare: nothing but
+    the object is near; paint: key of the constant that is the object's reflectance, if it is unknown.
     """
 
     arena: KernelArena
@@ -46,22 +46,22 @@ class Scene:
     paint: str = ""
 
     def painted(self, reflectance: float) -> Scene:
-        """The same with all surfaces of this reflectance."""
+        """A copy in which all surfaces have this reflectance."""
         surfaces = np.full(1 + len(self.arena.cylinders), reflectance)
         return replace(self, arena=self.arena._replace(reflectance=surfaces))
 
     def tried(self, values: Mapping[str, Floats]) -> Scene:
-        """The same with the reflectance that a fit tries, if it tries one."""
+        """A copy with the reflectance among the fit's values, if there is one."""
         return self.painted(float(values[self.paint][0])) if self.paint in values else self
 
     def turned(self, degrees: float, away_cm: float = 0.0) -> Floats:
-        """The poses, if the rig stood this much further counter-clockwise than it was thought to, or away."""
+        """The poses [m, 3] with the rig turned further counter-clockwise, or further away, than stated."""
         return np.asarray(self.poses + np.array([-away_cm, 0.0, math.radians(degrees)]))
 
 
 def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
-    """The room of a recording, with the robot at each of its places; `paint` names the constant that is its
-    reflectance, should that not be known."""
+    """The room of a recording, with the robot at each of its places; `paint` is the key of the reflectance if
+    that is unknown."""
     row = recording.place()
     first = np.unique(row, return_index=True)[1]
     if recording.pose is not None and recording.arena is not None:
@@ -93,9 +93,9 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
 
     Args:
         profile: the robot.
-        scene: what it stood before, row by row.
-        turn_deg: by how much the set-up was turned.
-        away_cm: by how much the object stood further off than it was said to.
+        scene: the recording's room and places.
+        turn_deg: rotation of the set-up, degrees.
+        away_cm: extra distance of the object, cm.
     """
     from realitygap.kernels.sweep import sweep_infrared
 
@@ -106,11 +106,11 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
 
 
 def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]]) -> Floats:
-    """What reaches measured proximity sensors [m, P] before their curves, at several scenes' places.
+    """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes.
 
     Args:
-        robot: as the kernels know it.
-        rigs: each scene, how far its rig stood turned (degrees), and how far off (cm).
+        robot: the kernels' form.
+        rigs: each scene, its rig's rotation (degrees) and extra distance (cm).
     """
     from realitygap.kernels.sweep import sweep_received
 
@@ -125,11 +125,12 @@ def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]]) -> Floats
 def lit_readings(
     profile: Profile, scene: Scene, more: Floats | float, turn_deg: float = 0.0, away_cm: float = 0.0
 ) -> Floats:
-    """What measured proximity sensors' curves say [n, P] of a recording's rows, dead zone or not, counts.
+    """Readings [n, P] of measured proximity sensors' curves at a recording's rows, ignoring the dead zone,
+    counts.
 
     Args:
         profile, scene, turn_deg, away_cm: as of `proximity`.
-        more: light that the room adds to the profile's own, 1/cm², [P] or one for all.
+        more: light of the room beyond the profile's own, 1/cm², [P] or one for all.
     """
     robot, law = _robot(profile), profile.infrared
     light = received(robot, [(scene, turn_deg, away_cm)]) + more * robot.proximity_a
@@ -137,7 +138,7 @@ def lit_readings(
 
 
 def up_curve(light: Floats, knee_cm: float) -> Floats:
-    """How far up its curve a proximity sensor reads what reaches it."""
+    """Position on its curve, 0 to 1, of a proximity sensor that receives this light."""
     root = np.sqrt(np.maximum(light, 0.0))
     return np.asarray(root / (root + 1.0 / knee_cm))
 
@@ -159,7 +160,7 @@ def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Float
 
 
 def light_readings(profile: Profile, light: Floats, gain: Floats | None = None) -> Floats:
-    """Noise-free ambient readings of an illumination [n, A], counts: the kernels' law for arrays.
+    """Noise-free ambient readings of an illumination [n, A], counts: the kernels' equation for arrays.
 
     `gain` [A]: the profile's own if None.
     """
@@ -186,7 +187,7 @@ def wheel_speeds(profile: Profile, recording: WheelRecording) -> Floats:
     return speeds
 
 
-@lru_cache(maxsize=1)  # of one profile several recordings' readings are asked for
+@lru_cache(maxsize=1)  # one profile is asked for the readings of several recordings
 def _robot(profile: Profile) -> Robot:
     return profile.to_kernel()
 

@@ -1,4 +1,4 @@
-"""The proximity sensors' fit (§3.2.1, §3.2.3): the paper's form first, and what goes beyond it."""
+"""The proximity sensors' fit (§3.2.1, §3.2.3): the paper's form first, then its extensions."""
 
 import math
 from collections.abc import Sequence
@@ -26,20 +26,20 @@ from realitygap.world.profile import Profile, load_profile
 __all__ = ["INFRARED_FORMS", "infrared_problems", "with_infrared"]
 
 INFRARED_FORMS = ("paper", "individual", "extended")
-"""Common a and b; a and b for each sensor; also directions, distance offset, exponent of the cosine, and
-Lambertian surfaces. Beside them there is "measured": measured.py."""
+""""paper": common a and b; "individual": a and b for each sensor; "extended": also directions, distance
+offset, exponent of the cosine, and Lambertian surfaces. There is also "measured": measured.py."""
 
 NEAREST_CM = 1e-3
-"""To what a sensor has of its own, at the least, where the body touches."""
+"""Smallest distance of a sensor's own where the body touches."""
 AGAINST, DECIDED = -1.5, 2.0
-"""Standard errors: surfaces are taken to be Lambertian unless the readings are this much against it; from
-DECIDED on that counts as identified. Walls alone say little about it, a cylinder says it plainly."""
+"""Standard errors: surfaces are taken as Lambertian unless readings contradict it by this much; from DECIDED
+on the choice counts as identified. Walls alone say little about it, a cylinder decides it."""
 
 
 def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], str]:
     """The forms to be fitted; and in words what is not identifiable about them, if anything.
 
-    Surfaces are Lambertian or not: tried, not fitted, since an exponent fitted to walls wanders.
+    Lambertian or not is tried, not fitted, since an exponent fitted to walls is unstable.
     """
     problems = {form: _problem(form, rows, base) for form in INFRARED_FORMS}
     tried = [
@@ -60,9 +60,9 @@ def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], st
 
 
 def preference(rows: Rows, one: Fit, *, over: Fit) -> float:
-    """By how many standard errors readings speak for one fit over another with as many constants.
+    """Evidence for one fit over another with as many constants, in standard errors.
 
-    Vuong's statistic (1989), its standard error robust against errors that neighbouring places share.
+    Vuong's statistic (1989) with a standard error robust against errors shared by neighbouring places.
     """
     noise = PROXIMITY_COUNTS * rows.unit
     z = [np.where(rows.use, fit.model - rows.counts, 0.0) / noise for fit in (one, over)]
@@ -83,9 +83,9 @@ def _problem(form: str, rows: Rows, base: Profile) -> Problem:
 
 
 def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Free]:
-    """The constants that a form leaves free, starting from a profile; each rig has its own turn.
+    """The free constants of a form, starting from a profile; each rig has its own rotation.
 
-    Without any rig every sensor stood straight before a wall, which tells no direction: none is free.
+    Without rigs every sensor faced a wall straight on, so directions are not identifiable and not free.
     """
     sensors = profile.infrared.sensors
     each, unit = 1 if form == "paper" else len(sensors), count_unit(profile.infrared.top)
@@ -105,10 +105,9 @@ def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Fre
 
 
 def with_infrared(profile: Profile, values: Values) -> Profile:
-    """A profile with fitted constants in place."""
     sensors, law = profile.infrared.sensors, profile.infrared
     columns = columns_of(values, ("a", "b", "direction_deg", "offset_cm"), sensors)
-    if "offset_cm" in columns:  # what a profile can hold: no distance comes to 0
+    if "offset_cm" in columns:  # within a profile's bounds: no distance reaches 0
         depth = [profile.body.radius_cm - math.hypot(s.x_cm, s.y_cm) - NEAREST_CM for s in sensors]
         columns["offset_cm"] = [max(off, -d) for off, d in zip(columns["offset_cm"], depth, strict=True)]
     exponent = float(values["exponent"][0]) if "exponent" in values else law.exponent
@@ -117,7 +116,7 @@ def with_infrared(profile: Profile, values: Values) -> Profile:
 
 
 def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str, Scene]]) -> Floats:
-    """Noise-free readings [n, P] of several recordings, one after another, at each rig's turn."""
+    """Noise-free readings [n, P] of several recordings, one after another, with each rig's rotation."""
     made = with_infrared(profile, values)
     turns = [float(values[rig][0]) if rig in values else 0.0 for rig, _ in scenes]
     tried = zip(scenes, turns, strict=True)
@@ -125,7 +124,7 @@ def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str,
 
 
 def neutral_infrared(base: Profile) -> Profile:
-    """The base with §3.2.3 as printed: cos β, distances as they are, sensors looking where they should."""
+    """The base with §3.2.3 as printed: cos β, distances unchanged, sensors at their nominal directions."""
     law, paper = base.infrared, load_profile("paper").infrared
     sensors = tuple(replace(s, offset_cm=0.0) for s in nominal(law.sensors, paper.sensors))
     return replace(base, infrared=replace(law, exponent=paper.exponent, matt=0.0, sensors=sensors))

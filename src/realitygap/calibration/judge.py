@@ -1,4 +1,4 @@
-"""A profile judged by recordings: RMSE, bias, and model error over noise, for each sensor."""
+"""Judges a profile by recordings: RMSE, bias, and model error over noise, for each sensor."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -42,18 +42,18 @@ from realitygap.world.profile import Profile
 __all__ = ["LIMITS", "Judgement", "judge"]
 
 FITS = 1.25
-"""A measured noise deviation within this factor of the profile's fits it."""
+"""A measured noise deviation within this factor of the profile's agrees with it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judgement:
-    """A profile against one recording: counts, or cm/s for wheels.
+    """A profile compared with one recording: counts, or cm/s for wheels.
 
-    `per_sensor` and all sums leave out sensors that tell nothing; `warnings` name them, and all else
-    that makes the recording doubtful. `within` is the share of lit places that the model errs on by two
-    deviations of the noise at most: where it is near 1 and `ratio` is large, single places err.
-    Of a series of one sensor before a wall `shift_cm` is how much further off it stood than it was said to,
-    and `background` what its room's infrared added to the profile's, 1/cm²: both are fitted out.
+    `per_sensor` and all sums leave out dead sensors; `warnings` name them and everything else that is
+    doubtful. `within` is the share of lit places on which the model errs by at most two deviations of the
+    noise: where it is near 1 and `ratio` is large, single places err. For a series of one sensor facing a
+    wall, `shift_cm` is its extra distance and `background` the room's infrared beyond the profile's (1/cm²);
+    both are fitted out.
     """
 
     kind: str
@@ -74,7 +74,7 @@ class Judgement:
 
     @property
     def fitted_out(self) -> list[str]:
-        """In words, how the recording's set-up differs from what it says, or from the profile's room."""
+        """How the recording's set-up differs from its description or from the profile's room, in words."""
         said = [f"rig turned by {self.turn_deg:+.1f} degrees"] if self.turn_deg else []
         if self.shift_cm or self.background:
             said.append(f"set down {10 * self.shift_cm:+.1f} mm farther away")
@@ -83,14 +83,14 @@ class Judgement:
 
     @property
     def noise_fits(self) -> bool | None:
-        """Whether every deviation that could be measured fits the profile's; None: none could."""
+        """Whether every measured noise deviation agrees with the profile's; None: none could be measured."""
         pairs = [(m, p) for m, p in self.noise.values() if np.isfinite(m)]
         return all(p <= FITS * m and m <= FITS * p for m, p in pairs) if pairs else None
 
     @property
     def ratio(self) -> float:
-        """Model error over noise of all sensors where readings are neither dark nor saturated, as a
-        calibration says it of places held out; NaN where there are none."""
+        """Model error over noise of all sensors where readings are neither dark nor saturated, the same
+        figure as a calibration's for held-out places; NaN without such readings."""
         return lit_ratio(self.per_sensor)
 
     def to_dict(self) -> dict[str, Any]:
@@ -114,7 +114,7 @@ class Judgement:
 
 
 def judge(recording: Recording, profile: Profile) -> Judgement:
-    """Judge a profile by a recording; a rig's turn (and an unknown lamp's brightness) is fitted out.
+    """Judge a profile by a recording; a rig's rotation (and an unknown lamp's brightness) is fitted out.
 
     Raises:
         RecordingError: the profile has another number of sensors, or another full scale.
@@ -160,7 +160,7 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
 
 
 def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str], tuple[str, ...]]:
-    """Sensors that tell nothing, and in words what a calibration would warn of or refuse."""
+    """Dead sensors, and the warnings or refusals of a calibration in words."""
     dead: dict[int, str] = {}
     top = profile.channel(recording.kind).top
     said = list(recording.warnings)
@@ -180,8 +180,8 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
 def _fitted_out(
     recording: SensorRecording, profile: Profile, scene: Scene, live: list[int]
 ) -> tuple[float, float, Floats]:
-    """The rig's turn (degrees), an unknown lamp's brightness or surface's reflectance, and the model's
-    readings with both."""
+    """The rig's rotation (degrees), the brightness of an unknown lamp or reflectance of an unknown surface,
+    and the model's readings with both."""
     from scipy.optimize import least_squares
 
     known = recording.pose is not None and recording.arena is not None
@@ -231,7 +231,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     said = list(recording.warnings)
     try:
         refuse_odd(recording, odometry, profile)
-    except CalibrationError as error:  # what a calibration would refuse
+    except CalibrationError as error:  # a calibration would refuse it
         said.append(str(error))
     off = model - measured
     rmse, bias = np.sqrt(np.nanmean(off**2, axis=0)), np.nanmean(off, axis=0)

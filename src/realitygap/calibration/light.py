@@ -1,6 +1,6 @@
 """The ambient sensors' fit (§3.2.1, §3.3): the paper's chain, and forms linear in intensity.
 
-Gains are fitted as logarithms: they are scales, and a lamp's brightness is unknown by orders.
+Gains are fitted as logarithms: they are scales, and a lamp's brightness is unknown by orders of magnitude.
 """
 
 from __future__ import annotations
@@ -31,22 +31,23 @@ Scenes = Sequence[tuple[str, Scene]]
 GAIN = "log_gain"
 
 LIGHT_FORMS = ("paper", "individual", "linear", "extended")
-"""The paper's chain with the lamp's brightness free; with a gain for each sensor; linear between dark
-and floor with gains and an angular exponent; also directions, the lamp's height, and where the room is
-known, what walls throw back."""
+""""paper": the paper's chain with the lamp's brightness free; "individual": with a gain for each sensor;
+"linear": linear between dark and floor with gains and an angular exponent; "extended": also directions, the
+lamp's height and, in a known room, light reflected by walls."""
 
 COMMON = (
     "floor", "dark", "facing", "lamp_height_cm", "lamp_proud_cm", "reflectance", "exponent", "near_cm",
 )  # fmt: skip
 NARROWEST, INSIDE_CM = 1.0, 0.01
-"""Counts between floor and dark, and how far within the body's edge a sensor sits, at the least."""
+"""Least difference between floor and dark, counts, and least distance of a sensor from the body's edge."""
 SHIFT_PRIOR = 10.0
-"""Counts of the paper's robot by which sensors of one robot differ in the dark and when saturated."""
+"""Expected differences between a robot's sensors in the dark and when saturated, counts of the paper's robot.
+"""
 PLACE_CM, PLACE_PRIOR_CM = 0.15, 0.05
-"""How far a sensor may sit from where the profile has it, and how far it is likely to."""
+"""Bound and prior deviation of a sensor's position from the profile's."""
 LAMP_JUMP_CM = 0.4
-"""By the lamp's height all rays that pass over the body change at once: least squares may end more than a
-centimetre beside it, and a search with steps of 0.1 cm stayed there."""
+"""The lamp's height changes all rays that pass over the body at once: least squares may end more than a
+centimetre off, and a search with steps of 0.1 cm stayed there."""
 
 
 def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Floats, *, room: bool) -> list[Free]:
@@ -55,9 +56,9 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Floats, *, 
     Args:
         form: one of LIGHT_FORMS.
         profile: where they start.
-        scenes: name of each recording's rig, and where its rows were read.
+        scenes: each recording's rig name and places.
         counts: [n, S] readings.
-        room: whether the walls are known, so that reflected light can tell something.
+        room: whether the walls are known, so that reflected light is informative.
     """
     linear, unit = form in ("linear", "extended"), count_unit(profile.ambient.top)
     dark, floor = (np.array([np.median(end)]) for end in (counts.max(axis=0), counts.min(axis=0)))
@@ -77,7 +78,7 @@ def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Floats, *, 
 
 
 def _linear(profile: Profile, *, walls: bool) -> list[Free]:
-    """What each sensor's own range adds, and how it takes in light, off `walls` too if their law is known."""
+    """The free constants of each sensor's own range and lobe, and of reflections if `walls` are known."""
     unit = count_unit(profile.ambient.top)
     none, most = np.zeros(len(profile.ambient.sensors)), 60 * unit
     shifts = [
@@ -120,7 +121,7 @@ def _extended(profile: Profile, room: bool) -> list[Free]:
 
 
 def _first_gains(form: str, profile: Profile, scenes: Scenes, counts: Floats) -> Floats:
-    """Gains [S] with which the law is right in the middle of each sensor's range."""
+    """Gains [S] with which the model is right at the middle of each sensor's range."""
     light = np.concatenate([illumination(profile, scene) for _, scene in scenes])
     floor, dark = profile.ambient.floor, profile.ambient.dark
     out = np.ones(counts.shape[1])
@@ -137,12 +138,11 @@ def _first_gains(form: str, profile: Profile, scenes: Scenes, counts: Floats) ->
 
 
 def with_light(profile: Profile, values: Values, form: str) -> Profile:
-    """A profile with fitted constants in place."""
     law = profile.ambient
     n = len(law.sensors)
     columns = columns_of(values, ("direction_deg",), law.sensors)
     common = {key: float(values[key][0]) for key in COMMON if key in values}
-    if "dark" in values:  # what a profile can hold, where few places are dark or bright enough to tell
+    if "dark" in values:  # a profile's bounds, where few places are dark or bright enough
         common["dark"] = min(common["dark"], law.top)
         common["floor"] = min(common["floor"], common["dark"] - NARROWEST)
     if "floor_shift" in values:  # no sensor reads below 0
@@ -156,7 +156,7 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
     if "forward_cm" in values:
         columns |= _moved(profile, values)
     sensors = with_columns(law.sensors, columns)
-    if "lobe" in values:  # a sensor takes in light off a wall as it takes in the lamp's
+    if "lobe" in values:  # a wall's light has the same lobe as the lamp's
         common |= dict.fromkeys(("facing", "exponent"), float(values["lobe"][0]))
     response = "linear" if form in ("linear", "extended") else "paper"
     law = replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type]
@@ -164,7 +164,7 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
 
 
 def _moved(profile: Profile, values: Values) -> dict[str, list[float]]:
-    """Where the sensors sit after a fit: within the body."""
+    """Fitted positions of the sensors, kept within the body."""
     inside = profile.body.radius_cm - INSIDE_CM
     off = zip(profile.ambient.sensors, values["forward_cm"].tolist(), values["left_cm"].tolist(), strict=True)
     places = [(s.x_cm + forward, s.y_cm + left) for s, forward, left in off]
@@ -174,13 +174,13 @@ def _moved(profile: Profile, values: Values) -> dict[str, list[float]]:
 
 
 def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, memory: LightMemory) -> Floats:
-    """Noise-free readings [n, A] of several recordings, one after another, at each rig's turn.
+    """Noise-free readings [n, A] of several recordings, one after another, with each rig's rotation.
 
     Args:
-        profile: what is not free.
-        values: of what is.
-        scenes: each recording's turn, by its key, and its places.
-        form: of the law.
+        profile: values of fixed constants.
+        values: of free ones.
+        scenes: each recording's rotation key and places.
+        form: of the model.
         memory: of the last illumination.
     """
     gain = np.exp(values[GAIN])
@@ -189,15 +189,14 @@ def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, mem
 
 
 class LightMemory:
-    """The last illumination: gains, floors and darks change nothing about it; and the last profile, which
-    gains alone do not change."""
+    """The last illumination, which gains, floors and darks do not change; and the last profile, which gains
+    alone do not change."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[object, ...], Floats] = {}
         self._last: tuple[Values, Profile] | None = None
 
     def profile(self, base: Profile, values: Values, form: str) -> Profile:
-        """The base with fitted constants in place."""
         last = self._last
         if last is None or any(not np.array_equal(last[0][key], value) for key, value in values.items()):
             self._last = last = (
@@ -207,7 +206,7 @@ class LightMemory:
         return last[1]
 
     def light(self, profile: Profile, values: Values, scenes: Scenes) -> Floats:
-        """[n, A] illumination, taken anew only where what it depends on has changed."""
+        """[n, A] illumination, recomputed only if something it depends on has changed."""
         law = profile.ambient
         turns = tuple(float(values[name][0]) if name in values else 0.0 for name, _ in scenes)
         directions = tuple((s.direction_deg, s.x_cm, s.y_cm) for s in law.sensors)
@@ -225,10 +224,11 @@ class LightMemory:
 
 
 def as_bright_as_the_paper(profile: Profile) -> Profile:
-    """Gains as if the table's lamp had been the paper's, which a table of an unknown lamp cannot tell.
+    """Gains as if the table's lamp had been the paper's, since an unknown lamp's brightness is not
+    identifiable.
 
-    Sensors keep their gains against each other; together they are scaled so that the light which the
-    paper's law reads half-way between floor and dark is read half-way here.
+    Ratios between sensors are kept; a common factor makes this profile read half-way between floor and dark
+    at the light where the paper's does.
     """
     law = profile.ambient
     half = (law.dark - law.floor) / 2.0

@@ -1,5 +1,4 @@
-"""The ambient sensors' forms for recordings (§3.3): which of them there are, which light they have, and light
-as measured."""
+"""The forms of the ambient sensors' fit (§3.3), how reflected light is chosen, and the measured form."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,26 +18,26 @@ from realitygap.world.sensors import RAY_NUMBERS, Ambient
 __all__ = ["AMBIENT_COUNTS", "LightCurves", "light_problems"]
 
 AMBIENT_COUNTS = 4.5
-"""Noise that residuals are weighed by before it is measured: counts of the paper's robot."""
+"""Initial noise for weighing residuals: counts of the paper's robot."""
 FIRST_RAYS = 30.0
-"""By so many rays reflected light comes in while its kind is looked for: ten see a shadow in steps of 18°."""
+"""Number of rays while the kind of reflection is chosen: ten see a shadow in steps of 18°."""
 FEWEST_RAYS, PROMISING = 20, 3
-"""Fewer rays are not tried for a room; of the others so many are fitted."""
+"""Least number of rays that is tried in a room, and how many numbers are fitted."""
 
 BEYOND = (
     "response", "facing", "lamp_height_cm", "lamp_narrow", "lamp_proud_cm", "falloff", "near_cm",
     "matt", "rays",
 )  # fmt: skip
-"""Keys of [ambient] that the paper does not have: their defaults change nothing."""
+"""Keys of [ambient] that the paper does not have; their defaults change nothing."""
 
 
 def light_problems(rows: Rows, base: Profile, form: str, *, room: bool, beside: bool) -> dict[str, Problem]:
     """The forms to be fitted.
 
     Args:
-        form: the one that is asked for.
-        room: whether the walls are known, so that reflected light can tell something.
-        beside: whether all other forms are wanted too.
+        form: the requested one.
+        room: whether the walls are known, so that reflected light is informative.
+        beside: whether to include all other forms.
     """
     names = LIGHT_FORMS if beside else (form,)
     problems = {name: _problem(name, rows, base, room=room) for name in names}
@@ -53,7 +52,7 @@ def light_problems(rows: Rows, base: Profile, form: str, *, room: bool, beside: 
 def _problem(
     form: str, rows: Rows, base: Profile, *, room: bool, falloff: float = 2.0, **light: float
 ) -> Problem:
-    """A form's fit with reflected light of one kind; `light` are keys of [ambient]."""
+    """A form's fit with one kind of reflected light; `light` are keys of [ambient]."""
     base = neutral_light(base) if form == "paper" else base
     law = base.ambient
     reflectance = law.reflectance if falloff == law.falloff else law.reflectance / 30.0
@@ -69,7 +68,7 @@ def _problem(
 
 
 def _best(rows: Rows, problems: Sequence[Problem]) -> Problem:
-    """Whichever leaves least over; it begins where it ended here."""
+    """The problem with the smallest residual, restarted from its result."""
     fits = [solve_form(rows, problem, AMBIENT_COUNTS * rows.unit, intervals=False) for problem in problems]
     left = [rows.rmse(fit.model) for fit in fits]
     k = left.index(min(left))
@@ -77,11 +76,11 @@ def _best(rows: Rows, problems: Sequence[Problem]) -> Problem:
 
 
 def _best_light(rows: Rows, base: Profile, paper: Problem) -> Problem:
-    """Reflected light as the paper has it or off walls of some height, and a lamp as wide as the arena
-    has it or narrow: whichever leaves least over; and then by how many rays.
+    """The best combination of reflection (as in the paper, or from walls of some height) and lamp (as wide as
+    the arena says, or narrow), and then the best number of rays.
 
-    What a point of a lamp is hidden by, and what a ray meets, changes in jumps that no derivative sees:
-    so these are tried, not fitted.
+    Occlusion of a lamp and what a ray hits change in jumps without a derivative, so these are tried, not
+    fitted.
     """
 
     def walls(narrow: float, rays: float) -> Problem:
@@ -98,7 +97,7 @@ def _best_light(rows: Rows, base: Profile, paper: Problem) -> Problem:
 
 
 def neutral_light(base: Profile) -> Profile:
-    """The base with §3.3 as printed: 1.5 · cos² β of what is reflected, and nothing beyond the paper."""
+    """The base with §3.3 as printed: 1.5 · cos² β for reflected light, and no extensions."""
     law, paper = base.ambient, load_profile("paper").ambient
     sensors = tuple(replace(s, floor_shift=0.0, dark_shift=0.0) for s in nominal(law.sensors, paper.sensors))
     beyond = {key: Ambient.__dataclass_fields__[key].default for key in BEYOND}
@@ -109,13 +108,13 @@ def neutral_light(base: Profile) -> Profile:
 class LightCurves:
     """The form "measured" of the ambient sensors, on the optics of the extended form's fit.
 
-    What reaches a sensor (lamp, walls, lobe) is as the extended form found it; what it makes of that is a
-    table in place of a straight law between dark and floor.
+    Lamp, walls and lobe stay as the extended form found them; a table for each sensor replaces the straight
+    line between dark and floor.
 
     Args:
         rows: all readings.
-        base: the profile that the extended form began from.
-        values: what the extended form found.
+        base: the profile that the extended form started from.
+        values: the extended form's result.
         noise: of a reading, counts.
     """
 
@@ -130,14 +129,14 @@ class LightCurves:
         self._values = values
 
     def model(self) -> Floats:
-        """[n, A] what they read, counts."""
+        """[n, A] model readings, counts."""
         return self._read(self._values, np.zeros(len(self._rows.counts), bool))
 
     def held_out(self, folds: Sequence[tuple[NDArray[np.bool_], Values]]) -> Floats:
-        """[n, A] what they read on places held out, by the extended form's fits without each.
+        """[n, A] model readings on held-out places, by the extended form's fits without each fold.
 
         Args:
-            folds: [n] rows that were held out, and the values fitted without them.
+            folds: [n] held-out rows, and the values fitted without them.
         """
         out = self.model()
         for without, values in folds:
@@ -145,7 +144,8 @@ class LightCurves:
         return out
 
     def profile(self, extended: Profile) -> Profile:
-        """The extended form's profile, with curves in place of its law; its gains may have been scaled."""
+        """The extended form's profile with curves in place of its straight line; its gains may have been
+        rescaled."""
         law = extended.ambient
         before = with_light(self._base, self._values, "extended").ambient.sensors
         scale = float(np.median([now.gain / s.gain for now, s in zip(law.sensors, before, strict=True)]))
@@ -162,7 +162,7 @@ class LightCurves:
         return np.asarray(light * np.array([sensor.gain for sensor in made.ambient.sensors]))
 
     def _share(self, light: Floats) -> Floats:
-        """[n, A] how far along its curve each reading lies."""
+        """[n, A] position of each reading on its curve."""
         root = np.sqrt(light)
         return np.asarray(root / (root + np.sqrt(self._knee)))
 

@@ -1,4 +1,4 @@
-"""The form "lookup": no law. Each place's mean reading stands in a table, with straight lines between places.
+"""The form "lookup": a table of mean readings with linear interpolation between places, without a model.
 
 The approach of the paper's reference [15]: readings recorded round a wall and round a cylinder, replayed.
 """
@@ -23,17 +23,17 @@ __all__ = ["Ring", "fit_lookup", "rings", "without"]
 FEWEST_BEARINGS, FEWEST_DISTANCES = 8, 2
 EVEN_DEG = 0.01
 BEHIND_DEG = 120.0
-"""A sensor that looks so far away from the object sees nothing of it."""
+"""A sensor facing this far away from the object sees nothing of it."""
 NEAREST = 1e-9
-"""Weight of a place that is known on one side only: it counts where nothing else does."""
+"""Weight of a place known on one side only: it matters only where nothing else is known."""
 WALL, CYLINDER = "wall", "cylinder"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ring:
-    """The places round one kind of object: D distances [D] (cm), at each B bearings at equal steps.
+    """The places round one kind of object: D distances (cm), at each B bearings at equal steps.
 
-    `rows` [m] are those of the recordings that were read there, `node` [m] the place of each, row after row.
+    `rows` [m] are the recordings' rows read there, `node` [m] the place of each.
     """
 
     at: Floats
@@ -42,8 +42,8 @@ class Ring:
     node: NDArray[np.int64]
 
     def table(self, counts: Floats, use: NDArray[np.bool_]) -> Floats:
-        """[D · B, S] mean readings [n, S] of each place; of those without any of `use` [n] by lines between
-        their neighbours, or the nearest where there are none on two sides."""
+        """[D · B, S] mean readings [n, S] of each place; places without rows in `use` [n] are interpolated
+        linearly, or take the nearest value at an end."""
         there = use[self.rows]
         node, read = self.node[there], counts[self.rows[there]]
         size = len(self.at) * self.bearings
@@ -53,8 +53,8 @@ class Ring:
         return np.asarray(self._filled(mean, (many > 0).reshape(mean.shape[:2])).reshape(size, -1))
 
     def _filled(self, mean: Floats, known: NDArray[np.bool_]) -> Floats:
-        """[D, B, S] at places [D, B] that are not known what lines along distances and along bearings say,
-        the shorter one louder."""
+        """[D, B, S] with unknown places [D, B] interpolated along distances and along bearings, the shorter
+        line with more weight."""
         if known.all():
             return mean
         said, weights = np.zeros(mean.shape), np.zeros((*known.shape, 1))
@@ -72,8 +72,8 @@ class Ring:
 
 
 def _line(at: Floats, values: Floats, known: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """[n, S] what is on lines between the known ones of values [n, S] at some places [n], beyond the last of
-    them that one; and its weight [n, 1]: one over the line's length, hardly anything beyond the last."""
+    """[n, S] values interpolated between the known ones of [n, S] at places [n], constant beyond the last;
+    and the weights [n, 1]: one over the line's length, almost 0 beyond the last."""
     there = np.flatnonzero(known)
     if not len(there):
         return values, np.zeros((len(at), 1))
@@ -89,7 +89,7 @@ def rings(rows: Rows) -> dict[str, Ring]:
     """The places of all recordings, by kind of object.
 
     Raises:
-        CalibrationError: they do not stand at equal bearings all round, or for several radii.
+        CalibrationError: bearings are not at equal steps all round, or there are several radii.
     """
     radii = {r.object: r.source for r in rows.recordings if r.radius_cm is not None}
     if len(radii) > 1:
@@ -121,7 +121,7 @@ def _ring(rows: Rows, there: NDArray[np.int64]) -> Ring:
 
 
 def without(rows: Rows, round_object: Mapping[str, Ring], out: NDArray[np.bool_]) -> Floats:
-    """[n, S] what tables of all rows but `out` [n] read at every row's place."""
+    """[n, S] readings at every row's place by tables of all rows but `out` [n]."""
     read = np.zeros(rows.counts.shape)
     for ring in round_object.values():
         read[ring.rows] = ring.table(rows.counts, ~out)[ring.node]
@@ -129,10 +129,11 @@ def without(rows: Rows, round_object: Mapping[str, Ring], out: NDArray[np.bool_]
 
 
 def fit_lookup(rows: Rows, base: Profile) -> tuple[Profile, Fit, Floats, list[str]]:
-    """The profile, what it reads [n, S], the same on places held out, and in words what is not in the table.
+    """The profile, its readings [n, S], those on held-out places [n, S], and warnings about what the table
+    lacks.
 
     Raises:
-        CalibrationError: recordings that no table can be made of.
+        CalibrationError: the recordings cannot be made into a table.
     """
     for recording in rows.recordings:
         if recording.pose is not None or recording.body_outline_cm:
@@ -157,7 +158,8 @@ def fit_lookup(rows: Rows, base: Profile) -> tuple[Profile, Fit, Floats, list[st
 
 
 def _profile(rows: Rows, base: Profile, places: Mapping[str, Ring]) -> Profile:
-    """The base with the table in the place of law and curves; of a kind that nobody recorded the other's."""
+    """The base with the table in place of equation and curves; a kind that was not recorded uses the other's
+    table."""
     law = base.infrared
     away = (rows.bearing[:, None] - [s.direction_deg for s in law.sensors] + 180.0) % 360.0 - 180.0
     behind = np.abs(away) > BEHIND_DEG
@@ -173,7 +175,7 @@ def _profile(rows: Rows, base: Profile, places: Mapping[str, Ring]) -> Profile:
 
 
 def _beyond(places: Mapping[str, Ring], profile: Profile) -> list[str]:
-    """In words, what a controller may meet that the table does not hold."""
+    """Warnings about situations that the table does not cover."""
     table, top, said = profile.infrared.table, profile.infrared.top, []
     for name, other in ((WALL, CYLINDER), (CYLINDER, WALL)):
         if name not in places:

@@ -1,7 +1,7 @@
-"""Proximity sensors as measured: optics by rays, electronics by a curve for each sensor.
+"""Measured proximity sensors: optics by rays, electronics by a curve for each sensor.
 
-Only the optics is searched (directions, offset, width, aperture, lobe): at each of its values the curves
-that suit it best follow by linear least squares (variable projection: Golub and Pereyra 1973).
+Only the optics is searched (directions, offset, width, aperture, lobe): for each of its values the best
+curves follow by linear least squares (variable projection: Golub and Pereyra 1973).
 """
 
 from collections.abc import Sequence
@@ -27,40 +27,40 @@ __all__ = ["Measured", "fit_measured"]
 
 Use = NDArray[np.bool_]
 Begun = tuple[float, int, Optics, dict[str, Floats]]
-"""A start: what it leaves over, its number, and where it got to."""
+"""A start: its residual, its number, and its current state."""
 
 ONE_BEAM = {"aperture_deg": 60.0, "share_1": 0.28, "share_2": 0.22, "share_3": 0.14, "share_4": 0.06}
 TWO_BEAMS = {"share_4": 0.67}
-"""What a search begins at, and what of the lobe is free: one beam; or two beside the middle ray, less what
-they see of a flat surface before it, as in simulators that subtract."""
+"""Starting values, and the free parts of the lobe: one beam; or two beside the middle ray, minus their
+response to a flat surface in front, as in simulators that subtract."""
 TWO_BEAMS_DEG = (10.0, 15.0, 22.0)
 LOBES = (ONE_BEAM, *({**TWO_BEAMS, "aperture_deg": wide} for wide in TWO_BEAMS_DEG))
 WIDTHS_CM = (0.5, 3.0, 9.0)
 PROMISING, HEARD, GIVEN_UP = 2, 3, 2.0
-"""So many starts of each kind of lobe are followed. Where places are held out, of so many only is it asked
-where rays end, and what leaves so many times as much over as the best is given up: each time that was looked
-at, one of the first two of a kind by their directions alone came out best, and none from so far behind."""
+"""How many starts of each kind of lobe are followed. For held-out fits: how many are scanned for where rays
+end, and the factor over the best residual at which a start is given up. In tests one of the first two of a
+kind by directions alone always won, and none from so far behind."""
 COARSE = {0.05: 10.0, 0.03: 4.0, 0.02: 2.0, 0.01: 1.0, 0.003: 0.4}
-"""Shares of the full scale that readings are first taken to be good to: far from the truth details mislead.
-And how far a sensor's direction is looked for then, degrees."""
+"""Assumed accuracies of readings in early stages, as shares of the full scale, since details mislead far from
+the truth; and the range of the search for directions then, degrees."""
 FIRST = max(COARSE)
 DRAWS, DRAWS_HELD_OUT = 600, 300
-"""Looks at all places in one search; and where some are held out, four times over: what fewer miss errs to
-the careful side."""
+"""Evaluations of all places in one search; and in held-out fits, of which there are four: a poorer search
+errs on the safe side."""
 FINEST = 0.004
-"""Share of the full scale that no model is expected to be better than."""
+"""No model is expected to be more accurate than this share of the full scale."""
 POINTS = (STEPS // 4, STEPS // 2, 3 * STEPS // 4)
-"""Of a curve: those whose intervals are told."""
+"""Points of a curve whose intervals are reported."""
 
 
 class Measured:
     """The form "measured" of the proximity sensors.
 
     Args:
-        rows: readings that it is fitted to.
-        base: the profile to begin from.
+        rows: readings to fit.
+        base: the profile to start from.
         noise: of a reading, counts.
-        judging: fitted only to read what is held out, by a shorter search.
+        judging: only predicts held-out readings, by a shorter search.
     """
 
     def __init__(self, rows: Rows, base: Profile, noise: float, *, judging: bool = False) -> None:
@@ -84,7 +84,7 @@ class Measured:
         )
 
     def fit(self) -> tuple[Profile, Fit]:
-        """The profile and its constants, from the start that promises most."""
+        """The profile and its constants, from the most promising start."""
         places, values = self._promising()
         fit = self._step.solved(places, values, self._noise, intervals=True)
         values, use = self._step.mended(places, values, fit.values), self._rows.use
@@ -93,12 +93,12 @@ class Measured:
         return self.profile(values, use), replace(fit, model=self.optics.shown(values, use))
 
     def read(self) -> Floats:
-        """[n, S] readings at all places, those of no use to the fit too, by the search alone."""
+        """[n, S] readings at all places, also those not used by the fit, by the search alone."""
         _, values = self._promising()
         return self.optics.shown(values, self._rows.use)
 
     def _promising(self) -> tuple[Optics, dict[str, Floats]]:
-        """Where the start ends that promises most; `optics` has it with curves fitted to all readings."""
+        """The result of the most promising start; `optics` has it with curves fitted to all readings."""
         found = [self._start_at(i, *self._nearer(*one[2:])) for i, one in enumerate(self._begun())]
         places, values = self._nearer(*min(found, key=itemgetter(0, 1))[2:])
         values = self._step.lit(places, values)
@@ -108,7 +108,7 @@ class Measured:
         return places, values
 
     def _points(self, values: Values, use: Use) -> list[Constant]:
-        """Three points of each sensor's curve with their intervals, the optics as fitted."""
+        """Three points of each sensor's curve with their intervals, for fixed optics."""
         curves, u = self.optics.curves(values, use)
         size = SIGMAS * Curves(replace(self.optics.seen, use=use), u).deviations(curves)
         return [
@@ -120,7 +120,8 @@ class Measured:
         ]  # fmt: skip
 
     def _nearer(self, optics: Optics, values: Values) -> tuple[Optics, dict[str, Floats]]:
-        """The curves as smooth as suits the optics, which shows only where that is right; then that."""
+        """The curves' smoothness for the current optics, which is only meaningful once that is right; then
+        the optics."""
         folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
         alikes = ALIKES if self._step.straight else (ALIKE,)
         seen = smoothness(seen, optics.share(optics.profile(values), values), folds, alikes)
@@ -128,8 +129,8 @@ class Measured:
         return optics, self._step.searched(optics, values)
 
     def _begun(self) -> list[Begun]:
-        """Nearly there: of all starts the most promising are followed a stage, and then the best with one
-        beam and with two."""
+        """Good starts: the most promising are followed for one stage, then the best with one beam and with
+        two."""
         begun: list[Begun] = []
         straight = self._step.straight
         lobes = LOBES[: 1 if straight else None]
@@ -152,7 +153,7 @@ class Measured:
         return self._followed(begun, many)
 
     def _followed(self, begun: Sequence[Begun], many: int) -> list[Begun]:
-        """The best starts with one beam and with two, so `many` of each, the best of all first."""
+        """The best `many` starts with one beam and with two, the best first."""
         ranked = sorted(begun, key=itemgetter(0, 1))
         kinds = [[one for one in ranked if one[2].lobe == tuple(lobe)] for lobe in (ONE_BEAM, LOBES[-1])]
         most = GIVEN_UP * ranked[0][0] if self._judging else np.inf
@@ -160,12 +161,11 @@ class Measured:
         return sorted(best, key=itemgetter(0, 1))
 
     def _start_at(self, number: int, optics: Optics, values: dict[str, Floats]) -> Begun:
-        """A start that got there."""
         plain = 1.0 if optics.lobe == tuple(ONE_BEAM) else PLAIN
         return self._step.left(optics, values) * plain, number, optics, values
 
     def profile(self, values: Values, use: Use) -> Profile:
-        """The profile of fitted optics, with the curves that suit it."""
+        """The profile of fitted optics with the best curves for it."""
         made = self.optics.profile(values)
         curves = self.optics.in_room(values, self.optics.curves(values, use)[0], use)
         law = made.infrared
@@ -180,7 +180,7 @@ class Measured:
 
 
 def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Floats]:
-    """The profile, its constants, and what it reads [n, S] on places held out."""
+    """The profile, its constants, and its readings [n, S] on held-out places."""
 
     finest = BY_HAND if all(r.from_sensor is not None for r in rows.recordings) else FINEST
 

@@ -1,4 +1,4 @@
-"""How far a model is from readings, sensor by sensor, and the noise that it is held against."""
+"""Model error for each sensor, and the noise that it is compared with."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,21 +20,21 @@ __all__ = [
 ]  # fmt: skip
 
 PLACED_CM = 0.1
-"""How far off places may be that were set up by hand."""
+"""Accuracy of places set by hand."""
 LIMITS = {"infrared": 2.0, "ambient": 1.0}
-"""Model error over noise deviation, above which the noise level says little: model error exceeds noise."""
+"""Model error over noise deviation above which model error exceeds noise."""
 DARK_SHARE, DARK_PLACES, SPREAD = 0.25, 8, 4.0
-"""Of its places, and so many, at which a sensor that has a dark offset reads no more than that; and by how
-many deviations of the noise such readings may differ."""
+"""The share and the number of a sensor's places that read no more than its dark offset; and the range of such
+readings in deviations of the noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Yardstick:
-    """What a model's error is held against: the noise of a kind of sensor, "infrared" or "ambient".
+    """The noise that a model's error is compared with: of "infrared" or "ambient" sensors.
 
-    `top` is the converter's highest count, `deviation` the noise's, counts; it is taken out of the error
-    only where it was `measured`: one that is assumed may be larger than all that is left. Below `dead` counts
-    there are no readings: where a place's mean is, noise decides which of them are dark.
+    `top` is the converter's highest count, `deviation` the noise's (counts). It is subtracted from the error
+    only if it was `measured`: an assumed one may exceed the whole residual. Below `dead` counts there are no
+    readings: at places whose mean is there, noise decides which readings are 0.
     """
 
     kind: str
@@ -48,8 +48,8 @@ class Yardstick:
 class Misfit:
     """One sensor: model minus measured, counts.
 
-    `error` is what is left of the RMSE of each place's mean without the noise; `ratio` is that over the
-    noise's deviation, `lit_ratio` the same where readings are neither dark nor saturated.
+    `error` is the RMSE of the places' means with the noise removed; `ratio` is that over the noise's
+    deviation, `lit_ratio` the same where readings are neither dark nor saturated.
     """
 
     sensor: int
@@ -82,7 +82,7 @@ def measure_noise(
 
 
 def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float) -> Sample:
-    """The noise that recordings of one kind show beside the models' readings; rows count through them all."""
+    """The noise of recordings of one kind about the models' readings; rows are numbered through them all."""
     samples = [sample_noise(r, model, top) for r, model in zip(recordings, models, strict=True)]
     first = np.cumsum([0, *(len(r.counts) for r in recordings[:-1])])
     return Sample(
@@ -95,19 +95,19 @@ def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Floats]
 
 
 def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> tuple[Misfit, ...]:
-    """Each sensor's misfit; the noise of a place's mean is taken out of the model's error.
+    """Each sensor's misfit, with the noise of a place's mean removed from the model's error.
 
     Args:
-        counts, model: [n, S] readings, and what they are without noise.
+        counts, model: [n, S] readings, and the model's without noise.
         place: [n] the number of each row's place.
-        noise: what the error is held against.
+        noise: to compare the error with.
     """
     off, lit, many = _at_places(counts, model, place, noise)
     size = max(noise.deviation, 1e-9)
     noisy = noise.measured * noise.deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
 
     def left(k: int, use: NDArray[np.bool_]) -> float:
-        """RMS over some places without the noise."""
+        """RMS over some places, noise removed."""
         return float(np.sqrt(max(0.0, float((off[use, k] ** 2 - noisy[use, k]).mean()))))
 
     out = []
@@ -128,15 +128,15 @@ def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yard
 
 
 def lit_ratio(judged: Sequence[Misfit]) -> float:
-    """Model error over noise of all sensors where readings are neither dark nor saturated; NaN where there
-    are none."""
+    """Model error over noise of all sensors where readings are neither dark nor saturated; NaN without such
+    readings."""
     told = [m.lit_ratio for m in judged if np.isfinite(m.lit_ratio)]
     return float(np.sqrt(np.mean(np.square(told)))) if told else np.nan
 
 
 def within(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> float:
-    """The share of mean readings that the model errs on by two deviations of the noise at most, where they
-    are neither dark nor saturated; NaN where none is. Arguments as of `misfits`."""
+    """Share of mean readings, neither dark nor saturated, on which the model errs by at most two deviations
+    of the noise; NaN without any. Arguments as of `misfits`."""
     off, lit, _ = _at_places(counts, model, place, noise)
     known = lit & np.isfinite(off)
     return float((np.abs(off[known]) <= 2.0 * noise.deviation).mean()) if known.any() else np.nan
@@ -145,7 +145,7 @@ def within(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yards
 def _at_places(
     counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.int64]]:
-    """[m, S] model minus measured at each place, and whether it is lit there; [m] its readings."""
+    """[m, S] model minus measured at each place, and whether it is lit there; [m] number of its readings."""
     many = np.bincount(place)
     mean, said = (at_places(table, place) / many[:, None] for table in (counts, model))
     if noise.kind != "infrared":
@@ -156,8 +156,8 @@ def _at_places(
 
 
 def _dark(mean: Floats, deviation: float) -> Floats:
-    """[S] counts that each sensor reads, by its places' means [m, S], where nothing is near: 0, unless the
-    lowest of many places hardly differ and lie above the noise."""
+    """[S] reading of each sensor with nothing near, counts, from its places' means [m, S]: 0, unless the
+    lowest of many places nearly agree and lie above the noise."""
     known = np.where(np.isfinite(mean), mean, np.inf)
     low = known <= known.min(axis=0) + SPREAD * deviation
     fewest = np.maximum(DARK_PLACES, DARK_SHARE * np.isfinite(mean).sum(axis=0))
@@ -166,12 +166,12 @@ def _dark(mean: Floats, deviation: float) -> Floats:
 
 
 def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) -> float:
-    """By how many deviations lit readings change where what was set up by hand is a millimetre off.
+    """Change of lit readings, in noise deviations, if places set by hand are a millimetre off.
 
     Args:
-        rows: readings, and where they were taken.
+        rows: readings and their places.
         profile: the fitted robot.
-        values: what was fitted beside it, by name.
+        values: other fitted values, by name.
         deviation: of the noise, counts.
     """
     change = np.full(rows.counts.shape, np.nan)
@@ -188,9 +188,8 @@ def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) ->
 
 
 def contradiction(rows: Rows, deviation: float) -> float:
-    """RMS by which recordings of the same places differ from their mean, counts, where any is lit: no model
-    errs less on all of them. NaN where no place was recorded twice.
-    """
+    """RMS deviation of recordings of the same lit places from their mean, counts: a lower bound on any
+    model's error. NaN where no place was recorded twice."""
     read: dict[tuple[object, ...], list[float]] = {}
     edge = 3 * deviation
     for recording, counts in zip(rows.recordings, rows.split(rows.live()), strict=True):

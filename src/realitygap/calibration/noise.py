@@ -1,8 +1,8 @@
 """Noise of the sensors: its deviation, whether it depends on the reading, and its tails.
 
-Repeated readings at a place measure it. A table with one reading for each place shows it only where
-neighbouring bearings disagree: in fourth differences of what a model leaves over (lower ones still
-hold some of the curve).
+Repeated readings at a place measure it directly. A table with one reading for each place shows it only as
+disagreement of neighbouring bearings: in fourth differences of the model's residuals (lower ones still
+contain some of the curve).
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,33 +16,34 @@ from realitygap.values import Floats
 __all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise"]
 
 CLEAR = 3.0
-"""Noise is taken where readings stay this many deviations away from the converter's ends."""
+"""Only readings this many deviations away from the converter's ends are used."""
 FIRST_GUESS, DARK_COUNTS = 21.0, 15.0
-"""Noise before it is measured, and what is dark: counts of the paper's robot."""
+"""Initial noise, and the limit of dark readings: counts of the paper's robot."""
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 STEEP = 40.0
-"""Counts of the paper's robot from one bearing to the next, beyond which a bearing's error shows as noise."""
+"""Counts (of the paper's robot) from one bearing to the next beyond which an error of the bearing would look
+like noise."""
 CLOSE_DEG, CLOSE_CM = 8.0, 0.5
-"""How far neighbours may be apart: further off, what a model leaves over changes as if it were noise."""
+"""Largest separation of neighbours: further apart, the model's residual changes like noise."""
 FEWEST = 30
 KNOTS = {"infrared": 9, "ambient": 33}
-"""Of a table of noise over the reading: more of light, whose readings span less than half of the scale."""
+"""Knots of a table of noise over the reading; more for light, whose readings span less than half of the
+scale."""
 RESAMPLES = 200
 BINS = 4
 STEADY = 1.35
-"""Ratio of the largest to the smallest deviation over the readings' range, up to which noise is
-called independent of the reading."""
+"""Ratio of the largest to the smallest deviation over the readings' range up to which noise counts as
+independent of the reading."""
 HEAVY = 1.0
-"""Excess kurtosis from which on tails are called heavier than normal."""
+"""Excess kurtosis from which tails are reported as heavier than normal."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sample:
-    """Noise at places: `z` [m, S] deviations, scaled to the noise's own; `level` [m, S] what was read there.
+    """Noise at places: `z` [m, S] deviations, scaled to the noise's own; `level` [m, S] the readings there.
 
-    `group` [m]: values of one group were made from common readings. NaN where nothing was measured.
-    `row` [m]: the reading's own. `tails`: the share of the noise's own excess kurtosis that sums of several
-    readings still have.
+    `group` [m]: values of one group come from common readings. NaN where nothing was measured. `row` [m]: the
+    reading's row. `tails`: share of the noise's excess kurtosis that remains in sums of several readings.
     """
 
     z: Floats
@@ -78,7 +79,7 @@ class NoiseEstimate:
     def depends(self) -> bool:
         """Whether the noise depends on the reading."""
         if self.channel == "proximity_dark":
-            return False  # all its readings are one: dark
+            return False  # all its readings are equal: dark
         sizes = [size for _, size in self.bins if size > 0]
         return len(sizes) > 1 and max(sizes) > STEADY * min(sizes)
 
@@ -89,7 +90,7 @@ class NoiseEstimate:
 
 
 def sample_noise(recording: SensorRecording, model: Floats, top: float) -> Sample:
-    """Noise [m, S] of a recording beside the model's readings [n, S]: from repeats, or neighbouring bearings;
+    """Noise [m, S] of a recording about the model's readings [n, S], from repeats or neighbouring bearings;
     `top` is the converter's highest count."""
     counts, place = recording.counts, recording.place()
     order = np.argsort(place, kind="stable")
@@ -104,9 +105,9 @@ def sample_noise(recording: SensorRecording, model: Floats, top: float) -> Sampl
 
 
 def _from_neighbours(recording: SensorRecording, model: Floats, top: float) -> Sample:
-    """Fourth differences over bearings, of what the model leaves over, where readings are not steep.
+    """Fourth differences over bearings of the model's residuals, where readings are not steep.
 
-    Where too few bearings were read at a distance, over the distances of each bearing.
+    With too few bearings at a distance: over the distances of each bearing.
     """
     z, level, own = [], [], []
     counts, distance, bearing = recording.counts, recording.distance_cm, recording.bearing_deg
@@ -119,7 +120,7 @@ def _from_neighbours(recording: SensorRecording, model: Floats, top: float) -> S
         z.append(
             np.where(steep | apart[:, None], np.nan, np.tensordot(FOURTH, off, 1) / np.linalg.norm(FOURTH))
         )
-        # Any of them may be clipped: let the one nearest to an end speak for all.
+        # Any of them may be clipped: the one nearest to an end decides.
         level.append(np.where(near.mean(0) < top / 2, near.min(0), near.max(0)))
         own.append(rows)
     if not z:
@@ -134,9 +135,8 @@ def _from_neighbours(recording: SensorRecording, model: Floats, top: float) -> S
 def _rings(
     same: Floats, by: Floats, *, close: float, turn: float = np.inf
 ) -> list[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-    """The rows of each value of one column, sorted by another, where there are enough of them, and whether
-    each is further than `close` from those about it; with `turn` the last is followed by the first.
-    """
+    """The rows of each value of one column, sorted by another, where there are enough of them; and whether
+    each is further than `close` from its neighbours. With `turn` the last is followed by the first."""
     reach, found = len(FOURTH) // 2, []
     for one in np.unique(same[np.isfinite(same)]):
         rows = np.flatnonzero(same == one)
@@ -156,13 +156,13 @@ def noise_tables(
     """Each sensor's deviation at equal steps of the reading [S, KNOTS of the kind], and its rise with
     speed [S], s/cm.
 
-    A sensor with few values follows what is pooled over all; nothing is told of speed where the
-    wheels always stood, or never did.
+    A sensor with few values follows the pooled table; there is no rise with speed where the wheels always
+    stood, or never did.
 
     Args:
         sample: of noise.
-        counts, model: [n, S] readings, and what they are without noise; in the dark noise is cut off at 0.
-        speed: [m] of the wheels, cm/s, where the sample's values were taken.
+        counts, model: [n, S] readings, and the model's without noise; in the dark noise is cut off at 0.
+        speed: [m] speed of the wheels, cm/s, at each of the sample's values.
         top: the converter's highest count.
         kind: "infrared" or "ambient".
     """
@@ -185,7 +185,7 @@ def noise_tables(
 
 
 def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) -> Floats:
-    """[S, knots] deviations: squares averaged under a triangle about each step."""
+    """[S, knots] deviations: squares averaged with triangular weights about each knot."""
     at = np.where(use, np.clip(sample.level / top, 0.0, 1.0), 0.0) * (knots - 1)
     near = np.maximum(0.0, 1.0 - np.abs(at[..., None] - np.arange(knots))) * use[..., None]
     square = np.where(use, sample.z, 0.0)[..., None] ** 2
@@ -206,7 +206,7 @@ def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> No
     """Noise where readings are neither dark, dead nor saturated; for light, everywhere. None: too few.
 
     Args:
-        sample: deviations of readings, and what was read there.
+        sample: noise and readings.
         channel: "proximity" or "ambient".
         top: full scale, counts.
         dead: counts below which a sensor reads 0.
@@ -224,11 +224,11 @@ def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> No
 
 
 def dark_noise(counts: Floats, model: Floats, place: NDArray[np.int64], top: float) -> NoiseEstimate | None:
-    """Noise of proximity sensors where nothing is in reach: how their readings [n, S] spread there.
+    """Noise of proximity sensors with nothing in range: the spread of their readings [n, S] there.
 
     Args:
         counts, model: [n, S].
-        place: [n] where a row was read.
+        place: [n] number of each row's place.
         top: full scale, counts.
     """
     use = (model <= 0) & (counts < 2 * DARK_COUNTS * count_unit(top))

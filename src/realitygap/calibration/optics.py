@@ -1,4 +1,4 @@
-"""Where a measured sensor's readings come from: rays, and a curve for each sensor, of one set of values."""
+"""The readings of measured sensors for one set of values: rays, and a curve for each sensor."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ SHARES = ("share_1", "share_2", "share_3", "share_4")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optics:
-    """A fit under way: the profile that its constants stand in, its curves' middle, where readings were
-    taken and what was read there: `place` [n] of each of `seen`; and what of the lobe is free."""
+    """A fit in progress: the base profile, the curves' middle, the readings (`seen`) and their places
+    (`place` [n]); and the free parts of the lobe."""
 
     base: Profile
     scenes: Sequence[tuple[str, Scene]]
@@ -43,8 +43,8 @@ class Optics:
         return self.base.to_kernel()
 
     def profile(self, values: Values) -> Profile:
-        """The base with the optics in place, and curves that only hold their places; not checked, which would
-        cost a fifth of a search: what comes of it in the end is."""
+        """The base with the optics in place and placeholder curves; unchecked, since checks would take a
+        fifth of a search. The result is checked at the end."""
         law = self.base.infrared
         shares = [float(values[key][0]) for key in SHARES]
         wide, width, end = (float(values[key][0]) for key in ("aperture_deg", "width_cm", "range_cm"))
@@ -65,7 +65,7 @@ class Optics:
         return unchecked(self.base, infrared=law)
 
     def share(self, profile: Profile, values: Values) -> Floats:
-        """[n, S] how far up its curve each reading lies."""
+        """[n, S] position of each reading on its curve."""
         robot = self._robot._replace(**profile.infrared.to_kernel())
         rigs = []
         for name, scene in self.scenes:
@@ -75,12 +75,12 @@ class Optics:
         return up_curve(light, profile.infrared.curve_cm)[self.place]
 
     def _lit(self, values: Values) -> Floats:
-        """What the room adds at each place."""
+        """The room's added light at each place."""
         return np.repeat(backgrounds(values, self.scenes), [len(scene.poses) for _, scene in self.scenes])
 
     def in_room(self, values: Values, curves: Floats, use: Use) -> Floats:
-        """Curves [S, n] in the mean of the rooms that each sensor was recorded in: with its background, as
-        a profile has them that knows of none."""
+        """Curves [S, n] in the mean of the rooms that each sensor was recorded in: with its background, for a
+        profile that has none."""
         law = self.profile(values).infrared
         lit = self._lit(values)
         if not lit.any():
@@ -91,22 +91,22 @@ class Optics:
         return np.asarray(on_curves(curves, up_curve(light, law.curve_cm)).T)
 
     def curves(self, values: Values, use: Use) -> tuple[Floats, Floats]:
-        """The curves [S, n] that suit the optics, and each reading's share."""
+        """The best curves [S, n] for the optics, and each reading's share."""
         u = self.share(self.profile(values), values)
         return Curves(replace(self.seen, use=use), u).fitted(), u
 
     def readings(self, values: Values, use: Use) -> Floats:
-        """Noise-free readings [n, S] by curves fitted to those in `use`; in the dead zone what exceeds it."""
+        """Noise-free readings [n, S] by curves fitted to those in `use`; ignoring the dead zone."""
         model, dead = on_curves(*self.curves(values, use)), self.seen.dead
         return np.where((self.seen.counts <= 0) & (dead > 0), np.maximum(model - dead, 0.0), model)
 
     def shown(self, values: Values, use: Use) -> Floats:
-        """Noise-free readings [n, S] as the robot shows them."""
+        """Noise-free readings [n, S] as the robot reports them."""
         model = on_curves(*self.curves(values, use))
         return np.where(model < self.seen.dead, 0.0, model)
 
     def centred(self, values: Values) -> Optics:
-        """The same with the curves' middle where readings are neither dark nor saturated."""
+        """A copy with the curves' middle where readings are neither dark nor saturated."""
         seen = self.seen
         u = self.share(self.profile(values), values)
         lit = seen.use & (seen.counts > 0.1 * seen.top) & (seen.counts < 0.9 * seen.top) & (u > 0) & (u < 1)
@@ -118,44 +118,43 @@ class Optics:
 
 
 def backgrounds(values: Values, scenes: Sequence[tuple[str, Scene]]) -> list[float]:
-    """What the room of each recording adds, 1/cm²."""
+    """The added light of each recording's room, 1/cm²."""
     return [float(values[key][0]) if (key := background_of(name)) in values else 0.0 for name, _ in scenes]
 
 
 def in_mean(background: Floats, use: Use) -> Floats:
-    """[S] the mean background of each sensor's readings, by that of all rows [n]; of one without any, that
-    of the others."""
+    """[S] mean background of each sensor's readings in use, from that of all rows [n]; a sensor without
+    readings takes the others'."""
     mean = (use * background[:, None]).sum(axis=0) / np.maximum(use.sum(axis=0), 1)
     there = use.any(axis=0)
     return np.asarray(np.where(there, mean, mean[there].mean()))
 
 
 def unchecked(value: V, **changes: Any) -> V:
-    """A value's copy with changes, without its checks."""
+    """A copy of a value with changes, without its checks."""
     made = copy(value)
     vars(made).update(changes)
     return made
 
 
 def gain_of(sensor: int) -> str:
-    """The name of a sensor's gain."""
     return f"a_{sensor}"
 
 
 def background_of(turn: str) -> str:
-    """The name of the light that a recording's room adds to what its rays bring, 1/cm², by its rig's turn."""
+    """Key of the added light of a recording's room (1/cm²), from that of its rig's rotation."""
     return turn.replace("turn", "background").replace("_deg", "")
 
 
 def shift_of(turn: str) -> str:
-    """The name of how much further off a rig stood than it was thought to, cm, by that of its turn."""
+    """Key of a rig's extra distance (cm), from that of its rotation."""
     return turn.replace("turn", "shift").replace("deg", "cm")
 
 
 def about_rig(values: Values, sign: float) -> dict[str, Floats]:
-    """The values with directions, and other rigs' turns, counted from how the first rig stands; by -1 back.
+    """The values with directions and other rigs' rotations relative to the first rig; with -1 the inverse.
 
-    Robot and rig turned by as much against each other is what readings tell least about.
+    Turning robot and rig together is what readings constrain least.
     """
     turns = [key for key in values if key.startswith("turn_")]
     if not turns:

@@ -1,4 +1,4 @@
-"""All that was read of one kind of sensor: several recordings' rows, one after another."""
+"""All readings of one kind of sensor: the rows of several recordings, one after another."""
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
@@ -29,24 +29,24 @@ __all__ = [
 
 FOLDS = 4
 REFLECTANCE = "reflectance_"
-"""How a constant that is a recording's reflectance begins; its number ends it."""
+"""Prefix of the key of a recording's reflectance; its number follows."""
 PROXIMITY_COUNTS = 21.0
-"""Noise that residuals are weighed by before it is measured: counts of the paper's robot."""
+"""Initial noise for weighing residuals: counts of the paper's robot."""
 MEDIAN = 0.455
-"""Of the square of a normal number."""
+"""Median of the square of a normal variable."""
 LIT_SHARE, GAP = 0.05, 0.05
-"""Shares of the full scale: off either end a reading is neither dark nor saturated; and from here on a gap
-above 0 is a dead zone."""
+"""Shares of the full scale: readings at least the first from either end are neither dark nor saturated; a gap
+above 0 of at least the second is a dead zone."""
 PILED = 8
-"""Equal readings, and most of those near them, from which on the highest is a sensor's end."""
+"""Equal readings, being most of those near them, from which on the highest is a sensor's end."""
 LIT = 63.0
 """Counts of the paper's robot from either end of the converter: three deviations of its noise."""
 
 
 class Rows:
-    """The rows of several recordings of one kind, one after another.
+    """Rows of several recordings of one kind, one after another.
 
-    `top` is the converter's highest count, `unit` so many of its counts that are one of the paper's robot's.
+    `top` is the converter's highest count, `unit` its counts per count of the paper's robot.
     """
 
     def __init__(self, recordings: Sequence[SensorRecording], base: Profile) -> None:
@@ -89,13 +89,13 @@ class Rows:
         self.block = self._blocks()
 
     def without(self, out: NDArray[np.bool_]) -> "Rows":
-        """The same with no reading of the rows `out` [n] in use."""
+        """A copy with no reading of the rows `out` [n] in use."""
         some = copy(self)
         some.use = self.use & ~out[:, None]
         return some
 
     def names(self) -> list[str]:
-        """One a recording: its object, or its file where objects recur, numbered where files do too."""
+        """One a recording: its object, or its file where objects repeat, numbered where files repeat too."""
         names = [r.object for r in self.recordings]
         if len(set(names)) < len(names):
             names = [Path(r.source).stem for r in self.recordings]
@@ -104,7 +104,7 @@ class Rows:
         return names
 
     def live(self) -> Floats:
-        """[n, S] readings; NaN of sensors that tell nothing."""
+        """[n, S] readings; NaN for dead sensors."""
         return np.where(self.use, self.counts, np.nan)
 
     def split(self, table: Floats) -> list[Floats]:
@@ -112,7 +112,7 @@ class Rows:
         return np.split(table, np.cumsum([len(r.counts) for r in self.recordings])[:-1])
 
     def live_recordings(self) -> list[SensorRecording]:
-        """The recordings with live readings only."""
+        """The recordings with NaN for dead sensors."""
         pairs = zip(self.recordings, self.split(self.live()), strict=True)
         return [replace(recording, counts=part) for recording, part in pairs]
 
@@ -121,7 +121,8 @@ class Rows:
         return Measured(counts=self.counts, noise=noise, use=self.use, clusters=self.block)
 
     def _blocks(self) -> NDArray[np.int64]:
-        """[n] patches of neighbouring distances and bearings: what errs, and is held out, together."""
+        """[n] patches of neighbouring distances and bearings: their errors are correlated, and they are held
+        out together."""
         known = np.isfinite(self.distance) & np.isfinite(self.bearing)
         if not known.all() or self.recordings[0].pose is not None:
             return self.place
@@ -132,7 +133,7 @@ class Rows:
         return np.asarray(of * 10_000 + patch, np.int64)
 
     def folds(self) -> NDArray[np.int64]:
-        """[n] which fold a row is held out with."""
+        """[n] number of each row's fold."""
         numbers = np.unique(self.block, return_inverse=True)[1]
         order = np.random.default_rng(0).permutation(int(numbers.max()) + 1)
         return np.asarray(order[numbers] % FOLDS)
@@ -147,18 +148,18 @@ class Rows:
                 yield out
 
     def rmse(self, model: Floats) -> float:
-        """Of the readings in use, counts."""
+        """RMSE of the readings in use, counts."""
         return float(np.sqrt(((model - self.counts)[self.use] ** 2).mean()))
 
     def rmse_lit(self, model: Floats) -> float:
-        """The same where readings are neither dark nor saturated; of all, where none are."""
+        """RMSE where readings are neither dark nor saturated, counts; of all readings if there are none."""
         edge = LIT * self.unit
         lit = self.use & (self.counts > edge) & (self.counts < self.top - edge)
         return float(np.sqrt(((model - self.counts)[lit if lit.any() else self.use] ** 2).mean()))
 
 
 def places_of(recordings: Sequence[SensorRecording]) -> NDArray[np.int64]:
-    """[n] the number of each row's place, through all recordings."""
+    """[n] number of each row's place, through all recordings."""
     places, first = [], 0
     for recording in recordings:
         places.append(recording.place() + first)
@@ -172,7 +173,7 @@ def at_places(values: Floats | NDArray[np.bool_], place: NDArray[np.int64]) -> F
 
 
 def means(rows: Rows) -> Floats:
-    """[m, S] what was read at each place: the mean, or the sensor's end where half of its readings lie."""
+    """[m, S] reading at each place: the mean, or the sensor's end where half of its readings are there."""
     many = np.maximum(at_places(rows.use, rows.place), 1.0)
     mean = at_places(np.where(rows.use, rows.counts, 0.0), rows.place) / many
     most = saturation(rows)
@@ -182,7 +183,7 @@ def means(rows: Rows) -> Floats:
 
 
 def repeated_noise(rows: Rows) -> float:
-    """The deviation of readings that were repeated at their places, counts; else as of the paper's robot."""
+    """Deviation of repeated readings at their places, counts; without any the paper's robot's."""
     lit = rows.use & (rows.counts > LIT_SHARE * rows.top) & (rows.counts < (1.0 - LIT_SHARE) * rows.top)
     many = np.maximum(np.bincount(rows.place), 1)
     mean = at_places(rows.counts, rows.place) / many[:, None]
@@ -192,7 +193,7 @@ def repeated_noise(rows: Rows) -> float:
 
 
 def saturation(rows: Rows) -> Floats:
-    """[S] counts that each sensor does not exceed: where its readings pile up, else the full scale."""
+    """[S] counts that each sensor does not exceed: where its readings accumulate, else the full scale."""
     most, noise = np.full(rows.counts.shape[1], rows.top), repeated_noise(rows)
     for k in np.flatnonzero(rows.use.any(axis=0)).tolist():
         read = rows.counts[rows.use[:, k], k]
@@ -203,7 +204,7 @@ def saturation(rows: Rows) -> Floats:
 
 
 def dead_zone(rows: Rows) -> float:
-    """The least reading above 0 if there is a gap below it; else 0."""
+    """The smallest reading above 0 if there is a gap below it; else 0."""
     lit = rows.counts[rows.use & (rows.counts > 0)]
     dark = (rows.counts[rows.use] == 0).mean()
     least = float(lit.min()) if len(lit) else 0.0

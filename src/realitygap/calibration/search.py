@@ -1,8 +1,8 @@
-"""A search for constants in which readings jump, where no derivative sees the way (§3.3).
+"""Random search for constants in which readings jump, so that derivatives do not help (§3.3).
 
-At the edge of the robot's own shadow a tenth of a millimetre lights a ray or puts it out, and least
-squares stop at the first such edge. So constants are drawn at random about the best, which costs one
-look at all places for all sensors: a sensor's constants move that sensor's readings only.
+At the edge of the robot's own shadow a tenth of a millimetre switches a ray on or off, and least squares stop
+at the first such edge. So constants are drawn at random about the best. One draw evaluates all places for all
+sensors at once, since a sensor's constants change only its own readings.
 """
 
 from collections.abc import Sequence
@@ -17,19 +17,19 @@ from realitygap.values import Floats
 __all__ = ["DRAWS", "search"]
 
 DRAWS = 2000
-"""So many looks at all places. With 3000 the error on fresh places of three twin units was the same."""
+"""Evaluations of all places. With 3000 the error on fresh places of three twin units was the same."""
 COMMON_EVERY = 3
-"""Every third draw is of the constants that all sensors share."""
+"""Every third draw changes the constants that all sensors share."""
 AFAR = 0.5
-"""This share of draws goes as far as the first: out of the neighbourhood of the best."""
+"""This share of draws uses the initial step size, to leave the neighbourhood of the best."""
 WIDER, NARROWER, NARROWEST, WIDEST = 1.8, 0.94, 0.01, 4.0
-"""Steps grow when a draw is better and shrink when it is not; limits of their factor."""
+"""Steps grow when a draw is better and shrink when it is not; the limits of their factor."""
 GAIN, LITTLE = "log_gain", 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Best:
-    """The best values so far, and what each sensor's misfit and priors cost there, [S]."""
+    """The best values so far, and each sensor's misfit and priors there, [S]."""
 
     values: dict[str, Floats]
     cost: Floats
@@ -38,14 +38,14 @@ class _Best:
 def search(
     frees: Sequence[Free], model: Model, measured: Measured, values: Values, *, draws: int = DRAWS
 ) -> dict[str, Floats]:
-    """Better values of the constants that have a `jump`, and of gains, if any; never worse ones.
+    """Better values of the constants with a `jump`, and of gains, if any; never worse ones.
 
     Args:
         frees: all constants.
         model: their noise-free readings.
         measured: readings, and which of them count.
         values: where to begin.
-        draws: how many.
+        draws: evaluations.
     """
     draw = np.random.default_rng(0)
     sensors = measured.counts.shape[1]
@@ -75,14 +75,14 @@ def search(
 
 
 class _Cost:
-    """What values cost, with the gains that suit them."""
+    """The cost of values, with the best gains for them."""
 
     def __init__(self, own: Sequence[Free], model: Model, measured: Measured) -> None:
         self._own, self._model = own, model
         self._counts, self._noise, self._use = measured.counts, measured.noise, measured.use
 
     def of(self, values: dict[str, Floats]) -> _Best:
-        """Cost [S] as least squares count it (soft L1, priors), after one step towards the best gains."""
+        """Cost [S] as in least squares (soft L1, priors), after one step towards the best gains."""
         if GAIN in values:
             values = values | {GAIN: self._gains(values)}
         off = self._off(values)
@@ -106,7 +106,7 @@ class _Cost:
 
 
 def _near(free: Free, best: _Best, step: Floats, draw: np.random.Generator) -> Floats:
-    """About the best."""
+    """A random value near the best."""
     moved = best.values[free.key] + draw.standard_normal(len(free.start)) * free.jump * step
     return np.clip(moved, free.low, free.high)
 

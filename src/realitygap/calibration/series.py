@@ -1,4 +1,4 @@
-"""How a series of one sensor before a wall was set up, by a profile: how far off, and in which light."""
+"""Fits the set-up of a series of one sensor facing a wall: its extra distance and background light."""
 
 import numpy as np
 
@@ -13,8 +13,8 @@ __all__ = ["set_up"]
 
 
 def set_up(recording: SensorRecording, profile: Profile, scene: Scene) -> tuple[float, float, Floats]:
-    """How much further off it stood than it was said to (cm) and what its room added to the profile's own
-    light (1/cm²), as likely as a calibration takes them for; and the profile's readings [n, S] there."""
+    """Most likely extra distance (cm) and background light beyond the profile's (1/cm²), with a calibration's
+    priors; and the profile's readings [n, S] there."""
     law, use = profile.infrared, np.isfinite(recording.counts)
     if not law.measured:
         return 0.0, 0.0, proximity(profile, scene)
@@ -27,7 +27,7 @@ def set_up(recording: SensorRecording, profile: Profile, scene: Scene) -> tuple[
     def told(values: Values) -> Floats:
         return np.where(silent, np.maximum(readings(values) - law.dead, 0.0), readings(values))
 
-    # As a calibration, which goes by places' means.
+    # Like a calibration, it uses the places' means.
     noise = BY_HAND * law.top * np.sqrt(np.median(np.bincount(recording.place())))
     measured = Measured(
         counts=np.nan_to_num(recording.counts), noise=float(noise), use=use, clusters=recording.place()

@@ -1,4 +1,4 @@
-"""What a robot's calibration would be if fewer places had been recorded."""
+"""Calibration by a share of a robot's recorded places."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ __all__ = ["calibrate_share", "thinned"]
 
 
 def thinned(recording: SensorRecording, share: float, seed: int) -> SensorRecording:
-    """The recording with a share of its places, one at least: a larger share holds a smaller one's places."""
+    """The recording with a share of its places, at least one; a larger share contains a smaller one."""
     place = recording.place()
     drawn = np.random.default_rng(seed).permutation(place.max() + 1)
     rows = np.isin(place, drawn[: max(1, round(share * len(drawn)))])
@@ -26,16 +26,16 @@ def thinned(recording: SensorRecording, share: float, seed: int) -> SensorRecord
 def calibrate_share(
     recordings: Sequence[Recording], base: Profile, *, share: float, seed: int, form: str
 ) -> Calibration:
-    """A calibration by a share of the places; wheels' drives stay whole.
+    """A calibration by a share of the places; recordings of wheels are used whole.
 
-    A recording that is left with too few readings to fit is left out, the last of them first; without any the
-    base stays as it is.
+    Recordings with too few readings left to fit are dropped, the last first; without any the base is
+    returned.
 
     Args:
-        recordings: of one kind, those that tell most first.
+        recordings: of one kind, the most informative first.
         base: a profile.
         share: of the places of each, above 0.
-        seed: of which they are.
+        seed: of the choice of places.
         form: as of `calibrate`.
     """
     kept = [thinned(one, share, seed) if isinstance(one, SensorRecording) else one for one in recordings]

@@ -1,8 +1,8 @@
-"""Least squares with names: free constants, some of them one a sensor, fitted to readings.
+"""Least squares with named constants, some of them one per sensor.
 
-The Jacobian is taken by finite differences, all sensors of a constant at once: a sensor's constant
-moves that sensor's readings only. Intervals are cluster-robust (White 1980; Liang and Zeger 1986):
-neighbouring places share the model's error, so that rows are not independent.
+The Jacobian uses finite differences, all sensors of a constant at once, since a sensor's constant changes
+only its own readings. Intervals are cluster-robust (White 1980; Liang and Zeger 1986), since neighbouring
+places share the model's error and rows are not independent.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ ROBUST_AT = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class Free:
-    """A constant to be fitted.
+    """A free constant.
 
     Attributes:
         key: its name.
-        start: [1], or [S] one a sensor.
+        start: [1], or [S] one per sensor.
         low, high: bounds.
-        prior: deviation of a mild prior about `start`; None for none.
-        tie: deviation to which the mean over sensors is held at its start; None for free.
+        prior: deviation of a prior about `start`; None: no prior.
+        tie: deviation of a prior on the mean over sensors, about its start; None: no prior.
         step: of the finite difference.
         jump: the first step of a random search (search.py), where readings jump; 0 where they do not.
     """
@@ -54,7 +54,7 @@ class Free:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """Fitted values by name, their intervals, and what the data cannot tell apart."""
+    """Fitted values by name, their intervals, and which constants cannot be separated."""
 
     values: dict[str, Floats]
     constants: tuple[Constant, ...]
@@ -64,13 +64,13 @@ class Fit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measured:
-    """What a model is held against.
+    """The readings that a model is fitted to.
 
     Attributes:
         counts: [n, S] readings.
-        noise: deviation that residuals are weighed by, counts.
-        use: [n, S] readings that count.
-        clusters: [n] places whose errors hang together carry the same number.
+        noise: deviation to weigh residuals by, counts.
+        use: [n, S] readings to use.
+        clusters: [n] equal numbers for places with correlated errors.
     """
 
     counts: Floats
@@ -92,9 +92,9 @@ def solve(
     Args:
         frees: the constants.
         model: their noise-free readings.
-        measured: readings, and which of them count.
+        measured: readings, and which of them to use.
         start: values to begin at instead of each constant's own.
-        intervals: whether intervals are asked for.
+        intervals: whether to estimate intervals.
     """
     packed = _Packed(frees, model, measured)
     theta = packed.pack({**{f.key: f.start for f in frees}, **(start or {})})
@@ -111,10 +111,10 @@ def solve(
 
 
 def _descend(packed: _Packed, inside: Floats, use: NDArray[np.bool_], *, careful: bool) -> Floats:
-    """The vector that least squares end at.
+    """The vector at which least squares end.
 
-    Most rows move with few constants or with none (0, saturated): what does not move is left out
-    until it does. Soft L1 keeps single wild readings from deciding.
+    Most rows depend on few constants or on none (0, saturated): readings that do not change are left out
+    until they do. Soft L1 limits the weight of outliers.
     """
     from scipy.optimize import least_squares
 
@@ -136,7 +136,7 @@ def _descend(packed: _Packed, inside: Floats, use: NDArray[np.bool_], *, careful
 
 
 class _Packed:
-    """The constants as one vector, and the residuals' function of it."""
+    """The constants as one vector, and its residuals."""
 
     def __init__(self, frees: Sequence[Free], model: Model, measured: Measured) -> None:
         self.frees, self.model = frees, model
@@ -183,7 +183,7 @@ class _Packed:
         return out
 
     def _columns(self, theta: Floats) -> Floats:
-        """[n, S, constants] derivatives of the readings over the noise; the last ones are kept."""
+        """[n, S, constants] derivatives of the readings over the noise; the last ones are cached."""
         if self._slopes is None or not np.array_equal(self._slopes[0], theta):
             self._slopes = theta.copy(), self._differences(theta)
         return self._slopes[1]
@@ -208,7 +208,7 @@ class _Packed:
         return out
 
     def moving(self, theta: Floats) -> NDArray[np.bool_]:
-        """[n, S] readings in use that any constant moves here."""
+        """[n, S] readings in use that any constant changes here."""
         return np.asarray(self.use & (self._columns(theta) != 0).any(axis=2)) | (
             self.use & (np.abs(self.readings(theta) - self.counts) > ROBUST_AT * self.noise)
         )
@@ -239,7 +239,7 @@ class _Packed:
         return np.asarray((rows.T @ rows).toarray())
 
     def covariance(self, theta: Floats, clusters: NDArray[np.int64]) -> Floats:
-        """Sandwich covariance: bread from the Jacobian and the priors, filling from the clusters."""
+        """Sandwich covariance: bread from the Jacobian and the priors, meat from the clusters."""
         columns, off = self._columns(theta), (self.readings(theta) - self.counts) / self.noise
         scores = np.einsum("ns,nsp->np", np.where(self.use, off, 0.0), columns)
         held = np.concatenate([np.zeros((1, len(theta))), *self._prior_rows(len(theta))])
@@ -255,7 +255,7 @@ class _Packed:
         low, high = self.bounds()
         limits = np.concatenate([np.full(len(f.start), f.prior or np.inf) for f in self.frees])
         span = 1e-6 * (high - low)
-        # What moves no reading (of a dead sensor, say) is not known at all.
+        # A constant that changes no reading (of a dead sensor, say) is unknown.
         moves = np.diag(self.curvature(theta)) > 0
         deviation = np.where(moves | np.isfinite(limits), deviation, np.inf)
         told = (theta > low + span) & (theta < high - span) & (alone < limits) & moves

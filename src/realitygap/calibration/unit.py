@@ -1,4 +1,4 @@
-"""One call from a twin's unit, or a robot of one's own, to its profile: record, fit, write robot.toml.
+"""One call from a twin's unit, or a robot of your own, to its profile: record, fit, write robot.toml.
 
 from realitygap.calibration.unit import calibrated_unit
 
@@ -40,14 +40,14 @@ __all__ = ["calibrated_again", "calibrated_robot", "calibrated_unit"]
 UNFINISHED = ".part"
 TURNS = "turns"
 NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
-"""What a robot must have for the recordings of a plan."""
+"""What a robot must have for each plan."""
 FIT = "fit"
 RECIPE = 3
-"""Changes whenever the same settings would make another profile."""
+"""Increased whenever the same settings would make another profile."""
 
 Work = Callable[[], None]
 Progress = Callable[[str, int, int], None]
-"""Is told the recording's name (or "fit"), the places done, and all."""
+"""Called with the recording's name (or "fit"), the places done, and all places."""
 
 
 def calibrated_unit(
@@ -63,26 +63,25 @@ def calibrated_unit(
 ) -> Path:
     """The profile of a twin's unit, recorded through its serial line and fitted.
 
-    Recordings are kept in `folder/recordings`, each as a whole or not at all: an interrupted call
-    begun again, with any number of workers, ends at the same bits. What is there already is not
-    made again.
+    Recordings are kept in `folder/recordings`, each complete or absent; existing ones are not repeated. An
+    interrupted call that is repeated, with any number of workers, ends with the same bits.
 
     Args:
-        folder: the unit's own; made if need be.
-        unit: which robot of the population; or the address of one of Enki's, as "enki:epuck:3".
+        folder: the unit's own; created if missing.
+        unit: its number in the population, or the address of one of Enki's, as "enki:epuck:3".
         noise: the twin's noise scale, or Enki's.
         seed: of its noise, and of what is random in the plans.
-        workers: processes that record at the same time, one a core if None; or a pool.
-        parts: those of PARTS that are recorded, all that it has if None; the rest stays as in its base.
-        meanwhile: what they do besides, functions that can be sent to them.
-        on_progress: is told how far it is; whoever raises there stops the work.
+        workers: processes that record side by side, one a core if None; or a pool.
+        parts: the PARTS to record, all that the robot has if None; the rest keeps its base's values.
+        meanwhile: other work for them: functions that can be sent to a process.
+        on_progress: called with the progress; an exception raised there stops the work.
 
     Returns:
         The path of `folder/robot.toml`.
 
     Raises:
         CalibrationError: the folder belongs to another unit or other settings.
-        StudyError: its process died again and again.
+        StudyError: its process died repeatedly.
     """
     for key, value, kind in (("unit", unit, int | str), ("seed", seed, int), ("noise", noise, int | float)):
         must_be(value, kind, key, "See `realitygap record --help`.")
@@ -100,14 +99,14 @@ def calibrated_again(
     form: str | None = None,
     workers: Workers = 1,
 ) -> Path:
-    """Another profile of a unit by its recordings, or by a share of their places (`share.py`).
+    """Another profile of a unit from its recordings, or from a share of their places (`share.py`).
 
     Args:
-        folder: the profile's own; made if need be.
+        folder: the profile's own; created if missing.
         of: the unit's folder, with all of its recordings.
         share: of the places of each recording of sensors, above 0; one place at least.
         form: as of `calibrate`; None: the unit's own.
-        workers: as of a unit.
+        workers: as of `calibrated_unit`.
 
     Returns:
         The path of `folder/robot.toml`.
@@ -126,21 +125,20 @@ def calibrated_robot(
     workers: Workers = 1,
     on_progress: Progress | None = None,
 ) -> Path:
-    """The same of a robot of one's own that places itself, recorded by the parts that it has.
+    """The profile of a robot of your own that places itself, recorded with the sensors that it has.
 
     Args:
-        folder: the robot's own; made if need be.
+        folder: the robot's own; created if missing.
         robot: its address, `file.py:Class` or `module:Class`.
-        base: its rough profile, by name or file.
+        base: its approximate profile, by name or file.
         seed: of its noise, and of what is random in the plans.
-        workers: as of a unit.
-        on_progress: as of a unit.
+        workers, on_progress: as of `calibrated_unit`.
 
     Returns:
         The path of `folder/robot.toml`.
 
     Raises:
-        UsageError: no such robot, or its sensors are not those of the base.
+        UsageError: no such robot, or its sensors differ from the base's.
         CalibrationError: the folder belongs to another robot or other settings.
     """
     settings = {"recipe": RECIPE, "robot": robot, "base": base, "parts": _parts_of(robot), "seed": seed}
@@ -163,8 +161,8 @@ def _calibrated(
     on_progress: Progress | None = None,
     meanwhile: Sequence[Work] = (),
 ) -> Path:
-    """Record what is not there yet and fit it, each kind of recordings in a job: one is fitted while
-    another is recorded, and what else is to be done meanwhile is done."""
+    """Make missing recordings and fit, one job for each kind: one kind is fitted while another is recorded,
+    and other work is done meanwhile."""
     folder = as_path(folder, "folder").resolve()
     claim(folder, settings)
     if (folder / PROFILE).is_file():
@@ -192,7 +190,7 @@ def _calibrated(
 
 
 def _recorders(workers: Workers, jobs: int) -> AbstractContextManager[Pool]:
-    """Never this process: small matrices gain nothing from more threads than one, which it may have."""
+    """Always other processes: this one may have several threads, from which small matrices gain nothing."""
     if isinstance(workers, Pool):
         return opened(workers)
     size = cores() if workers is None else max(1, workers)
@@ -200,14 +198,14 @@ def _recorders(workers: Workers, jobs: int) -> AbstractContextManager[Pool]:
 
 
 class Bench:
-    """Carries out the jobs of a unit's folder, which it has to see: a kind's recordings and their fit, and
-    work that has nothing to do with them."""
+    """Carries out the jobs of a unit's folder, which it must be able to see: recordings of a kind and their
+    fit, and unrelated work."""
 
     def __init__(self, folder: str) -> None:
         self._folder = Path(folder)
 
     def carry_out(self, job: str | Work, tell: Tell) -> None:
-        """Record what is not there yet, and say how far it is; then fit, and tell the calibration."""
+        """Make missing recordings and report progress; then fit, and send the calibration."""
         if not isinstance(job, str):
             job()
             return
@@ -222,7 +220,7 @@ class Bench:
 
 
 def record_part(folder: Path, name: str, report: Progress) -> None:
-    """Record one part of all plans into `folder/recordings/name`, there as a whole or not at all."""
+    """Record one part of all plans into `folder/recordings/name`, complete or not at all."""
     from realitygap.calibration.recorder.plans import CYLINDER
     from realitygap.calibration.recorder.record import Wanted, record
     from realitygap.robots.address import Address
@@ -233,7 +231,7 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
     address = Address.parse(known["robot"] if "robot" in known else f"twin:{known['unit']}")
     finished = recordings_of(folder) / name
     unfinished = finished.with_name(name + UNFINISHED)
-    shutil.rmtree(unfinished, ignore_errors=True)  # left by one that was stopped
+    shutil.rmtree(unfinished, ignore_errors=True)  # left by an interrupted call
     plan, _, shape = name.partition("-")
     thing = {"": None, "wall": "wall", "cylinder": CYLINDER}[shape]
     wanted = Wanted(plan=plan, object=thing, seed=known["seed"], base=base)
@@ -251,16 +249,16 @@ def fitted(folder: Path, names: Sequence[str]) -> Calibration:
     known = settings_of(folder)
     recordings = [load_recording(recordings_of(folder) / name) for name in sorted(names)]
     base = _base(folder, recordings)
-    # On the twin the printed law's form errs least, as "auto" finds in three times the time.
+    # On the twin the printed form has the smallest error, which "auto" finds in three times the time.
     form = known.get("form", "extended" if "unit" in known else "auto")
-    if "share" in known:  # a wall tells more than a cylinder
+    if "share" in known:  # a wall is more informative than a cylinder
         share, seed = known["share"], known["seed"]
         return calibrate_share(recordings[::-1], base, share=share, seed=seed, form=form)
     return calibrate(recordings, base, form=form, beside=False)
 
 
 def _profile(folder: Path, fits: Sequence[Calibration]) -> str:
-    """The profile of all fits together, as its file."""
+    """The profile of all fits together, as TOML."""
     from realitygap.calibration.calibrate import joined
     from realitygap.robots.address import Address
 
@@ -270,12 +268,12 @@ def _profile(folder: Path, fits: Sequence[Calibration]) -> str:
         (fit for fit in fits if fit.recordings), key=lambda one: Path(one.recordings[0].source).name
     )
     recordings = [one for fit in fits for one in fit.recordings]
-    # The day stands in the recordings: the same settings make the same file on any day.
+    # The date is in the recordings: the same settings make the same file on any day.
     return joined(fits, _base(folder, recordings)).named(name, date="").profile.to_toml()
 
 
 def _base(folder: Path, recordings: Sequence[Recording]) -> Profile:
-    """The profile that the robot's fits begin from."""
+    """The profile that the fits start from."""
     from realitygap.calibration.calibrate import base_of
     from realitygap.world.profile import load_profile
 

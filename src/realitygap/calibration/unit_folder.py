@@ -1,4 +1,4 @@
-"""The folder of a calibrated unit: whose it is, its recordings, and the parts that they were made in."""
+"""The folder of a calibrated unit: its owner, its recordings and their parts."""
 
 from pathlib import Path
 from typing import Any
@@ -16,22 +16,22 @@ __all__ = [
 
 PROFILE, SETTINGS, RECORDINGS = "robot.toml", "unit.toml", "recordings"
 PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
-"""The recordings, the longest kind first: so that two workers end at about the same time."""
+"""The recordings, the longest kind first, so that two workers finish at about the same time."""
 CURE = "Choose another folder, or remove this one."
 
 
 def recordings_of(folder: Path) -> Path:
-    """Where its recordings are: those of a share are the whole's."""
+    """Where its recordings are; a share's are the whole unit's."""
     return folder / str(settings_of(folder).get("of", "")) / RECORDINGS
 
 
 def kind_of(part: str) -> str:
-    """The plan of a part, without what is recorded by it."""
+    """The plan of a part, without its object."""
     return part.partition("-")[0]
 
 
 def is_recorded(folder: Path, part: str) -> bool:
-    """Whether a part is there as a whole."""
+    """Whether a part is complete."""
     return (recordings_of(folder) / part / FACTS).is_file()
 
 
@@ -41,12 +41,12 @@ def parts_of(folder: Path) -> list[str]:
 
 
 def settings_of(folder: Path) -> dict[str, Any]:
-    """What the folder was made with."""
+    """The settings that the folder was made with."""
     return read_toml(folder / SETTINGS, CalibrationError, CURE)
 
 
 def claim(folder: Path, settings: dict[str, Any]) -> None:
-    """Make the folder this robot's, or see that it is."""
+    """Mark the folder as this robot's, or check that it is."""
     path = folder / SETTINGS
     if not path.is_file():
         if (folder / PROFILE).exists() or (folder / RECORDINGS).exists():

@@ -1,1 +1,1 @@
-"""Recording: what to record where, on a twin that is placed or a robot that a person places."""
+"""Recording: plans of places, with a robot that places itself or one placed by a person."""

@@ -1,4 +1,4 @@
-"""What a robot reads where it stands, and what it does in a trial of its wheels."""
+"""What is recorded at a place: readings of a standing robot, or a trial of its wheels."""
 
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.errors import BaudError
@@ -9,15 +9,15 @@ from realitygap.values import Command, Pose
 __all__ = ["drive_trial", "read_standing"]
 
 APART_S = 0.3
-"""Time between two readings at a place: noise that comes and goes slowly shows too."""
+"""Time between two readings at a place, s, so that slow noise shows too."""
 
 
 def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[int, Pose]]:
     """Drive one trial as a controller would, step by step.
 
     Returns:
-        Its rows as texts, without poses; and where the robot knew that it was, by the steps at which
-        a camera looks.
+        Its rows as texts, without poses; and the poses that the robot reported, by step, where a camera
+        looks.
 
     Raises:
         BaudError: the line has no room for counters and speeds in a step.
@@ -53,14 +53,14 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
 
 
 def read_standing(body: Body, kind: str, repeats: int) -> list[list[str]]:
-    """Repeated readings [repeats][sensors] of a robot that stands, as texts."""
+    """Repeated readings [repeats][sensors] of a standing robot, as texts."""
     clock = clock_of(body)
     readings = []
     for _ in range(repeats):
         clock.sleep_until(clock.now() + APART_S)
         asked = clock.now()
         read = body.sense()
-        while getattr(body, "read_at", asked) < asked:  # an answer that did not come is no reading
+        while getattr(body, "read_at", asked) < asked:  # a missing answer is not a reading
             read = body.sense()
         heed()
         counts = read.proximity if kind == "proximity" else read.ambient

@@ -1,7 +1,6 @@
-"""The camera over the wheels' floor: calibrated, then asked where the robot stood in its film.
+"""The camera over the wheels' floor: calibrated, then used to track the robot in its film.
 
-Its pictures go through the film's tracker as any film does; the twin's true poses are never used
-but to draw the pictures.
+Its pictures go through the tracker like any film; the twin's true poses only draw the pictures.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,11 +23,11 @@ __all__ = ["FloorCamera", "plate_of"]
 
 STEP_MS = 100
 FRAMES = 10_000
-"""More than the steps of a trial: each has frame numbers of its own."""
+"""Frame numbers reserved for each trial: more than its steps."""
 
 
 def plate_of(marker: Marker | None) -> Plate | None:
-    """How a twin's camera draws a tag on it; None: it wears the disk."""
+    """How a twin's camera draws a tag on the robot; None: it wears the disk."""
     if not isinstance(marker, Tag):
         return None
     return Plate(marker.cells, marker.points / 100, marker.height_cm / 100)
@@ -38,8 +37,8 @@ class FloorCamera(Closing):
     """The overhead camera of a twin's unit, calibrated with frames of the robot at known places.
 
     Args:
-        room, unit, noise, seed: as the twin's. The pictures are drawn, so that they do not depend on
-            what this machine can render with.
+        room, unit, noise, seed: as the twin's. The pictures are drawn, so they do not depend on this
+            machine's renderer.
         marker: what the robot wears; the shipped disk if None.
     """
 
@@ -63,7 +62,7 @@ class FloorCamera(Closing):
             raise
 
     def poses(self, film: Path, steps: Sequence[int], trial: int) -> dict[int, Pose]:
-        """Where the robot is seen at steps (100 ms) of a trial's film; not those at which it is lost."""
+        """Tracked poses at steps (100 ms) of a trial's film, without those at which the robot is lost."""
         states = States.from_file(film)
         tracker = Tracker(self._model, self._marker)
         seen: dict[int, Pose] = {}
@@ -76,11 +75,10 @@ class FloorCamera(Closing):
         return seen
 
     def close(self) -> None:
-        """Let go of the camera."""
         self._camera.close()
 
     def _picture(self, pose: NDArray[np.float64], number: int) -> NDArray[np.uint8]:
-        """A frame in grey; its number names its noise."""
+        """A frame in grey levels; its number seeds its noise."""
         import cv2
 
         frame = self._camera.frame(pose, number)

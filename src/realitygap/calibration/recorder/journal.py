@@ -1,4 +1,4 @@
-"""A recording as it is written: each finished place or trial at once, so that a kill loses one at most."""
+"""Writes a recording as it is made, each finished place or trial at once: a kill loses at most one."""
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ __all__ = ["ARENA", "Journal"]
 
 ARENA = "arena.toml"
 SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "marker", "seed", "repeats", "places")
-"""Facts that must not change when a recording is resumed."""
+"""Facts that must stay the same when a recording is resumed."""
 
 
 class Journal:
@@ -24,13 +24,13 @@ class Journal:
 
     Args:
         folder: the recording's.
-        facts: of recording.toml, written when the recording is begun; its kind tells which table is kept.
+        facts: for recording.toml, written at the start; the kind decides which table is kept.
         columns: of the table.
         key: the columns that name a place.
         rows: how many rows a finished place has, by its key.
 
     Raises:
-        RecordingError: another recording than this is there.
+        RecordingError: the folder holds another recording.
     """
 
     def __init__(
@@ -64,14 +64,14 @@ class Journal:
         self.done.add(self.key(rows[0]))
 
     def discard(self) -> None:
-        """Take away the files of a recording in which nothing is, and its folder if that is all."""
+        """Remove an empty recording's files, and its folder if nothing else is in it."""
         for name in (self.path.name, ARENA, FACTS):
             (self.folder / name).unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             self.folder.rmdir()
 
     def key(self, row: Sequence[str]) -> tuple[str, ...]:
-        """What names a row's place."""
+        """The columns of a row that name its place."""
         return tuple(row[i] for i in self._key)
 
     def _check(self, facts: Mapping[str, Any]) -> None:
@@ -85,7 +85,7 @@ class Journal:
                 )
 
     def _take_up(self, rows: Callable[[tuple[str, ...]], int]) -> None:
-        """Keep the finished places of the table, drop what a kill left half written."""
+        """Keep the table's finished places; drop an incomplete one that a kill left."""
         data = self.path.read_bytes() if self.path.is_file() else b""
         lines = data[: data.rfind(b"\n") + 1].decode("utf-8", "replace").splitlines()
         head = ",".join(self.columns)

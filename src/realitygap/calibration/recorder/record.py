@@ -1,4 +1,4 @@
-"""Makes recordings: brings the robot to each place of a plan, reads it, and writes that down at once.
+"""Makes recordings: brings the robot to each place of a plan, reads it, and writes the readings at once.
 
 from realitygap.calibration.recorder.record import Wanted, record
 from realitygap.robots.address import Address
@@ -37,10 +37,10 @@ FLOOR = "Clear a level floor of 60 by 60 cm; a camera above it is welcome."
 CHANNELS = {"infrared": "proximity", "ambient": "ambient"}
 OWN_UNITS = "units of the robot's own"
 OF_COUNTERS = ("counter_", "speed_")
-"""How columns begin that only wheels with counters have."""
+"""Prefixes of columns that only wheels with counters have."""
 
 Progress = Callable[[str, int, int], None]
-"""Is told the recording's name, the places done, and all."""
+"""Called with the recording's name, the places done, and all places."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,15 +48,15 @@ class Wanted:
     """What is to be recorded.
 
     Attributes:
-        plan: "infrared", "ambient", "wheels" or "all" that the robot has.
+        plan: "infrared", "ambient", "wheels" or "all" (that the robot has).
         object: the one object of the infrared's plan; None: a wall and a cylinder.
-        reflectance: of its surface, in that of the surfaces that constants are told for; NaN: not known, to
-            be fitted.
+        reflectance: of its surface, relative to the surfaces that the constants are for; NaN: unknown, to be
+            fitted.
         repeats: readings at each place; standing starts of each size.
         seed: of what is random in a plan, and of the noise of a robot that places itself.
-        notes: kept with it.
-        base: what is known of the robot before: its radius, heights, top command and speed; None:
-            the robot's own base, or a Khepera.
+        notes: kept with the recording.
+        base: the robot's approximate profile (radius, heights, top command and speed); None: the robot's own
+            base, or a Khepera.
         marker: what the robot wears under a camera over the wheels' floor, as `load_marker` reads it; None:
             the disk.
     """
@@ -73,8 +73,8 @@ class Wanted:
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """A recording that was made: places of which so many are `done`, how long it took, and whether the
-    person stopped there for today."""
+    """A finished call of `record`: how many places are `done`, the time it took, and whether the person
+    stopped early."""
 
     folder: Path
     name: str
@@ -99,19 +99,19 @@ def record(
     resume: bool = False,
     on_progress: Progress | None = None,
 ) -> list[Made]:
-    """Record a plan: into `folder` itself, or each part into a folder of its own there.
+    """Record a plan into `folder`, or each of several parts into a folder of its own there.
 
     Args:
-        wanted: what.
-        folder: where; made if need be.
-        body: the robot; whoever opened it closes it.
-        ask: says something to the person who places the robot; not needed for one that places itself.
-        resume: go on with what is there.
-        on_progress: is told how far it is, after each place: whoever raises there stops the recording.
+        wanted: the plan and its settings.
+        folder: created if missing.
+        body: the robot; the caller closes it.
+        ask: asks the person who places the robot; not needed if it places itself.
+        resume: continue the recording in the folder.
+        on_progress: called after each place; an exception raised there stops the recording.
 
     Raises:
-        RecordingError: a recording is there already, or another one.
-        UsageError: the robot lacks the sensors, or has others than `base`.
+        RecordingError: the folder holds a recording already, or another one.
+        UsageError: the robot lacks the sensors, or they differ from those of `base`.
     """
     if wanted.base is None and "base" in (own := facts_of(body)):
         wanted = replace(wanted, base=load_profile(own["base"]))
@@ -132,10 +132,10 @@ def record(
 
 
 class _Part(NamedTuple):
-    """A part of a plan: its `stops`, by what names them in the columns `key` of its table.
+    """A part of a plan: its `stops`, named by the columns `key` of its table.
 
-    `own`: what recording.toml says of it alone; `rows`: how many rows a finished stop has, by its key;
-    `read`: brings the robot to a stop and returns its rows, none if it is left out.
+    `own`: facts for its recording.toml; `rows`: how many rows a finished stop has, by its key; `read`: brings
+    the robot to a stop and returns its rows, none if the stop is skipped.
     """
 
     name: str
@@ -152,10 +152,10 @@ class _Part(NamedTuple):
 
 
 def _parts(wanted: Wanted, body: Body) -> list[_Part]:
-    """The parts of the plan that the robot has sensors for.
+    """The parts of the plan for which the robot has sensors.
 
     Raises:
-        UsageError: it lacks the sensors that are asked for, or has others than the base.
+        UsageError: it lacks the requested sensors, or they differ from the base's.
     """
     base, kinds = wanted.base, [one.name for one in body.channels]
     parts: list[_Part] = []
@@ -179,10 +179,10 @@ def _parts(wanted: Wanted, body: Body) -> list[_Part]:
 
 
 def check_period(body: Body, base: Profile) -> None:
-    """Refuse a robot whose step is not as long as its base's.
+    """Refuse a robot whose step differs from its base's.
 
     Raises:
-        UsageError: says both, and the cure.
+        UsageError: names both periods and the cure.
     """
     if base.period_s != body.period_s:
         raise UsageError(
@@ -192,7 +192,7 @@ def check_period(body: Body, base: Profile) -> None:
 
 
 def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> _Part:
-    """Readings of sensors that stand."""
+    """The part of a plan that reads sensors of a standing robot."""
     one = channel(body, CHANNELS[plan.kind])
     own = {"kind": plan.kind, "object": plan.object, **stated_shape(wanted.base, one)}
     if plan.reflectance != 1.0:
@@ -215,7 +215,7 @@ def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> _Part:
 
 
 def _wheels(trials: Sequence[Trial], body: Body) -> _Part:
-    """Drives, step by step."""
+    """The part of a plan that drives."""
     counted = [name for name in STEP_COLUMNS if body.counts_turns or not name.startswith(OF_COUNTERS)]
     stops: dict[tuple[str, ...], Trial] = {(str(trial.number),): trial for trial in trials}
 
@@ -234,7 +234,7 @@ def _wheels(trials: Sequence[Trial], body: Body) -> _Part:
 
 
 def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site, report: Progress) -> Made:
-    """Bring the robot to what is left of a part that is not left out, and write each stop down at once."""
+    """Bring the robot to each stop of a part that is not done, and write its rows at once."""
     begun, kind, stopped = time.perf_counter(), part.own["kind"], False
     journal = Journal(
         folder, facts={**part.own, **_facts(part, wanted, body)}, columns=part.columns, key=part.key,
@@ -253,7 +253,7 @@ def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site,
                 report(part.name, len(journal.done), len(part.stops))
     except EnoughError:
         stopped = True
-    if not journal.done:  # left out: an empty table would only be in the way of a calibration
+    if not journal.done:  # skipped: an empty table would only hinder a calibration
         journal.discard()
     return Made(
         folder=folder, name=part.name, kind=kind, places=len(part.stops), done=len(journal.done),
@@ -262,7 +262,7 @@ def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site,
 
 
 def _facts(part: _Part, wanted: Wanted, body: Body) -> dict[str, Any]:
-    """What recording.toml says of the robot and of what was asked for."""
+    """The content of recording.toml."""
     known = dict(facts_of(body))
     units = UNITS.format(known.pop("units", OWN_UNITS))
     if part.name == "wheels" and wanted.marker is not None:

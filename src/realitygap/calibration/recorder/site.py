@@ -1,4 +1,4 @@
-"""Where a recording is made: with a robot that places itself, or one that a person places."""
+"""Where a recording is made: with a robot that places itself, or one placed by a person."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class EnoughError(Exception):
 
 
 class OwnSite(Closing):
-    """A robot that puts itself down wherever it is told.
+    """A robot that places itself.
 
     Args:
         body: the robot.
         room: in plain numbers (cm).
-        seed: of its noise, with the place: no place or trial leaves the next a trace.
-        camera: whether the camera over the floor looks, if the robot has one.
+        seed: of its noise, together with the place: no place or trial affects the next.
+        camera: whether to use the camera over the floor, if the robot has one.
         marker: what the robot wears under it; the shipped disk if None.
     """
 
@@ -64,50 +64,48 @@ class OwnSite(Closing):
                 self._stack = stack.pop_all()
 
     def prepare(self, says: str) -> bool:
-        """Its room is built already."""
+        """Does nothing: its room is built already."""
         return True
 
     def stand(self, place: Place) -> bool:
-        """Put it down."""
         self._put("/".join(f"{number:g}" for number in place.where), place.pose)
         return True
 
     def begin(self, trial: Trial) -> bool:
-        """Put it down, and film it from now on."""
+        """Place the robot, and film it from now on."""
         self._put(str(trial.number), trial.pose)
         if self._camera is not None and trial.filmed and isinstance(self._body, Filmed):
             self._body.film(self._film)
         return True
 
     def end(self, trial: Trial) -> Mapping[int, Pose]:
-        """What the camera saw."""
+        """The poses that the camera saw, by step."""
         if self._camera is None or not trial.filmed or not isinstance(self._body, Filmed):
             return {}
         self._body.film(None)
         return self._camera.poses(self._film, trial.seen(), trial.number)
 
     def close(self) -> None:
-        """Let go of the robot and its room."""
         self._stack.close()
 
     def _put(self, where: str, pose: Pose) -> None:
-        """Its noise is named by the place: the same whatever was before."""
+        """Place the robot with noise seeded by the place's name, independent of what happened before."""
         digest = hashlib.sha256(f"{self._seed}/{where}".encode()).digest()
         self._body.enter(self._room, int.from_bytes(digest[:7]), pose)
 
 
 class PersonSite:
-    """A person who is told what to do with a robot.
+    """A person who places the robot as asked.
 
     Args:
-        ask: says something to the person: an empty answer goes on, "s" skips, "q" stops.
+        ask: asks the person: an empty answer continues, "s" skips, "q" stops.
     """
 
     def __init__(self, ask: Ask) -> None:
         self._ask = ask
 
     def prepare(self, says: str) -> bool:
-        """Tell what a plan needs, and ask whether it is there."""
+        """Say what a plan needs, and ask whether it is ready."""
         while True:
             answer = self._ask(f"{says} [Enter: ready, s: leave out, q: stop here]").strip().lower()
             if answer in ("", "s"):
@@ -116,11 +114,11 @@ class PersonSite:
                 raise EnoughError
 
     def stand(self, place: Place) -> bool:
-        """Tell where the robot has to stand."""
+        """Say where to place the robot."""
         return self.prepare(f"Place: {place.says}.")
 
     def begin(self, trial: Trial) -> bool:
-        """Tell how much room a trial needs, and ask where it starts."""
+        """Say how much room a trial needs, and ask where it starts."""
         self._start: Pose | None = None
         name = f"Trial {trial.number} ({trial.kind})"
         if not self.prepare(f"{name}: the robot will move; it needs {trial.says}."):
@@ -137,7 +135,7 @@ class PersonSite:
         return {0: self._start} if end is None else {0: self._start, len(trial.commands) - 1: end}
 
     def _measured(self, says: str) -> Pose | None:
-        """A pose as a person measures it or reads it off the camera's track."""
+        """A pose that the person measured or read off the camera's track."""
         while True:
             answer = self._ask(f"{says} [x_cm y_cm heading_deg; Enter: not measured]")
             words = answer.replace(",", " ").split()
@@ -152,25 +150,25 @@ class PersonSite:
 
 
 Site = OwnSite | PersonSite
-"""Brings a robot to a place: `prepare`, `stand` and `begin` return False for what is left out; `end` says
-where the robot was seen, by the trial's steps."""
+"""Brings a robot to a place: `prepare`, `stand` and `begin` return False if it is skipped; `end` returns the
+poses that were seen, by the trial's steps."""
 
 
 def site_of(
     body: Body, ask: Ask | None, room: Mapping[str, Any], *, part: str, seed: int, marker: str | None
 ) -> AbstractContextManager[Site]:
-    """Where a part of a plan is recorded.
+    """The site for a part of a plan.
 
     Args:
         body: the robot.
-        ask: says something to the person who places it; not needed for one that places itself.
+        ask: asks the person who places it; not needed if it places itself.
         room: in plain numbers (cm).
-        part: its name; noise differs from part to part.
+        part: its name, which noise depends on.
         seed: of the noise of a robot that places itself.
         marker: what it wears under a camera over the wheels' floor, as `load_marker` reads it.
 
     Raises:
-        UsageError: nobody is there to place the robot, or it wears a marker but has no camera of its own.
+        UsageError: nobody can place the robot, or a marker is given for a robot without a camera.
     """
     if isinstance(body, Placing):
         from realitygap.film.marker import load_marker

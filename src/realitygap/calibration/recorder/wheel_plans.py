@@ -21,25 +21,25 @@ STEPS_S = 1.0
 START_LEVELS = (1, 2, 3)
 RANDOM_TRIALS, RANDOM_PIECES, PIECE_S = 4, 10, 0.5
 HASTY_TRIALS, HASTY_STEPS, HASTIEST = 4, 60, (1, 1, 2, 3)
-"""Commands that change every few steps, as a controller's do."""
+"""Trials, steps and numbers of steps a command lasts, for commands that change as fast as a controller's."""
 STRAIGHT = (4, 6, 8, 10)
 STRAIGHT_RUNS = 6
-"""On a ground that makes a run's length uncertain by 1 %, 24 runs leave 0.2 %."""
+"""With a ground that makes a run's length uncertain by 1 %, 24 runs leave 0.2 %."""
 WATCHED = {4: 2, 8: 4, 10: 6}
-"""So many runs at a speed are seen at every step: slip is the deviation of one step's way. Fast ones,
-for there it is larger than the camera's error; some slow ones, which tell that error."""
+"""Number of runs at a speed that are seen at every step: slip is the deviation of the way of one step. Mostly
+fast ones, where it exceeds the camera's error; some slow ones, which measure that error."""
 WAY_CM, LONGEST_S = 28.0, 4.0
 SPINS = (2, 3, 4, 6, 8, 10)
 ARCS = ((10, 6), (6, 10), (8, 3), (3, 8), (10, 2), (2, 10))
 TURN_S = 3.0
 STAND_S = 0.5
-"""At each trial's end the robot stands so long, and a camera sees where."""
+"""Time at rest at each trial's end, s, where a camera looks."""
 
 UNIT_CM_S = 0.8
-"""A command's speed, roughly: to keep clear of the walls."""
+"""Approximate speed of a command unit, to keep clear of the walls."""
 STEPS_A_SECOND = 10
 SEEN_EVERY = 10
-"""A camera that is asked for pictures looks at every tenth step (1 s) or at each, first and last."""
+"""A camera looks at every tenth step (1 s) or at each, and at the first and the last."""
 
 Command = tuple[int, int]
 
@@ -51,7 +51,7 @@ class Trial:
     Attributes:
         kind: "step", "start", "straight" or "turn".
         commands: left and right of each step.
-        pose: where a twin starts; a person needs only the room that `says` asks for.
+        pose: where a twin starts; a person only needs the space that `says` asks for.
         says: what a person prepares.
         filmed: whether a camera, if there is one, sees it.
         watched: whether it sees every step of it.
@@ -77,14 +77,14 @@ class Trial:
 def wheel_plan(
     repeats: int, seed: int, wheels: Wheels | None = None, *, period_s: float = 0.1, followed: bool = False
 ) -> tuple[Trial, ...]:
-    """All trials.
+    """All trials of the plan.
 
     Args:
-        repeats: how often a standing start of each size is made.
+        repeats: standing starts of each size.
         seed: of the random commands and the places.
-        wheels: whose top command and speed; None: 10 units, of about 8 mm/s.
+        wheels: the profile's, for top command and speed; None: 10 units of about 8 mm/s.
         period_s: of a step of the robot.
-        followed: whether a camera sees every step, as of wheels that count nothing.
+        followed: whether a camera sees every step, for wheels without counters.
     """
     draw = random.Random(f"wheels/{seed}")
     scale = 1.0 if wheels is None else wheels.top_command / TOP
@@ -101,7 +101,7 @@ def wheel_plan(
 
 
 def _without_camera(draw: random.Random, repeats: int) -> Iterator[Trial]:
-    """Steps and standing starts, of commands of TOP in tenths of a second."""
+    """Steps and standing starts with commands of TOP, in tenths of a second."""
     for level in LEVELS:
         yield Trial("step", _steps_of(level), _anywhere(draw), "15 cm free all round")
     yield Trial("step", _between(), _anywhere(draw), "15 cm free all round")
@@ -114,7 +114,7 @@ def _without_camera(draw: random.Random, repeats: int) -> Iterator[Trial]:
 
 
 def _filmed(draw: random.Random, unit_cm_s: float) -> Iterator[Trial]:
-    """Straight lines and turns, which a camera sees."""
+    """Straight lines and turns in view of the camera."""
     for level in STRAIGHT:
         for run in range(STRAIGHT_RUNS):
             seconds = min(LONGEST_S, WAY_CM / (level * unit_cm_s))
@@ -133,13 +133,13 @@ def _filmed(draw: random.Random, unit_cm_s: float) -> Iterator[Trial]:
 
 
 def _anywhere(draw: random.Random) -> Pose:
-    """A place about the middle: another ground for each trial."""
+    """A start near the middle of the floor, different for each trial."""
     x, y = (FLOOR_CM / 2 + draw.uniform(-8, 8) for _ in range(2))
     return Pose(x=x, y=y, heading=draw.uniform(-math.pi, math.pi))
 
 
 def camera_places() -> tuple[Pose, ...]:
-    """Where the robot stands while the camera is calibrated: all over the floor, at many headings."""
+    """Robot poses for calibrating the camera: all over the floor, at many headings."""
     share = (0.13, 0.37, 0.63, 0.87)
     places = [(x * FLOOR_CM, y * FLOOR_CM) for x in share for y in (0.13, 0.5, 0.87)]
     return tuple(Pose.from_degrees(x, y, (k * 107) % 360) for k, (x, y) in enumerate(places))
@@ -150,7 +150,7 @@ def _steps(seconds: float) -> int:
 
 
 def _steps_of(level: int) -> list[Command]:
-    """From standing forth, back, and turning both ways: each wheel sees every step of this size."""
+    """From rest forward, back, and turning both ways: each wheel makes every step of this size."""
     n, rest = _steps(STEPS_S), [(0, 0)] * _steps(STAND_S)
     pairs = [(level, level), (-level, -level), (0, 0), (level, -level), (-level, level)]
     return [command for pair in pairs for command in ([pair] * n if pair != (0, 0) else rest)]
@@ -177,7 +177,7 @@ def _hasty(draw: random.Random) -> list[Command]:
 
 
 def _starts(level: int, repeats: int) -> list[Command]:
-    """From rest forth, rest, and back, again and again."""
+    """Repeatedly: rest, forward, rest, back."""
     n = _steps(STAND_S)
     once = [(0, 0)] * n + [(level, level)] * n + [(0, 0)] * n + [(-level, -level)] * n
     return once * repeats

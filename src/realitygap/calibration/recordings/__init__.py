@@ -1,1 +1,1 @@
-"""Recordings: the open format and the .sam tables, read, checked and written."""
+"""Recordings: reading, checking and writing the open format and `.sam` tables."""

@@ -1,4 +1,4 @@
-"""The body of a recorded robot: what a recording states of it, and what several do, side by side."""
+"""The body of a recorded robot, as one recording or several together state it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,11 +18,11 @@ from realitygap.world.profile import Profile, load_profile
 __all__ = ["as_recorded", "stated_heights", "stated_shape", "tells_heights"]
 
 USUAL = "paper"
-"""The profile whose converter's highest count a recording need not state."""
+"""The profile whose converter's highest count is the default of a recording."""
 
 
 def stated_shape(base: Profile | None, one: Channel) -> dict[str, Any]:
-    """The body's outline, and what its sensors are; of no base the Khepera's."""
+    """The body's outline and the kind of its sensors as facts; without a base the Khepera's."""
     body = base.body if base else Body(radius_cm=BODY_RADIUS_CM)
     shape: dict[str, Any] = {"body_radius_cm": body.radius_cm}
     if body.outline_cm:
@@ -34,7 +34,7 @@ def stated_shape(base: Profile | None, one: Channel) -> dict[str, Any]:
 
 
 def stated_heights(base: Profile | None) -> dict[str, float]:
-    """How high body and sensors are; of no base the Khepera's."""
+    """Heights of body and sensors as facts, cm; without a base the Khepera's."""
     if base is None:
         return HEIGHTS_CM
     return dict(zip(HEIGHTS_CM, (base.body.height_cm, base.ambient.sensor_height_cm), strict=True))
@@ -44,15 +44,15 @@ def as_recorded(recordings: Sequence[Recording], base: Profile) -> Profile:
     """The base with the body that its recordings state.
 
     Raises:
-        CalibrationError: they state different ones.
+        CalibrationError: recordings state different bodies.
     """
     return _of_its_height(recordings, _of_its_size(recordings, base))
 
 
 def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
-    """The base with the body from whose edge its recordings' distances count.
+    """The base with the body whose edge the recordings' distances are measured from.
 
-    A .sam table states none: there it is what the maker states. The sensors read by it.
+    A .sam table states no body: it is the manufacturer's, and readings depend on it.
     """
     seen = [r for r in recordings if isinstance(r, SensorRecording) and r.from_sensor is None]
     said = [r for r in seen if "body_radius_cm" in r.facts or not r.body_said] or seen
@@ -83,7 +83,7 @@ def _of_its_size(recordings: Sequence[Recording], base: Profile) -> Profile:
 
 
 def _of_its_height(recordings: Sequence[Recording], base: Profile) -> Profile:
-    """The base with the heights that its recordings state, which say where light passes over the body."""
+    """The base with the heights that its recordings state, which decide where light passes over the body."""
     said = {tuple(r.facts[key] for key in HEIGHTS_CM): r.source for r in recordings if tells_heights(r)}
     if len(said) > 1:
         (one, here), (two, there) = list(said.items())[:2]
@@ -98,5 +98,5 @@ def _of_its_height(recordings: Sequence[Recording], base: Profile) -> Profile:
 
 
 def tells_heights(recording: Recording) -> bool:
-    """Whether it states how high body and sensors are."""
+    """Whether it states the heights of body and sensors."""
     return HEIGHTS_CM.keys() <= recording.facts.keys()

@@ -1,4 +1,4 @@
-"""What seems odd in a recording: units mixed up, counters that look dead. Names file and line."""
+"""Checks of a recording's numbers: mixed-up units, dead counters. Names file and line."""
 
 import math
 from pathlib import Path
@@ -13,25 +13,25 @@ from realitygap.values import Floats
 __all__ = ["FACTS", "FARTHEST_CM", "check_readings", "check_steps", "doubt_object", "read_rows"]
 
 FACTS = "recording.toml"
-"""What is known of a recording's robot, and how it was made."""
+"""The file of facts about a recording's robot and how it was made."""
 
 REACH_CM = 20.0
-"""Twice the way that a Khepera's infrared goes: beyond it nothing reads as on a near object."""
+"""Twice the range of a Khepera's infrared: nothing beyond reads like a near object."""
 FARTHEST_CM = 300.0
-"""Beyond it no object was recorded: a larger number stands for something else."""
+"""No object was recorded beyond this: a larger number means something else."""
 WIDEST_CM = 20.0
-"""Of a cylinder, beyond which it is hardly one to a robot of this size."""
+"""A larger radius is hardly a cylinder to a robot of this size."""
 BRIGHT = 300.0
 """Counts of the paper's robot."""
 ENOUGH = 4
-"""Bearings from which on their unit is doubted."""
+"""Number of bearings from which on their unit is checked."""
 
 
 def read_rows(path: Path, *, ends: bool) -> Table:
-    """The table of a recording; with `ends` its last line must have an end, as a recorder's has.
+    """The table of a recording; with `ends` its last line must be complete, as a recorder writes it.
 
     Raises:
-        RecordingError: no table, no rows, one that is cut short, a column that is there twice.
+        RecordingError: no table, no rows, a truncated row, a duplicate column.
     """
     table = read_table(path, RecordingError)
     if not table.rows:
@@ -56,14 +56,14 @@ def check_readings(
     """Warnings about sensor readings [n, S] at [n] distances and bearings in a table's rows.
 
     Args:
-        table: names file and line.
+        table: for file and line in messages.
         kind: "infrared" or "ambient".
         distance_cm, bearing_deg: [n].
         counts: [n, S].
-        full_scale: the converter's highest count; None: not said.
+        full_scale: the converter's highest count; None: unknown.
 
     Raises:
-        RecordingError: readings that no robot in centimetres and degrees can have had.
+        RecordingError: readings that are impossible in centimetres and degrees.
     """
     top = math.inf if full_scale is None else full_scale
     expected = "counts from 0 on" if full_scale is None else f"counts from 0 to {top:g}"
@@ -87,7 +87,7 @@ def check_readings(
 
 
 def doubt_object(name: str, where: str | Path) -> tuple[str, ...]:
-    """A warning about a cylinder that is as wide as a barrel."""
+    """A warning about an implausibly large cylinder."""
     radius = cylinder_radius(name)
     if radius is None or radius <= WIDEST_CM:
         return ()
@@ -95,7 +95,7 @@ def doubt_object(name: str, where: str | Path) -> tuple[str, ...]:
 
 
 def check_steps(commands: Floats, counters: Floats) -> tuple[str, ...]:
-    """Warnings about wheels [n, 2]: a counter that stands although its wheel was driven."""
+    """Warnings about wheels [n, 2] that were driven while their counter stood still."""
     out = []
     for side, name in enumerate(("left", "right")):
         driven = np.abs(commands[:, side]).max(initial=0.0) > 0

@@ -1,4 +1,4 @@
-"""What a recording's recording.toml says, each fact checked."""
+"""The facts in recording.toml, each checked."""
 
 import math
 from collections.abc import Mapping
@@ -21,10 +21,10 @@ UNKNOWN = "unknown"
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
-    """What recording.toml says.
+    """The facts in recording.toml.
 
     Raises:
-        RecordingError: no such file, or no TOML.
+        RecordingError: no such file, or invalid TOML.
     """
     path = folder / FACTS
     make = "Make one with `realitygap record`."
@@ -35,7 +35,7 @@ def read_facts(folder: Path) -> dict[str, Any]:
 
 
 def number_of(folder: Path, facts: Mapping[str, Any], key: str, what: str) -> float | None:
-    """A fact above 0; None where it is not said.
+    """A positive number; None if it is missing.
 
     Args:
         folder: the recording's, for messages.
@@ -51,7 +51,7 @@ def number_of(folder: Path, facts: Mapping[str, Any], key: str, what: str) -> fl
 
 
 def body_of(folder: Path, facts: Mapping[str, Any]) -> Body:
-    """Whose edge distances count from: a disc, or a polygon."""
+    """The body whose edge distances are measured from: a disc or a polygon."""
     outline = facts.get("body_outline_cm", ())
     value = facts.get("body_radius_cm", 0.0 if outline else BODY_RADIUS_CM)
     number = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 1e3
@@ -64,7 +64,8 @@ def body_of(folder: Path, facts: Mapping[str, Any]) -> Body:
 
 
 def reflectance_of(folder: Path, facts: Mapping[str, Any], told: bool) -> float:
-    """Of the object's surface, NaN if it is to be fitted; `told`: this recording may say so."""
+    """Reflectance of the object's surface, NaN if it is to be fitted; `told`: whether the recording may state
+    it."""
     value = facts.get("reflectance", 1.0)
     if "reflectance" in facts and not told:
         raise RecordingError(
@@ -80,7 +81,7 @@ def reflectance_of(folder: Path, facts: Mapping[str, Any], told: bool) -> float:
 
 
 def check_heights(folder: Path, facts: Mapping[str, Any]) -> None:
-    """Refuse heights of which one is missing, or that no robot has."""
+    """Refuse heights that are impossible, or one without the other."""
     said = [facts[key] for key in HEIGHTS_CM if key in facts]
     numbers = [v for v in said if isinstance(v, int | float) and not isinstance(v, bool) and v > 0]
     if said and (len(numbers) < len(HEIGHTS_CM) or not numbers[1] < numbers[0] < 1e3):

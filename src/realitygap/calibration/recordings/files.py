@@ -1,4 +1,4 @@
-"""A recording's files, read with an error for whatever is wrong: file and line."""
+"""Reads a recording's files; errors name file and line."""
 
 import hashlib
 import math
@@ -54,7 +54,7 @@ STEP_COLUMNS = (
     "speed_left", "speed_right", "trial", "kind",
 )  # fmt: skip
 UNITS = "cm, degrees, s, counts, {}, pulses"
-"""What numbers are in; commands and speeds are in the robot's own units, by their name."""
+"""Units of the numbers; commands and speeds are in the robot's own units, named in the braces."""
 WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
 """Columns that only wheels with counters have."""
 KNOWN = (
@@ -63,10 +63,10 @@ KNOWN = (
     "firmware", "plan", "seed", "repeats", "places", "date", "base", "pulses_per_mm", "marker",
     "id", "productId", "fwversion", "prox.comm.tx",
 )  # fmt: skip
-"""Keys of recording.toml: a calibration reads those about the body, surfaces and units, the others are its
-history; the last ones a Thymio says of itself."""
+"""Keys of recording.toml: a calibration reads those about the body, surfaces and units, the others are for
+the record; the last ones come from a Thymio."""
 DRIVE = "end"
-"""A key of a drive's recording.toml, which is another file of the same name."""
+"""A key of a drive's recording.toml, which is another format of the same name."""
 
 
 def load_recording(path: str | Path, *, object: str | None = None, kind: str | None = None) -> Recording:
@@ -74,7 +74,7 @@ def load_recording(path: str | Path, *, object: str | None = None, kind: str | N
 
     Args:
         path: the folder, its recording.toml, or the table.
-        object: what a table was recorded with, or another object than a recording says.
+        object: the object of a table, or one that replaces a recording's.
         kind: of a table's sensors.
 
     Raises:
@@ -89,7 +89,7 @@ def load_recording(path: str | Path, *, object: str | None = None, kind: str | N
 
 
 def find_recordings(path: str | Path) -> Sequence[Path]:
-    """The recordings that a path means: itself, or the recordings in a folder of several.
+    """The recordings at a path: itself, or all recordings in a folder.
 
     Raises:
         RecordingError: there is none.
@@ -114,7 +114,7 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
 
 
 def _series(folder: Path) -> tuple[Path, ...]:
-    """A Thymio's series in a folder; none is left out for its name."""
+    """A Thymio's series in a folder, whatever their names."""
     there = sorted(found for found in folder.glob("*") if LIKE.fullmatch(found.name))
     for found in there:
         sensor_of(found, "Rename it, or move it elsewhere.")
@@ -122,7 +122,7 @@ def _series(folder: Path) -> tuple[Path, ...]:
 
 
 def read_folder(folder: Path, *, object: str | None = None) -> Recording:
-    """The recording of a folder; `object` takes the place of what its facts say.
+    """The recording of a folder; `object` replaces the one in its facts.
 
     Raises:
         RecordingError: what is missing or wrong, with file and line.
@@ -219,7 +219,7 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
 
 
 def _common(folder: Path, table: Table, facts: Mapping[str, Any]) -> dict[str, Any]:
-    # Not the day on which it was made: the same readings have the same hash.
+    # Without the date: the same readings have the same hash.
     lines = (folder / FACTS).read_bytes().splitlines(keepends=True)
     told = b"".join(line for line in lines if not line.startswith((b"date =", b'"date" =')))
     digest = hashlib.sha256(told + table.path.read_bytes()).hexdigest()
@@ -227,7 +227,7 @@ def _common(folder: Path, table: Table, facts: Mapping[str, Any]) -> dict[str, A
 
 
 def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
-    """s0, s1, … without a gap, as many as the facts say, if they do."""
+    """s0, s1, … without a gap, as many as the facts state, if they do."""
     found = [name for name in table.columns if name[:1] == "s" and name[1:].isdecimal()]
     expected = facts.get("sensors", max(len(found), 1))
     if isinstance(expected, bool) or not isinstance(expected, int) or expected < 1:
@@ -249,7 +249,7 @@ def _pose(table: Table, *, empty: bool) -> Floats:
 
 
 def _from_object(table: Table) -> tuple[Floats, Floats]:
-    """How far the object is from the body's edge (cm), and its bearing (degrees)."""
+    """Distance of the object from the body's edge (cm) and its bearing (degrees)."""
     if "x_cm" in table.columns and "distance_cm" not in table.columns:
         where = table.path.with_name(FACTS)
         raise RecordingError(f'{where}: arena: missing; poses need the room: add arena = "file.toml".')
@@ -263,7 +263,7 @@ def _from_object(table: Table) -> tuple[Floats, Floats]:
 
 
 def _from_lamp(pose: Floats, arena: Arena, body_radius_cm: float) -> tuple[Floats, Floats]:
-    """How far the arena's first lamp is from the body's edge (cm), and its bearing (degrees)."""
+    """Distance of the arena's first lamp from the body's edge (cm) and its bearing (degrees)."""
     if not arena.lamps:
         return np.full(len(pose), math.nan), np.full(len(pose), math.nan)
     dx, dy = arena.lamps[0].x_cm - pose[:, 0], arena.lamps[0].y_cm - pose[:, 1]
@@ -271,7 +271,7 @@ def _from_lamp(pose: Floats, arena: Arena, body_radius_cm: float) -> tuple[Float
 
 
 def _unfinished(table: Table, facts: Mapping[str, Any]) -> tuple[str, ...]:
-    """A warning if fewer places are there than were planned."""
+    """A warning if there are fewer places than planned."""
     planned = facts.get("places")
     if not isinstance(planned, int):
         return ()

@@ -1,4 +1,4 @@
-"""Recordings for a calibration: what a robot read at known places, what its wheels did.
+"""Recordings for a calibration: sensor readings at known places, and drives.
 
 A folder with `recording.toml` (kind, object, robot, unit, date, plan, units, notes) and one table:
 
@@ -14,8 +14,8 @@ A folder with `recording.toml` (kind, object, robot, unit, date, plan, units, no
 distance_cm: from the body's edge, a disc's or a polygon's, to a wall along its normal, to a round
 object's edge, to a lamp's centre. bearing_deg: where the object stands, counter-clockwise from the
 robot's front.
-A row of a place is one of its repeated readings; a row of steps is what was read at t_s and the
-command that was given then.
+A row of a place is one of its repeated readings; a row of steps has what was read at t_s and the command
+given then.
 """
 
 from __future__ import annotations
@@ -45,15 +45,16 @@ KINDS = ("infrared", "ambient", "wheels")
 STEP_KINDS = ("step", "start", "straight", "turn")
 
 FOLLOWED_STEPS = 300
-"""Successive steps that a camera saw, from which on its poses stand for counters."""
+"""Number of successive steps seen by a camera from which on poses can replace counters."""
 BODY_RADIUS_CM = 2.75
-"""Half the diameter that the robot's maker states (55 mm); distances count from this edge."""
+"""Half the diameter that the manufacturer states (55 mm); distances are measured from this edge."""
 PULSES_PER_MM = 12.0
-"""Of a Khepera by most sources (0.08 mm per pulse by others): what is taken where nothing measured it."""
+"""Of a Khepera by most sources (0.08 mm per pulse by others): used where nothing was measured."""
 HALL_CM = 1000.0
-"""A room whose other walls are out of every sensor's reach."""
+"""A room whose other walls are out of every sensor's range."""
 HEIGHTS_CM = {"body_height_cm": 3.0, "sensor_height_cm": 1.2}
-"""Of the robot's top, as its maker states it (30 mm), and of its sensors, by a ruler, above the floor."""
+"""Height of the robot's top, as the manufacturer states it (30 mm), and of its sensors, measured with a
+ruler."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,10 +62,10 @@ class Recorded:
     """Where a recording comes from.
 
     Attributes:
-        source, hash: where it was read, and the SHA-256 of its files.
-        notes: in the words of who made it.
+        source, hash: the path it was read from, and the SHA-256 of its files.
+        notes: by the person who made it.
         facts: the whole of recording.toml.
-        warnings: what seems odd but can be used.
+        warnings: about what looks wrong but can be used.
     """
 
     source: str = ""
@@ -76,28 +77,28 @@ class Recorded:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SensorRecording(Recorded):
-    """What the sensors of one kind read, a row a reading, [n].
+    """Readings of the sensors of one kind, one row each, [n].
 
-    No Track: its poses are where the robot stood for each reading, not a way.
+    Not a Track: its poses are separate places, not a path.
 
     Attributes:
         kind: "infrared" or "ambient".
         object: "wall", "cylinder:RADIUS_CM" or "lamp".
-        distance_cm: [n] from the body's edge (this module says to what).
+        distance_cm: [n] from the body's edge to the object as in the module docstring.
         bearing_deg: [n] of the object, counter-clockwise from the robot's front, −180 < b ≤ 180.
         repeat: [n] which of the readings at its place, from 0.
         counts: [n, S] raw readings.
         pose: [n, 3] x, y (cm) and heading (rad) of the robot's centre in `arena`, if known.
         arena: the room, if poses are given.
-        body_radius_cm: of the body whose edge distances count from.
-        body_outline_cm: its corners, as a profile has them; none: it is a disc.
-        body_said: whether the recording says so itself; else a calibration takes its base's body.
-        full_scale: the converter's highest count; None: not said, it is its robot's.
-        reflectance: of the wall or cylinder, in that of the surfaces that constants are told for; NaN: not
-            known, to be fitted.
-        from_sensor: the sensor that a wall stood straight before, at distances counted from it; None: they
-            count from the body's edge.
-        speed_cm_s: [n] of the wheels while each was read, the mean of both either way; None: they stood.
+        body_radius_cm: of the body whose edge distances are measured from.
+        body_outline_cm: its corners, as in a profile; empty: it is a disc.
+        body_said: whether the recording states the body; else a calibration uses its base's.
+        full_scale: the converter's highest count; None: its robot's.
+        reflectance: of the wall or cylinder, relative to the surfaces that constants are for; NaN: unknown,
+            to be fitted.
+        from_sensor: the sensor that faced the wall, from which distances are measured; None: from the body's
+            edge.
+        speed_cm_s: [n] mean absolute speed of both wheels during each reading; None: they stood.
     """
 
     kind: str
@@ -124,7 +125,7 @@ class SensorRecording(Recorded):
         check_object(self.kind, self.object, self.source or "a recording")
 
     def of_robot(self, robot: Profile) -> SensorRecording:
-        """The same as a robot's; with its body, and a word about that, if it says nothing of one.
+        """A copy as a recording of this robot: with its body, and a warning about that, if it states none.
 
         Raises:
             RecordingError: the robot has another number of sensors, or another full scale.
@@ -153,7 +154,7 @@ class SensorRecording(Recorded):
         if self.body_said:
             return self
         radius_cm = robot.body.radius_cm
-        # Distances that were read stay as they are; those from a lamp's centre follow from the poses.
+        # Measured distances stay; those from a lamp's centre follow from the poses.
         nearer = radius_cm - self.body_radius_cm if self.pose is not None else 0.0
         told = f"{self.source}: body_radius_cm: not said; {radius_cm:g} cm are taken, as {whose} has"
         return replace(
@@ -162,7 +163,7 @@ class SensorRecording(Recorded):
         )  # fmt: skip
 
     def _before(self, sensor: Sensor) -> SensorRecording:
-        """The same with poses in a room, one sensor straight before its wall."""
+        """A copy with poses in a room in which one sensor faces a wall."""
         heading = -math.radians(sensor.direction_deg)
         c, s = math.cos(heading), math.sin(heading)
         hall = Arena(name="hall", size_cm=(HALL_CM, HALL_CM))
@@ -173,7 +174,6 @@ class SensorRecording(Recorded):
 
     @property
     def sensors(self) -> int:
-        """How many sensors there are."""
         return int(self.counts.shape[1])
 
     @property
@@ -182,7 +182,7 @@ class SensorRecording(Recorded):
         return cylinder_radius(self.object)
 
     def reach_cm(self) -> Floats:
-        """[n] how far the body's edge stands out from its axle's middle, towards the object."""
+        """[n] distance from the axle's middle to the body's edge, towards the object."""
         round_cm = 0.0 if self.object == "lamp" else self.radius_cm
         gap = None if round_cm is None else self.distance_cm + round_cm
         body = Body(radius_cm=self.body_radius_cm, outline_cm=self.body_outline_cm)
@@ -197,20 +197,20 @@ class SensorRecording(Recorded):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WheelRecording(Recorded):
-    """What the wheels were told and what they did, a row each 100 ms, [n].
+    """Commands and movements of the wheels, a row a step, [n].
 
-    No Track: its poses are of many trials, and of those rows only of which a picture was taken.
+    Not a Track: its poses belong to many trials, and only to rows with a picture.
 
     Attributes:
         t_s: [n] time since the trial's start.
-        commands: [n, 2] left and right, the robot's units, given at t_s after the rest was read.
-        counters: [n, 2] pulses; NaN where wheels do not count.
-        speeds: [n, 2] as the robot measures them, its units; NaN where it does not.
+        commands: [n, 2] left and right, the robot's units, given at t_s after everything else was read.
+        counters: [n, 2] pulses; NaN for wheels without counters.
+        speeds: [n, 2] measured by the robot, its units; NaN if it does not.
         trial: [n] its number.
         kind: [n] one of `STEP_KINDS`.
         pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture.
-        pulses_per_mm: what one knows of the counters beforehand.
-        told: the counters are none: they add up what the wheels were told, units times seconds.
+        pulses_per_mm: known in advance.
+        told: whether `counters` are integrated commands (units times seconds) in place of real counters.
         period_s: of a step.
     """
 
@@ -234,12 +234,12 @@ class WheelRecording(Recorded):
 
     @property
     def counted(self) -> bool:
-        """Whether the wheels count how far they turn."""
+        """Whether the wheels have counters."""
         return not self.told and bool(np.isfinite(self.counters).any())
 
     @property
     def followed(self) -> bool:
-        """Whether a camera saw the wheels' steps one by one, half a minute or more in all."""
+        """Whether a camera saw successive steps, half a minute or more in all."""
         if self.pose is None:
             return False
         seen = np.asarray(np.isfinite(self.pose).all(axis=1))
@@ -247,7 +247,7 @@ class WheelRecording(Recorded):
         return int(both.sum()) >= FOLLOWED_STEPS
 
     def of_robot(self, base: Profile) -> WheelRecording:
-        """In steps of the base's period; for counters, where wheels have none, what they were told."""
+        """A copy in steps of the base's period; wheels without counters get their integrated commands."""
         if self.counted:
             return replace(self, period_s=base.period_s)
         steps = self.commands[:-1] * np.diff(self.t_s)[:, None]
@@ -256,7 +256,7 @@ class WheelRecording(Recorded):
         return replace(self, counters=told, pulses_per_mm=per_mm, told=True, period_s=base.period_s)
 
     def trials(self, *kinds: str) -> list[NDArray[np.int64]]:
-        """The rows of each trial of these kinds (default: of all), in their order."""
+        """The rows of each trial of these kinds (default: all), in order."""
         wanted = np.isin(self.kind, kinds) if kinds else np.ones(len(self.kind), bool)
         return [np.flatnonzero((self.trial == k) & wanted) for k in np.unique(self.trial[wanted])]
 
@@ -266,7 +266,7 @@ Recording = SensorRecording | WheelRecording
 
 @cache
 def count_unit(full_scale: float) -> float:
-    """Counts of a converter that are one of the paper's robot's: limits and first guesses are in those."""
+    """Counts of a converter per count of the paper's robot, in which limits and first guesses are stated."""
     return full_scale / load_profile("paper").infrared.top
 
 
@@ -281,10 +281,10 @@ def cylinder_radius(name: str) -> float | None:
 
 
 def check_object(kind: str, name: str, where: str) -> None:
-    """Refuse an object that sensors of this kind are not recorded with.
+    """Refuse an object that sensors of this kind cannot be recorded with.
 
     Raises:
-        RecordingError: names what is known.
+        RecordingError: names the known ones.
     """
     if kind not in KINDS[:2]:
         raise RecordingError(f'{where}: kind: expected "infrared" or "ambient", got {kind!r}.')

@@ -1,7 +1,7 @@
-"""Tables of the Khepera community (`.sam`): readings at 180 bearings and many distances, in plain text.
+"""`.sam` tables of the Khepera community: readings at 180 bearings and many distances, in plain text.
 
-First line `sensors bearings distances first_mm step_mm`; then for each distance a line `TURN k` and
-a line of readings for each bearing, 2 degrees apart and clockwise from the front; at last `END`.
+The first line is `sensors bearings distances first_mm step_mm`; then for each distance a line `TURN k` and a
+line of readings for each bearing, 2 degrees apart and clockwise from the front; at the end `END`.
 """
 
 import hashlib
@@ -19,12 +19,12 @@ from realitygap.values import Floats
 __all__ = ["LIGHT_STEP", "read_sam"]
 
 SENSORS, FULL = 8, 1023
-"""The tables are a Khepera's, of its eight sensors and its converter of 10 bits: other robots have none."""
+"""The tables are a Khepera's: eight sensors and a 10-bit converter."""
 LIGHT_SCALE, LIGHT_STEP = 500.0, 10.24
 """A light table is inverted and scaled: V = 500·(1 − x/1024), x in steps of 10.24. The 500 is an
 assumption of the tables' keepers."""
 NEAREST_MM, FARTHEST_MM = 1.0, 10.0 * FARTHEST_CM
-"""What a table in millimetres can hold."""
+"""Limits of distances in millimetres."""
 
 
 class Header(NamedTuple):
@@ -118,7 +118,7 @@ def _header(path: Path, lines: list[str]) -> Header:
 
 
 def _table(path: Path, lines: list[str], header: Header) -> Floats:
-    """[distances · bearings, sensors] the readings as they stand there."""
+    """[distances · bearings, sensors] the table's readings, unscaled."""
     out: list[list[int]] = []
     many, expected = header.distances * header.bearings, header.bearings + 1
     for number, line in enumerate(lines[1:], 2):
@@ -130,7 +130,7 @@ def _table(path: Path, lines: list[str], header: Header) -> Floats:
                 )
             return np.array(out, float)
         if place == 0:
-            words = line.split()  # the number itself is miscounted in tables that are otherwise sound
+            words = line.split()  # the number itself is wrong in some otherwise valid tables
             if len(words) != 2 or words[0].upper() != "TURN" or not words[1].isdigit():
                 raise RecordingError(f"{path}, line {number}: expected `TURN {block}`, got {line[:40]!r}.")
             continue
@@ -163,7 +163,7 @@ def _readings(path: Path, number: int, line: str, sensors: int) -> list[int]:
 
 
 def _looks_like_light(table: Floats) -> bool:
-    """Every reading lies on the steps of light tables, cut to whole numbers."""
+    """Whether every reading lies on the steps of light tables, truncated to integers."""
     steps = np.rint(table / LIGHT_STEP) * LIGHT_STEP
     return bool((np.abs(table - steps) < 1.0).all() and len(np.unique(table)) > 3)
 

@@ -1,7 +1,7 @@
-"""Readings of one Thymio II sensor before a wall: the tables of `resilient-swarms/thymio` (MIT licence).
+"""Readings of one Thymio II sensor facing a wall: the tables of `resilient-swarms/thymio` (MIT licence).
 
-A file is one series of one of the seven horizontal sensors, whose number its name holds
-(`sensor02_light.csv`). A row is one distance ("9cm") and what was read there, in time order.
+A file is a series of one of the seven horizontal sensors, numbered in its name (`sensor02_light.csv`). A row
+has one distance ("9cm") and the readings there, in time order.
 """
 
 import csv
@@ -20,20 +20,20 @@ __all__ = ["LIKE", "read_thymio", "sensor_of"]
 
 NAME = re.compile(r"sensor0*([0-6])_.*\.csv", re.IGNORECASE)
 LIKE = re.compile(r"sensor.*\.csv", re.IGNORECASE)
-"""What is meant for such a name, and may be none."""
+"""Names that are meant to be a series, valid or not."""
 SENSORS = 7
 STALE = 2
-"""The first readings of a row may still show the distance before."""
+"""The first readings of a row may still belong to the distance before."""
 DISTANCE = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(cm|mm)", re.IGNORECASE)
 SHOWN = 40
-"""Characters of a line that a message shows."""
+"""Characters of a line shown in a message."""
 
 
 def sensor_of(path: Path, cure: str) -> int:
-    """The number of a series' sensor, by the file's name.
+    """Number of a series' sensor, from the file's name.
 
     Raises:
-        RecordingError: it names none; with the cure.
+        RecordingError: the name has none; with the cure.
     """
     named = NAME.fullmatch(path.name)
     if named is None:
@@ -74,7 +74,7 @@ def read_thymio(path: Path) -> SensorRecording:
 
 
 def _cells(line: str) -> list[str]:
-    """A line's cells without blanks and quotes round them."""
+    """A line's cells without blanks and quotes."""
     try:
         return [cell.strip() for cell in next(csv.reader([line]), [])]
     except csv.Error:  # a cell of more than 128 KiB
@@ -82,7 +82,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _row(cells: list[str], at: str, line: str) -> tuple[float, list[float]]:
-    """A line's distance, cm, and its counts; an empty cell is a reading that is missing."""
+    """A line's distance, cm, and its counts; an empty cell is a missing reading."""
     told = DISTANCE.fullmatch(cells[0])
     if told is None:
         raise RecordingError(f"{at}: expected a distance as in 9cm or 87.5mm, got {cells[0][:SHOWN]!r}.")

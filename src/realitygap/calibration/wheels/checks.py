@@ -1,4 +1,4 @@
-"""Recordings of wheels that cannot be what they say: swapped counters, another unit, no robot's at all."""
+"""Checks of wheel recordings: swapped counters, wrong units, impossible movements."""
 
 import numpy as np
 
@@ -13,16 +13,16 @@ __all__ = ["refuse_few_steps", "refuse_odd", "refuse_wheels"]
 SIDES = ("left", "right")
 FEWEST_STEPS = 30
 AGAINST, OTHERS = -0.3, 0.2
-"""Cosine of pulses and commands below which a counter runs against its command; and how much better both
-follow the other wheel's command where columns are swapped."""
+"""Cosine of pulses and commands below which a counter runs against its command; and the advantage of the
+other wheel's command from which on columns count as swapped."""
 PULSES_SHARE = (0.5, 25.0 / 12.0)
-"""Of what is known of the counters beforehand: what a camera may find."""
+"""Range of pulses per mm by camera, as a share of the value known in advance."""
 TRACK_SHARE = 0.3
 EXPLAINED = 0.5
 
 
 def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profile) -> None:
-    """Refuse a recording that no robot of the base's kind can have made, by what the camera tells of it.
+    """Refuse a recording that no robot like the base can have made, using the camera's data.
 
     Raises:
         CalibrationError: a wheel or counter that stands, commands or lengths in other units, swapped columns.
@@ -50,7 +50,7 @@ def _refuse_still(recording: WheelRecording) -> None:
 
 
 def _refuse_fast(recording: WheelRecording, base: Profile) -> None:
-    """Refuse commands that no controller of the base's robot gives."""
+    """Refuse commands beyond the base's range."""
     most, top = float(np.abs(recording.commands).max(initial=0.0)), base.wheels.top_command
     if most > top:
         left, right = base.wheels.speed_per_unit_cm_s
@@ -63,7 +63,7 @@ def _refuse_fast(recording: WheelRecording, base: Profile) -> None:
 
 
 def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
-    """Refuse a recording with too few speeds [n, 2] to tell anything."""
+    """Refuse a recording with too few speeds [n, 2]."""
     if np.isfinite(measured).sum() < 2 * FEWEST_STEPS:
         raise CalibrationError(
             f"{recording.source}: expected {FEWEST_STEPS} steps of {recording.period_s:g} s or more, in a "
@@ -92,7 +92,7 @@ def _refuse_counters(recording: WheelRecording) -> None:
 
 
 def _refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile) -> None:
-    """Refuse pulses per mm (without counters: speeds per unit) and a track that no such robot has."""
+    """Refuse impossible pulses per mm (without counters: speeds per unit) and tracks."""
     cure = "Are x_cm and y_cm in cm, heading_deg in degrees, and counters in pulses?"
     low, high = (share * recording.pulses_per_mm for share in PULSES_SHARE)
     for side, length in zip(SIDES, odometry.cm_per_pulse, strict=True):
@@ -117,11 +117,11 @@ def _refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile
 def refuse_wheels(
     recording: WheelRecording, measured: Floats, model: Floats, bounded: dict[str, float]
 ) -> None:
-    """Refuse a fit that explains less than half of what the wheels did, or that ended at a bound.
+    """Refuse a fit that explains less than half of the speeds' variation, or that ended at a bound.
 
     Args:
         recording: of the wheels.
-        measured, model: [n, 2] speeds, cm/s; NaN where nothing is known.
+        measured, model: [n, 2] speeds, cm/s; NaN where unknown.
         bounded: speeds per unit that ended at their bounds, cm/s.
 
     Raises:

@@ -1,7 +1,7 @@
 """The wheels' fit (§3.2.2): gains and speed per unit from the counters, lengths from a camera.
 
-Counters and a camera know different things. Counters show how a wheel follows its command, in
-pulses; only what is seen from outside tells pulses per millimetre, the track, and slip.
+Counters show how a wheel follows its command, in pulses; pulses per millimetre, the track and slip can only
+be seen from outside.
 """
 
 from dataclasses import dataclass, field, replace
@@ -25,40 +25,41 @@ from realitygap.world.provenance import Constant
 __all__ = ["WHEEL_FORMS", "WheelFit", "doubts", "fit_wheels"]
 
 WHEEL_FORMS = ("printed", "refitted")
-"""The paper's gains; gains of one's own, a lag, and play at turning round. Both fit the speed per unit."""
+""""printed": the paper's gains; "refitted": free gains, a lag, and play on reversal. Both fit the speed per
+unit."""
 SPEED_KEYS, SPEED_BOUNDS = ("speed_left", "speed_right"), (0.0625, 25.0)
-"""Speeds per unit, in those of the base."""
+"""Speeds per unit, and their bounds relative to the base's."""
 GAINS = ("kp", "ki", "kd", "lag")
 PRINTED = {"kp": 3800.0, "ki": 800.0, "kd": 100.0, "divisor": 50000.0, "lag": 0.0, "play_cm": 0.0}
-"""§3.2.2, whatever the base has; lag and play are beyond the paper."""
+"""§3.2.2, whatever the base has; lag and play are not in the paper."""
 FIRST_GAINS: dict[str, tuple[tuple[float, ...], ...]] = {
     "printed": ((),),
     "refitted": ((3800.0, 100.0, 100.0, 0.1, 0.01), (4800.0, 1.0, 1.0, 0.4, 0.08)),
 }
-"""Where a form's search begins: gains, lag and play."""
+"""Starting values of a form: gains, lag and play."""
 ROBUST_AT, SETTLING = 0.5, 0.999
-"""cm/s from which on a step counts less than its square; the largest pole that is tried."""
+"""Residuals beyond this many cm/s count less than their square; the largest pole that is tried."""
 ROUGH = 1.15
-"""How many times as fast or as slow as in the base wheels may be, a command, before its unit is doubted."""
+"""Factor between fitted and base speeds beyond which the unit of commands is doubted."""
 FIRST_STEPS = 2
-"""A wheel's first start in a trial, from the rest before which nothing is known, shows for so many steps."""
+"""Number of steps affected by a wheel's first start in a trial, since its previous direction is unknown."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WheelFit:
-    """Wheels as they were fitted.
+    """The fit of the wheels.
 
     Attributes:
         profile: the base with the wheels' constants in place.
         form: one of WHEEL_FORMS.
         constants: with their intervals.
-        alike: pairs that the counters do not tell apart, with their correlation.
+        alike: pairs that the counters cannot separate, with their correlation.
         rmse: of each form's speeds against the counters', cm/s.
         friction: from the standing starts.
-        odometry: what the camera told; None without one, or where it saw too little.
-        camera: whether there are any pictures at all.
-        pulses_per_mm: of both counters, as measured, or as they were known beforehand; none without.
-        measured, model: [n, 2] speeds of the wheels in the step after each row, cm/s.
+        odometry: from the camera; None without one, or if it saw too little.
+        camera: whether there are any pictures.
+        pulses_per_mm: of both counters, measured or known in advance; empty without counters.
+        measured, model: [n, 2] speeds in the step after each row, cm/s.
     """
 
     profile: Profile
@@ -79,12 +80,12 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
 
     Args:
         recording: of a drive.
-        base: the profile that keeps what it does not cover.
+        base: the profile whose values stay where the recording says nothing.
         form: which constants are free.
         tick: called after each fit.
 
     Raises:
-        CalibrationError: too little was recorded, or what no such robot can have done.
+        CalibrationError: the recording is too short, or impossible for such a robot.
     """
     tick()
     recording = recording.of_robot(base)
@@ -93,7 +94,7 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     per_pulse = odometry.cm_per_pulse if odometry else (0.1 / recording.pulses_per_mm,) * 2
     measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
-    # Of a wheel that only a camera sees nobody knows in which step it began to turn.
+    # With a camera alone it is unknown in which step a wheel began to turn.
     friction = measure_friction(recording, measured) if recording.counted else None
     track = odometry.track_cm if odometry else base.wheels.track_cm
     threshold = friction.value if friction else base.wheels.friction_cm_s2
@@ -118,7 +119,7 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
 
 
 def doubts(wheels: WheelFit, base: Profile) -> list[str]:
-    """What a person should know of wheels that were fitted."""
+    """Warnings about fitted wheels."""
     out = []
     if wheels.odometry is None:
         seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
@@ -146,7 +147,7 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
 def _with_others(
     constants: tuple[Constant, ...], odometry: Odometry | None, friction: Friction | None
 ) -> tuple[Constant, ...]:
-    """A form's constants with the camera's and the standing starts'."""
+    """A form's constants, and those from the camera and the standing starts."""
     constants = with_lengths(constants, odometry)
     if odometry is not None:
         constants += odometry.constants
@@ -157,7 +158,7 @@ def _with_others(
 
 
 class _Fitted(NamedTuple):
-    """One form's wheels, their constants, and pairs that the counters do not tell apart."""
+    """One form's profile, its constants, and pairs that the counters cannot separate."""
 
     profile: Profile
     constants: tuple[Constant, ...]
@@ -202,15 +203,15 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) 
 
 
 def _speed_bounds(base: Profile) -> tuple[float, float]:
-    """Between which speeds per unit a wheel's is looked for, cm/s."""
+    """Bounds of a wheel's speed per unit, cm/s."""
     usual = sum(base.wheels.speed_per_unit_cm_s) / 2
     return SPEED_BOUNDS[0] * usual, SPEED_BOUNDS[1] * usual
 
 
 def _told(recording: WheelRecording, measured: Floats) -> NDArray[np.bool_]:
-    """[n, 2] speeds that are known and follow from the trial's commands alone.
+    """[n, 2] speeds that are known and determined by the trial's commands alone.
 
-    Not a wheel's first start in a trial: which way it turned before, nobody wrote down.
+    A wheel's first start in a trial is excluded: its previous direction is unknown.
     """
     use = np.isfinite(measured)
     for rows in recording.trials():
@@ -222,8 +223,8 @@ def _told(recording: WheelRecording, measured: Floats) -> NDArray[np.bool_]:
 
 
 def _stable(theta: Floats, keys: list[str], base: Profile) -> bool:
-    """Whether a wheel with these gains settles, and goes no further than a radius in a step at command 1:
-    of one that does, no profile could be made."""
+    """Whether a wheel with these gains settles, and goes no further than a radius in a step at command 1;
+    otherwise no profile could hold it."""
     law = dict(zip(keys, theta.tolist(), strict=True))
     if max(law[key] for key in SPEED_KEYS) * base.period_s > base.body.radius_cm:
         return False
@@ -235,13 +236,13 @@ def _with(base: Profile, values: dict[str, float]) -> Profile:
     wheels = base.wheels
     gains = {key: values[key] for key in (*GAINS, "play_cm") if key in values}
     speeds = (values["speed_left"], values["speed_right"])
-    # A little below the loader's bound, which rounding could pass by a bit.
+    # A little below the loader's bound, because of rounding.
     top = min(wheels.top_command, base.body.radius_cm / base.period_s / max(speeds) * (1 - 1e-9))
     return replace(base, wheels=replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains))
 
 
 def _steady(recording: WheelRecording, measured: Floats) -> list[float]:
-    """Speed per unit of each wheel where its command has stood for half a second, cm/s."""
+    """Speed per unit of each wheel where its command was constant for half a second, cm/s."""
     out = []
     for w in range(2):
         command = recording.commands[:, w]

@@ -1,4 +1,4 @@
-"""Static friction of the wheels (§3.2.2), from how long they stay at rest once they are told to start."""
+"""Static friction of the wheels (§3.2.2), from their delay at standing starts."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from realitygap.values import Floats
 __all__ = ["Friction", "measure_friction"]
 
 MOVING_SHARE = 0.1
-"""A wheel has started when it goes faster than this share of the speed asked for."""
+"""A wheel has started when it exceeds this share of the commanded speed."""
 
 
 class Friction(NamedTuple):
@@ -24,7 +24,7 @@ class Friction(NamedTuple):
 
 
 def measure_friction(recording: WheelRecording, measured: Floats) -> Friction | None:
-    """Between which thresholds the wheels' delays at standing starts lie.
+    """The range of thresholds that explains the wheels' delays at standing starts.
 
     A wheel that rests under a command of speed v adds v/0.1 s to I each step: if it starts in its
     n-th step, the threshold lies between n − 1 and n times that.

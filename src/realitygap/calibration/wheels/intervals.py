@@ -1,4 +1,4 @@
-"""Intervals of the wheels' constants, and which of them the counters cannot tell apart."""
+"""Intervals of the wheels' constants, and which of them the counters cannot separate."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -14,13 +14,13 @@ from realitygap.world.provenance import Constant
 __all__ = ["ASSUMED", "at_bound", "intervals", "with_lengths"]
 
 ASSUMED = 0.02
-"""Relative deviation of pulses per mm where nobody measured them: sources say 12 or 12.5."""
+"""Relative uncertainty of pulses per mm where they were not measured: sources say 12 or 12.5."""
 LENGTHS = {"speed_left": (0,), "speed_right": (1,), "play_cm": (0, 1)}
-"""Constants in cm, and the wheels whose cm per pulse they rest on."""
+"""Constants in cm, and the wheels whose cm per pulse they depend on."""
 STEP = 1e-4
-"""Of the derivatives: this share of a value, or of a hundredth of its bounds."""
+"""Step of the derivatives: this share of a value, or of a hundredth of its range."""
 FEWEST_TRIALS, ROWS = 10, 20
-"""Of fewer trials the rows are taken together in so many at a time (2 s)."""
+"""With fewer trials the rows are grouped by this many (2 s)."""
 
 
 def intervals(
@@ -32,11 +32,11 @@ def intervals(
     *,
     robust_at: float,
 ) -> tuple[tuple[Constant, ...], tuple[tuple[str, str, float], ...]]:
-    """Constants with 95 % intervals, and pairs that the residuals do not tell apart.
+    """Constants with 95 % intervals, and pairs that the residuals cannot separate.
 
-    Steps of one trial err together: the covariance is the sandwich clustered by trials (Liang and
-    Zeger 1986), at least that of independent steps. A constant that moves nothing gets all of its
-    bounds; one whose interval ends at a bound is decided by it, and so not `told`.
+    Steps of one trial have correlated errors: the covariance is the sandwich clustered by trials (Liang and
+        Zeger 1986), at least that of independent steps. A constant without effect gets its whole range; one
+        whose interval ends at a bound is not identifiable (not `told`).
 
     Args:
         names: of the constants.
@@ -44,7 +44,7 @@ def intervals(
         bounds: [p] lowest and highest values.
         residuals: [n] of theta.
         trial: [n] number of each residual's trial.
-        robust_at: where soft L1 begins to count residuals less.
+        robust_at: residual from which soft L1 reduces the weight.
     """
     low, high = bounds
     off = residuals(theta)
@@ -52,7 +52,7 @@ def intervals(
     columns = _columns(theta, bounds, residuals, off) * (high - low)
     curvature = columns.T @ (columns * (1.0 + z)[:, None] ** -1.5)  # soft L1's second derivative
     variance = max(float((off**2 / np.sqrt(1.0 + z)).sum()) / max(len(off) - len(theta), 1), 1e-300)
-    # Where nothing is known, any value within the bounds is as likely: no division by zero.
+    # Without information all values within the bounds are equally likely: no division by zero.
     bread = np.linalg.inv(curvature / variance + np.eye(len(theta)))
     scores = columns * (off / np.sqrt(1.0 + z) / variance)[:, None]
     inner = filling(scores, _groups(trial)) + np.eye(len(theta))
@@ -63,7 +63,7 @@ def intervals(
 
 
 def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tuple[Constant, ...]:
-    """Constants in cm with what is not known of the pulses' length; not identifiable where that is
+    """Constants in cm with the uncertainty of the pulses' length added; not identifiable where that length is
     assumed."""
     shares = (ASSUMED, ASSUMED)
     if odometry is not None:
@@ -82,13 +82,13 @@ def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tu
 
 
 def at_bound(value: float, low: float, high: float) -> bool:
-    """Whether a fitted value is as low, or as high, as was tried."""
+    """Whether a fitted value is at one of its bounds."""
     span = 1e-4 * (high - low)
     return not low + span < value < high - span
 
 
 def _groups(trial: NDArray[np.int64]) -> NDArray[np.int64]:
-    """[n] numbers of rows that err together: a trial's, or a piece's where trials are few."""
+    """[n] numbers of rows with correlated errors: a trial's, or a piece's where trials are few."""
     numbers = np.unique(trial, return_inverse=True)[1]
     if int(numbers.max(initial=0)) + 1 < FEWEST_TRIALS:
         numbers = np.unique(numbers * len(trial) + np.arange(len(trial)) // ROWS, return_inverse=True)[1]
@@ -98,7 +98,8 @@ def _groups(trial: NDArray[np.int64]) -> NDArray[np.int64]:
 def _columns(
     theta: Floats, bounds: tuple[Floats, Floats], residuals: Callable[[Floats], Floats], off: Floats
 ) -> Floats:
-    """[n, p] derivatives within the bounds; of both ways the flatter: gains may be next to unstable ones."""
+    """[n, p] derivatives within the bounds; of both directions the smaller one, since unstable gains may be
+    near."""
     low, high = bounds
     out = np.empty((len(off), len(theta)))
     for i, value in enumerate(theta):

@@ -1,7 +1,7 @@
-"""What only a camera tells about wheels: centimetres per pulse, the track, and slip.
+"""Odometry from a camera: centimetres per pulse, the track, and slip.
 
-Where wheels count nothing, what they were told stands for pulses, once they have settled on it: its length
-is the speed per unit. With the track, pictures of each step then tell the wheels' speeds.
+For wheels without counters, settled commands replace pulses, whose length is then the speed per unit. With
+the track, pictures of each step give the wheels' speeds.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from realitygap.world.provenance import Constant
 __all__ = ["Odometry", "enough_pictures", "measure_odometry", "measured_speeds"]
 
 SLIP, CAMERA_CM, WILD = 0.06, 0.1, 6.0
-"""Where the estimate of slip and of the camera's own error begins; deviations beyond which a way is wild."""
+"""Initial values of slip and of the camera's error; deviations beyond which a segment is an outlier."""
 APART = 5
-"""Steps between two pictures whose way tells lengths: the camera's error weighs little in it."""
+"""Steps between two pictures used for lengths: far enough for the camera's error to matter little."""
 FEWEST_STEPS = 100
-"""Single steps of a steady drive, from which on slip is taken from them."""
+"""Number of single steps of steady driving from which on slip is estimated from them."""
 SETTLED_STEPS, STEADY_STEPS = 4, 10
-"""Wheels that count nothing have turned as they were told between two pictures before which they were told
-the same for so long: driving on, or standing; a single step tells slip after the second."""
+"""Steps of constant command before two pictures after which wheels without counters have turned as commanded
+between them, driving or standing; a single step measures slip after the second number."""
 FEWEST = 12
-"""Ways between two pictures, from which on anything is concluded."""
+"""Least number of segments between two pictures."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,13 +39,13 @@ class Odometry:
     """Lengths and slip.
 
     Attributes:
-        cm_per_pulse: left and right; of wheels that count nothing their speeds per unit, cm/s.
+        cm_per_pulse: left and right; for wheels without counters their speeds per unit, cm/s.
         track_cm: between the wheels.
-        slip: deviation of the way of one step, as a share of it (of what ways of some steps add up
-            to, where no camera saw each step).
-        drift_deg_per_m: how far the heading drifts where both wheels are told the same.
+        slip: deviation of the distance of one step, relative (of several steps' sum where no camera saw each
+            step).
+        drift_deg_per_m: drift of the heading under equal commands.
         constants: with intervals.
-        ways: [m, 2] encoder ways (cm), and what the camera saw beyond them, [m, 2].
+        ways: [m, 2] distances by the encoders (cm), and the camera's excess over them, [m, 2].
     """
 
     cm_per_pulse: tuple[float, float]
@@ -58,8 +58,8 @@ class Odometry:
 
 
 class _Ways(NamedTuple):
-    """Ways between two pictures: pulses [m, 2], Σ of the steps' squares [m, 2], camera's way and turn [m],
-    whether both wheels were told the same [m], and whether it is one step of a steady drive [m]."""
+    """Segments between two pictures: pulses [m, 2], sums of the steps' squares [m, 2], distance and turn by
+    camera [m], whether both commands were equal [m], and whether it is one step of steady driving [m]."""
 
     pulses: Floats
     squares: Floats
@@ -75,12 +75,12 @@ class _Ways(NamedTuple):
 def measured_speeds(
     recording: WheelRecording, odometry: Odometry | None, cm_per_pulse: tuple[float, float]
 ) -> Floats:
-    """[n, 2] mean speed of the wheels in the step that follows each row, cm/s; NaN where nothing tells it.
+    """[n, 2] mean speed of the wheels in the step after each row, cm/s; NaN where unknown.
 
     Args:
         recording: of a drive.
-        odometry: what the camera tells; without counters its poses are all there is.
-        cm_per_pulse: of the counters, where the camera tells nothing.
+        odometry: from the camera; without counters speeds come from its poses.
+        cm_per_pulse: of the counters, if there is no odometry.
     """
     step, way = np.diff(recording.t_s), np.diff(recording.counters, axis=0)
     lengths = odometry.cm_per_pulse if odometry else cm_per_pulse
@@ -97,7 +97,7 @@ def measured_speeds(
 
 
 def measure_odometry(recording: WheelRecording, track_cm: float) -> Odometry | None:
-    """Lengths and slip of a recording; None where no camera saw enough of it."""
+    """Lengths and slip of a recording; None if a camera did not see enough of it."""
     ways = _between_pictures(recording, track_cm, apart=APART)
     if ways is None:
         return None
@@ -107,7 +107,7 @@ def measure_odometry(recording: WheelRecording, track_cm: float) -> Odometry | N
     for _ in range(5):
         squares = ways.squares * theta[:2] ** 2
         likely = slip**2 * squares + camera**2
-        # A picture in which the disk was taken for something else says nothing.
+        # A picture in which the disk was misdetected is not used.
         seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))
         if seen.sum() < FEWEST:
             return None
@@ -138,15 +138,15 @@ def measure_odometry(recording: WheelRecording, track_cm: float) -> Odometry | N
 
 
 def enough_pictures(recording: WheelRecording, track_cm: float) -> bool:
-    """Whether a camera saw so much that lengths should follow from it."""
+    """Whether there are enough pictures for lengths."""
     return _between_pictures(recording, track_cm, apart=APART) is not None
 
 
 def _of_one_step(recording: WheelRecording, theta: Floats) -> tuple[float, float] | None:
     """Slip over one step, and its relative deviation.
 
-    From pictures of a steady drive at every step; None without enough of them. Slip hangs together
-    over some steps, so that what it adds up to over many says little about one.
+    From pictures of steady driving at every step; None without enough of them. Slip is correlated over some
+    steps, so sums over many say little about one.
     """
     ways = _between_pictures(recording, float(theta[2]), apart=1)
     if ways is None or ways.steady.sum() < FEWEST_STEPS:
@@ -162,7 +162,7 @@ def _of_one_step(recording: WheelRecording, theta: Floats) -> tuple[float, float
 
 
 def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int) -> _Ways | None:
-    """Ways between pictures that are so many steps apart, or more."""
+    """Segments between pictures at least `apart` steps apart; None if there are too few."""
     if recording.pose is None:
         return None
     found: list[tuple[Floats, Floats, float, float, bool, bool]] = []
@@ -189,7 +189,7 @@ def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int)
 
 
 def _moved(a: Floats, b: Floats, guess: float) -> tuple[float, float]:
-    """Turn (rad), nearest to a guess, and signed way (cm) of the arc from one pose to another."""
+    """Turn (rad), nearest to a guess, and signed length (cm) of the arc from one pose to another."""
     (x0, y0, h0), (x1, y1, h1) = a, b
     turn = guess + math.remainder(h1 - h0 - guess, math.tau)
     half = turn / 2
@@ -199,14 +199,14 @@ def _moved(a: Floats, b: Floats, guess: float) -> tuple[float, float]:
 
 
 def _alike(commands: Floats, a: int) -> bool:
-    """Whether wheels were told the same before row `a` of a trial (0: they stood) and at the end."""
+    """Whether commands were constant before row `a` of a trial (0: at rest) and the same at the end."""
     before, last = commands[max(a - SETTLED_STEPS, 0) : a], commands[-SETTLED_STEPS:]
     stood = a == 0 or (a >= SETTLED_STEPS and bool((before == before[0]).all()))
     return stood and len(last) == SETTLED_STEPS and bool((last == (before[0] if a else 0.0)).all())
 
 
 def _thinned(rows: NDArray[np.int64], apart: int) -> list[int]:
-    """Of rows with pictures the first, and each that is far enough from the one before; and the last."""
+    """Of rows with pictures the first, each that is far enough from the previous one, and the last."""
     kept: list[int] = []
     for row in rows.tolist():
         if not kept or row - kept[-1] >= apart:
@@ -219,7 +219,7 @@ def _thinned(rows: NDArray[np.int64], apart: int) -> list[int]:
 def _lengths(ways: _Ways, weight: Floats) -> tuple[Floats, Floats]:
     """(cm per pulse left, right, track) by weighted least squares, and their covariance.
 
-    What a wheel covered is way ∓ turn·track/2, and is its pulses' length.
+    A wheel's distance is way ∓ turn·track/2, and equals its pulses' length.
     """
     m = len(ways.way)
     rows = np.zeros((2 * m, 3))
@@ -234,13 +234,13 @@ def _lengths(ways: _Ways, weight: Floats) -> tuple[Floats, Floats]:
 
 
 def _beyond(ways: _Ways, theta: Floats) -> Floats:
-    """[m, 2] how much further each wheel came than its pulses say, cm."""
+    """[m, 2] distance of each wheel beyond that of its pulses, cm."""
     seen = np.stack([ways.way - ways.turn * theta[2] / 2, ways.way + ways.turn * theta[2] / 2], 1)
     return np.asarray(seen - ways.pulses * theta[:2])
 
 
 def _slip(beyond: Floats, squares: Floats) -> tuple[float, float]:
-    """Deviation of a step's way as a share of it, and the camera's own (cm): error² = s²·Σd² + c²."""
+    """Relative deviation of a step's distance, and the camera's own (cm): error² = s²·Σd² + c²."""
     x, y = squares.ravel(), beyond.ravel() ** 2
     slip2, camera2 = 0.06**2, 0.05**2
     for _ in range(20):
@@ -252,7 +252,7 @@ def _slip(beyond: Floats, squares: Floats) -> tuple[float, float]:
 
 
 def _drift(ways: _Ways) -> float:
-    """Degrees a metre where both wheels were told the same; NaN if they never were."""
+    """Drift of the heading under equal commands, degrees a metre; NaN without any."""
     metres = np.abs(ways.way[ways.straight]).sum() / 100.0
     turned = (np.sign(ways.way) * ways.turn)[ways.straight].sum()
     return float(math.degrees(turned) / metres) if metres > 0.2 else math.nan
