@@ -1,4 +1,4 @@
-"""The ambient light sensors (§3.3): direct light, and light reflected by what the rays meet."""
+"""The ambient light sensors (§3.3): direct light, and light reflected from what the rays meet."""
 
 import math
 
@@ -19,7 +19,7 @@ from realitygap.kernels.response import respond
 def illuminate(robot, arena, enough, work, out):
     """Illumination of all ambient sensors into `out`: A_i = D_i + Σ_j D_ij cos² β_ij · 1.5 / d_ij².
 
-    The paper's law has a path of its own, which pays nothing for what goes beyond it.
+    The paper's equation has a separate path, free of the cost of extensions.
     """
     for k in range(out.shape[0]):
         out[k] = 0.0

@@ -1,4 +1,4 @@
-"""What is called from Python: many trials, one trial in full, readings at a place."""
+"""Entry points for Python: many trials, one recorded trial, readings at a pose."""
 
 from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
@@ -30,7 +30,7 @@ from realitygap.streams import ASIDE
 
 @kernel
 def run_trials(world, nets, which, streams, paths, work):
-    """Trial t is network which[t] on streams[t] from a start drawn there, into paths[t].
+    """Trial t runs network which[t] on streams[t] from a start drawn there, and is noted in paths[t].
 
     `paths` is [trials, 6, steps]: the rows of params.Path.
     """
@@ -43,9 +43,11 @@ def run_trials(world, nets, which, streams, paths, work):
 
 @step
 def sense_both(world, stream, k, whole, work, aside):
-    """As `sense`, and if `whole` the sensors that feed nobody in this trial, with noise of their own stream.
+    """As `sense`, and if `whole` also the sensors that feed no input in this trial, with noise from a stream
+    of their own.
 
-    A kind at a time, so that its laws are compiled once, and not for either place that they may be read into.
+    One kind of sensor after the other, so that each is compiled once, not once for each array that it may be
+    read into.
     """
     robot, feed, level = world.robot, world.task.feed, world.level
     near = near_fed(robot, feed)
@@ -69,7 +71,7 @@ def sense_both(world, stream, k, whole, work, aside):
 
 @step
 def keep_readings(near, aside, work, record, k):
-    """Write both kinds of readings, and what was made of them, into row `k` of the record.
+    """Write both kinds of readings, and the inputs made from them, into row `k` of the record.
 
     The first `near` fed readings are the proximity sensors'.
     """
@@ -88,7 +90,7 @@ def keep_readings(near, aside, work, record, k):
 
 @kernel
 def record_trial(world, nets, stream, work, aside, record):
-    """One trial of network 0 from work.start, kept whole in `record`: the bits of run_trials."""
+    """One trial of network 0 from work.start, recorded in full in `record`: the same bits as run_trials."""
     robot, task, level = world.robot, world.task, world.level
     begin(nets, 0, work.start, work)
     for k in range(task.steps):
@@ -107,16 +109,16 @@ def record_trial(world, nets, stream, work, aside, record):
 
 @kernel
 def draw_starts(task, streams, starts):
-    """The starts (x, y, heading) that trials on `streams` begin from, into starts[t]."""
+    """Draw the starts (x, y, heading) of trials on `streams` into starts[t]."""
     for t in range(streams.shape[0]):
         draw_start(task, streams[t], starts[t])
 
 
 @kernel
 def probe(world, streams, work, noise, proximity, ambients):
-    """What all sensors read at work.start, once for each stream, into proximity[t], ambients[t].
+    """Readings of all sensors at work.start, once for each stream, into proximity[t], ambients[t].
 
-    Without noise the readings are left as the model gives them, unrounded.
+    Without noise the readings are the model's, unrounded.
     """
     robot, arena, level = world.robot, world.arena, world.level
     stand(work.start, work)

@@ -1,4 +1,4 @@
-"""Contact: the disc is moved out of what it overlaps; friction holds back its sliding."""
+"""Contact: the disc is pushed out of what it overlaps; friction limits its sliding."""
 
 import math
 from typing import NamedTuple
@@ -8,11 +8,11 @@ from realitygap.kernels.near import from_segment, is_beyond, stands_clear, unit
 from realitygap.kernels.params import STEP_S
 
 ROUNDS = 12
-"""Times that all surfaces are gone through: corners need two or three."""
+"""Passes over all surfaces; corners need two or three."""
 
 
 class Move(NamedTuple):
-    """A place and the movement that led there, cm."""
+    """A position and the movement that led there, cm."""
 
     x: float
     y: float
@@ -24,7 +24,7 @@ class Move(NamedTuple):
 def push(to, nx, ny, depth, sliding):
     """A move after one surface (normal n) has pushed the disc out by `depth`.
 
-    Coulomb: the surface holds back up to `sliding` · depth of the movement along itself.
+    Coulomb friction: up to `sliding` · depth of the movement along the surface is held back.
     """
     along = to.dy * nx - to.dx * ny
     held = min(abs(along), sliding * depth)
@@ -36,9 +36,9 @@ def push(to, nx, ny, depth, sliding):
 
 @step
 def settle_once(arena, radius, x, y, dx, dy):
-    """Where a disc ends that moves from the clear place (x, y) by (dx, dy): (x, y, touched).
+    """End of a disc's movement from a clear position (x, y) by (dx, dy): (x, y, touched).
 
-    Where no place near is clear (a wedge) it stays: a robot never enters a wall or cylinder.
+    If no position near is clear (a wedge), it stays: a robot never enters a wall or cylinder.
     The movement must be shorter than the radius, or it could end behind an inner wall.
     """
     to = Move(x + dx, y + dy, dx, dy)
@@ -76,7 +76,7 @@ def settle_once(arena, radius, x, y, dx, dy):
 
 @step
 def settle(arena, radius, x, y, dx, dy):
-    """The same for a movement of any length, in pieces of at most half a radius."""
+    """As settle_once for a movement of any length, in pieces of at most half a radius."""
     pieces = 1
     if dx * dx + dy * dy > 0.25 * radius * radius:
         pieces = int(math.sqrt(dx * dx + dy * dy) / (0.5 * radius)) + 1

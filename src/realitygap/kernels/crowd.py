@@ -1,7 +1,7 @@
-"""Many robots, each at a step of its own, moved on by one step from Python: for learners.
+"""Many robots, each at its own step, advanced by one step from Python: for learners.
 
-The same steps as in a trial (§3.2), in halves: what the robots do is decided outside. Under the commands of a
-network they drive that network's trial, bit for bit.
+The same steps as in a trial (§3.2), in halves: actions are decided outside. With the commands of a network
+the bits are those of that network's trial.
 """
 
 from typing import NamedTuple
@@ -24,16 +24,16 @@ class Crowd(NamedTuple):
     step: I64
     """[N] steps done."""
     stream: NDArray[np.uint64]
-    """[N] of each one's noise."""
+    """[N] of each robot's noise."""
     path: F
     """[N, 6, steps] the rows of params.Path."""
     readings: F
-    """[N, P or A] what the fed sensors read."""
+    """[N, P or A] readings of the fed sensors."""
 
 
 @step
 def pick_up(crowd, r, work):
-    """Robot `r` into the scratch."""
+    """Copy robot `r` into the scratch arrays."""
     for i in range(3):
         work.pose[i] = crowd.pose[r, i]
     face(work)
@@ -44,7 +44,7 @@ def pick_up(crowd, r, work):
 
 @step
 def lay_down(crowd, r, work):
-    """The scratch back into robot `r`, with what it reads."""
+    """Copy the scratch arrays back into robot `r`, with its readings."""
     for i in range(work.readings.shape[0]):
         crowd.readings[r, i] = work.readings[i]
     for i in range(3):
@@ -70,10 +70,11 @@ def drive(world, nobody, crowd, r, command, work):
 
 @kernel
 def go_on(world, nobody, crowd, which, starts, commands, work):
-    """Robots `which`: as many as there are starts begin a trial, at rest at starts[i] (x, y, heading);
-    the others do a step under commands[i] (left, right). All read their sensors for the step that comes.
+    """Advance robots `which`: the first ones, as many as there are starts, begin a trial at rest at starts[i]
+    (x, y, heading); the others do a step under commands[i] (left, right). All then read their sensors for the
+    next step.
 
-    One kernel for both: what reads the sensors is most of it.
+    One kernel for both, since reading the sensors is most of it.
     """
     for i in range(which.shape[0]):
         r = which[i]

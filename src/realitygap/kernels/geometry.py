@@ -1,4 +1,4 @@
-"""Rays against the room: nearest surfaces and blocked lines, without a division per ray.
+"""Rays in the room: nearest surfaces and blocked lines, without a division per ray.
 
 A ray's result is 1/d, the reciprocal of the distance to the nearest surface: for a flat wall
 it is (ray · normal) / h, for a circle (t + √(t² − k)) / k with k = |centre − place|² − r². The
@@ -15,15 +15,15 @@ from realitygap.kernels.params import RAYS, F
 TOUCHING = 1e-3
 """Smallest distance that a sensor can see, cm: keeps 1/d finite for sensors on a surface."""
 GRAZE = 1e-6
-"""Share by which a ray's end is drawn back before asking what hides it: off its own wall."""
+"""Share by which a ray's end is moved back before occlusion is tested: off its own wall."""
 
 
 LOOK = 8
-"""Obstacles that are met between two looks at whether any farther one can be."""
+"""Number of obstacles tested before checking again whether farther ones can matter."""
 
 
 class Spot(NamedTuple):
-    """Where a sensor is in the room, and the robot's heading."""
+    """A sensor's position in the room, and the robot's heading."""
 
     x: float
     y: float
@@ -32,8 +32,8 @@ class Spot(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """The rays of one sensor or more, [n]: unit vectors, 1/d to what they meet, the cosine under which;
-    and how narrow a cylinder is to meet one side of their fan only."""
+    """The rays of one or more sensors, [n]: unit vectors, 1/d to what they meet, the cosine of incidence; and
+    how narrow a cylinder must be to meet only one side of their fan."""
 
     x: F
     y: F
@@ -44,7 +44,7 @@ class Rays(NamedTuple):
 
 @step
 def see_room(arena, fan_x, fan_y, spot, rays, incident):
-    """Turn a sensor's rays into the room's frame; 1/d to the outer walls."""
+    """Turn a sensor's rays into the room's frame, and set 1/d to the outer walls."""
     west = 1.0 / max(spot.x, TOUCHING)
     south = 1.0 / max(spot.y, TOUCHING)
     east = 1.0 / max(arena.size[0] - spot.x, TOUCHING)
@@ -63,11 +63,11 @@ def see_room(arena, fan_x, fan_y, spot, rays, incident):
 
 @step
 def see_cylinder(qx, qy, radius, rays, incident):
-    """Shorten the rays that meet first a cylinder at (qx, qy) from where they start.
+    """Shorten the rays that first meet a cylinder at (qx, qy) relative to their origin.
 
-    One that spans less than 56° to either side meets only rays of its own side of the fan and
-    two or three beyond its middle, whether it has eight rays or ten: eight lanes, half the square roots.
-    The half chord over the radius is the cosine to the normal.
+    A cylinder within 56° to either side meets only rays of its own side of the fan and two or three beyond
+    the middle, whether the fan has eight rays or ten: eight lanes, half the square roots. The half chord over
+    the radius is the cosine of incidence.
     """
     square = qx * qx + qy * qy
     k = max(square - radius * radius, TOUCHING * TOUCHING)
@@ -75,7 +75,7 @@ def see_cylinder(qx, qy, radius, rays, incident):
     inverse_radius = 1.0 / radius
     ray_x, ray_y, inverse, incidence = rays.x, rays.y, rays.inverse, rays.incidence
     if radius * radius < rays.narrow * square:
-        # Lane RAYS is a pad and looks along the sensor; lane 0 is its rightmost ray.
+        # Lane RAYS is a pad along the sensor's direction; lane 0 is the rightmost ray.
         leftward = ray_x[RAYS] * qy - ray_y[RAYS] * qx
         a = 2 if leftward > 0.0 else 0
         b = a + 8
@@ -94,7 +94,7 @@ def see_cylinder(qx, qy, radius, rays, incident):
 
 @step
 def goes_between(ax, ay, bx, by, rays):
-    """Whether any ray may go between (ax, ay) and (bx, by): that costs less than a division."""
+    """Whether any ray may pass between (ax, ay) and (bx, by): cheaper than a division."""
     sign = 1.0 if ax * by - ay * bx >= 0.0 else -1.0
     any_does = 0
     for i in range(rays.x.shape[0]):
@@ -106,7 +106,7 @@ def goes_between(ax, ay, bx, by, rays):
 
 @step
 def see_segment(ax, ay, bx, by, rays, incident):
-    """Shorten the rays that meet first an inner wall from (ax, ay) to (bx, by), from where they start."""
+    """Shorten the rays that first meet an inner wall from (ax, ay) to (bx, by), relative to their origin."""
     area = ax * by - ay * bx
     sign = 1.0 if area >= 0.0 else -1.0
     length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
@@ -136,7 +136,8 @@ def all_nearer(gap, inverse):
 
 @step
 def see_cylinders(arena, cell, spot, rays, incident):
-    """Shorten the rays that meet a cylinder first: the nearest first, until all rays end before the next."""
+    """Shorten the rays that first meet a cylinder: nearest cylinders first, until all rays end before the
+    next."""
     for n in range(arena.cylinders.shape[0]):
         if n % LOOK == LOOK - 1 and all_nearer(arena.cylinder_gap[cell, n], rays.inverse):
             return
@@ -144,7 +145,7 @@ def see_cylinders(arena, cell, spot, rays, incident):
         qx = arena.cylinders[j, 0] - spot.x
         qy = arena.cylinders[j, 1] - spot.y
         radius = arena.cylinders[j, 2]
-        # What lies wholly behind the sensor meets no ray.
+        # Anything wholly behind the sensor meets no ray.
         if qx * rays.x[RAYS] + qy * rays.y[RAYS] > -radius:
             see_cylinder(qx, qy, radius, rays, incident)
 
@@ -169,9 +170,9 @@ def see_segments(arena, cell, spot, rays, incident):
 def see(arena, fans, k, spot, rays, incident):
     """1/d from `spot` to whatever is nearest along each ray of sensor `k`.
 
-    With `incident` True, beyond the paper, also the cosine of the angle between the ray and the normal there:
-    a Lambertian surface throws back what falls on it by that. With None, which is compiled apart, the paper's
-    law pays nothing for it (a robot with such surfaces is a fifth slower).
+    With `incident` True (not in the paper) also the cosine of incidence, which a Lambertian surface needs.
+    With None, which is compiled separately, the paper's equation avoids this cost (a robot with such surfaces
+    is a fifth slower).
     """
     see_room(arena, fans[k, 0], fans[k, 1], spot, rays, incident)
     cell = cell_at(arena, spot.x, spot.y)
@@ -187,13 +188,13 @@ def added(t):
 
 @step
 def is_bare(arena):
-    """Whether there is nothing in the room but its walls, as usual ones."""
+    """Whether the room has nothing but walls of the usual reflectance."""
     return arena.cylinders.shape[0] + arena.segments.shape[0] + arena.reflectance.shape[0] == 0
 
 
 @step
 def is_tinted(arena):
-    """Whether any surface differs from those that robots' constants hold for."""
+    """Whether any surface's reflectance differs from that which robots' constants hold for."""
     return arena.reflectance.shape[0] > 0
 
 
@@ -208,7 +209,7 @@ def is_brighter(arena):
 
 @step
 def tint(arena, spot, rays, lambertian):
-    """The reflectance of what each ray meets, times the cosine under which if `lambertian` is 1, into
+    """The reflectance of what each ray meets, times the cosine of incidence if `lambertian` is 1, into
     rays.incidence."""
     for i in range(rays.inverse.shape[0]):
         d = 1.0 / rays.inverse[i]
@@ -231,8 +232,8 @@ def covers(wx, wy, radius):
 def circle_blocks(wx, wy, ex, ey, radius):
     """1.0 if the line from a point along (ex, ey) passes through the circle at (wx, wy) from it.
 
-    Not if it ends within the circle: `covers` tells that, once for all lines that end there. No
-    division: the centre's distance to the line, |w × e| / |e|, is compared squared.
+    Lines that end within the circle are excluded: `covers` tests that once for all lines with the same end.
+        No division: the centre's distance to the line, |w × e| / |e|, is compared squared.
     """
     ahead = wx * ex + wy * ey
     aside = wx * ey - wy * ex

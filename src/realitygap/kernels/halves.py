@@ -1,6 +1,6 @@
-"""A step in two halves, sense and move, for a body whose controller is not a kernel.
+"""A step in two halves, sense and move, for controllers that are not kernels.
 
-The wheels' commands lie where a network of no neurons would have its outputs (`quiet`).
+The wheels' commands are stored as the outputs of a network without neurons (`quiet`).
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from realitygap.kernels.trial import act, begin, draw_noise, move
 
 
 def quiet() -> Networks:
-    """One network of no neurons; whoever drives the robot writes its outputs, work.outputs[0] and [1]."""
+    """One network without neurons; the caller writes its outputs, work.outputs[0] and [1]."""
     return Networks(
         inputs=np.zeros(1, np.int64), neurons=np.zeros(1, np.int64), thresholds=np.zeros((1, 2), np.int16),
         sensor_links=np.zeros((1, 1, 4), np.int16), sensor_count=np.zeros(1, np.int64),
@@ -22,7 +22,7 @@ def quiet() -> Networks:
 
 @kernel
 def set_down(nets, work):
-    """The robot at rest at work.start, wheels not commanded."""
+    """Put the robot at rest at work.start, wheels without commands."""
     begin(nets, 0, work.start, work)
     work.outputs[0] = 0
     work.outputs[1] = 0
@@ -30,9 +30,9 @@ def set_down(nets, work):
 
 @kernel
 def sense_now(world, stream, k, both, work, aside):
-    """What the sensors read in step `k`: the fed ones into work.readings, the others into `aside`.
+    """Readings in step `k`: the fed sensors' into work.readings, the others' into `aside`.
 
-    A function of the trial's stream, the step and where the robot is: the bits of record_trial.
+    A function of the trial's stream, the step and the pose: the same bits as record_trial.
     """
     draw_noise(world.level, stream, k, work.readings.shape[0], work)
     sense_both(world, stream, k, both, work, aside)
@@ -40,7 +40,7 @@ def sense_now(world, stream, k, both, work, aside):
 
 @kernel
 def move_on(world, nets, stream, k, work):
-    """Step `k`'s wheels and movement, under the commands in work.outputs."""
+    """Wheels and movement of step `k`, under the commands in work.outputs."""
     draw_noise(world.level, stream, k, work.readings.shape[0], work)
     act(world.robot, nets, 0, world.level, work)
     move(world.robot, world.arena, work)

@@ -1,8 +1,8 @@
 """The infrared proximity sensors (§3.2.3): I = Σ cos β_i (a/d_i² + b), ten rays a sensor.
 
-Where nothing is nearer than a sensor's reach √(a/−b), all its terms are ≤ 0 and it reads 0
-exactly. Most sensors are in that state most of the time, so it is asked first, for all sensors
-side by side, by conditions that are never wrong in saying no.
+Where nothing is nearer than a sensor's reach √(a/−b), all its terms are ≤ 0 and it reads 0 exactly. Most
+sensors are in that state most of the time, so this is tested first, for all sensors side by side, by
+conditions that never exclude a sensor wrongly.
 """
 
 from realitygap.kernels.geometry import TOUCHING, Rays, Spot, added, is_brighter, is_tinted, see, tint
@@ -44,7 +44,7 @@ def notice_walls(robot, arena, work):
 
 @step
 def notice_cylinder(robot, arena, j, work):
-    """Mark the sensors that cylinder `j` is in reach of and not wholly outside their fan."""
+    """Mark the sensors that cylinder `j` is within reach of and not wholly outside their fan."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     cx, cy, radius = arena.cylinders[j, 0] - x, arena.cylinders[j, 1] - y, arena.cylinders[j, 2]
     far = work.span[0] + radius
@@ -69,7 +69,7 @@ def notice_cylinder(robot, arena, j, work):
 
 @step
 def notice_segment(robot, arena, j, work):
-    """Mark the sensors that inner wall `j` is in reach of and not wholly to one side of their fan."""
+    """Mark the sensors that inner wall `j` is within reach of and not wholly to one side of their fan."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     ax, ay = arena.segments[j, 0] - x, arena.segments[j, 1] - y
     ux, uy = arena.segment_along[j, 0], arena.segment_along[j, 1]
@@ -114,7 +114,7 @@ def notice(robot, arena, work):
 
 @step
 def surfaces_differ(robot, arena):
-    """Whether it matters what a ray meets, and how, not only where."""
+    """Whether readings depend on which surface a ray meets, and how, not only where."""
     return robot.proximity_lambertian > 0.0 or is_tinted(arena)
 
 
@@ -122,8 +122,8 @@ def surfaces_differ(robot, arena):
 def reflected(robot, arena, k, rays, t):
     """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first.
 
-    a is times the surface's reflectance and, if it is Lambertian, the cosine under which a ray meets it.
-    The order makes mirror-image sensors add mirror-image rays in the same order.
+    a is multiplied by the surface's reflectance and, if it is Lambertian, by the cosine of incidence. The
+    order makes mirror-image sensors add mirror-image rays in the same order.
     """
     a, b, offset = robot.proximity_a[k], robot.proximity_b[k], robot.proximity_offset[k]
     inverse = rays.inverse
@@ -141,7 +141,7 @@ def reflected(robot, arena, k, rays, t):
 
 @step
 def thrown_back(robot, k, inverse):
-    """What one ray brings a measured sensor: a / ((d + offset)² + width²), 0 beyond its range."""
+    """Light of one ray for a measured sensor: a / ((d + offset)² + width²), 0 beyond its range."""
     v = inverse if inverse >= robot.proximity_least else 0.0
     near = max(1.0 + robot.proximity_offset[k] * v, TOUCHING * v)
     return robot.proximity_a[k] * (v * v) / (near * near + robot.proximity_width2 * (v * v))
@@ -149,9 +149,9 @@ def thrown_back(robot, k, inverse):
 
 @step
 def gathered(robot, arena, k, rays, t):
-    """What reaches a measured sensor: Σ weight ρ cos a / ((d + offset)² + width²), less what beams overlap.
+    """Light for a measured sensor: Σ weight ρ cos a / ((d + offset)² + width²), minus the overlap of beams.
 
-    That is what a flat surface, at the distance of the middle ray, throws back into the outermost.
+    The overlap is what a flat surface, at the distance of the middle ray, reflects into the outermost.
     """
     inverse, overlap, middle = rays.inverse, 0.0, RAYS // 2
     for i in range(inverse.shape[0]):
@@ -167,9 +167,9 @@ def gathered(robot, arena, k, rays, t):
 
 @step
 def list_noticed(work):
-    """Bring the marked sensors' numbers to the front of work.listed; returns how many they are.
+    """Move the marked sensors' numbers to the front of work.listed; returns their number.
 
-    Without a branch: which sensors are marked is a coin toss to a processor.
+    Without branches, since which sensors are marked is unpredictable for a processor.
     """
     count = 0
     for k in range(work.noticed.shape[0]):
@@ -180,7 +180,7 @@ def list_noticed(work):
 
 @step
 def follow(robot, arena, k, rays, work):
-    """What the rays of proximity sensor `k` meet."""
+    """Find what the rays of proximity sensor `k` meet."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
     py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
@@ -201,7 +201,7 @@ def fan_of(robot, work):
 
 @step
 def receive(robot, arena, work, out):
-    """What reaches all measured sensors into `out` ([P]), before their curves."""
+    """Light for all measured sensors into `out` ([P]), before their curves."""
     rays = fan_of(robot, work)
     for k in range(out.shape[0]):
         follow(robot, arena, k, rays, work)
@@ -210,7 +210,7 @@ def receive(robot, arena, work, out):
 
 @step
 def by_rays(robot, arena, work, out):
-    """As `infrared`, of a robot without a table."""
+    """As `infrared`, for a robot without a table."""
     rays, measured = fan_of(robot, work), robot.proximity_curve.shape[1] > 0
     notice(robot, arena, work)
     for k in range(out.shape[0]):
@@ -223,14 +223,15 @@ def by_rays(robot, arena, work, out):
         else:
             total = reflected(robot, arena, k, rays, work.terms)
             out[k] = min(max(total, 0.0), robot.proximity_top)
-    if measured:  # of all at once: side by side their roots cost less than a few one by one
+    if measured:  # of all at once: side by side their roots cost less than a few separately
         for k in range(out.shape[0]):
             out[k] = respond(robot.proximity_curve, k, robot.proximity_knee, out[k])
 
 
 @step
 def by_table_or_rays(table, robot, arena, work, out):
-    """As `infrared`. Only one of both is compiled for a robot: how long its table is, is part of the type."""
+    """As `infrared`. Only one of the two is compiled for a robot, since the table's length is part of the
+    type."""
     if len(table) > 0:
         replay(table, robot.radius, robot.proximity_top, arena, work.pose, out)
     else:

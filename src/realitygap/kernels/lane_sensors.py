@@ -1,7 +1,7 @@
-"""The infrared sensors of trials in lockstep (lockstep.py), in single precision and with a margin.
+"""The infrared sensors of trials in lockstep (lockstep.py), in single precision with a margin.
 
-What a network is told are whole inputs −10 … 10. Where the upper and the lower bound of a reading do not make
-the same, or a ray grazes, a lane is marked to sense one by one, in double precision.
+A network's inputs are integers −10 … 10. Where the upper and the lower bound of a reading give different
+inputs, or a ray grazes, a lane is marked to sense separately, in double precision.
 """
 
 import math
@@ -21,13 +21,14 @@ from realitygap.kernels.work import MOTOR_NOISE
 U, f32 = np.uint64, np.float32
 ROW = U(WIDE)
 SLACK = f32(1e-3)
-"""Single precision notices what is farther by this, cm."""
+"""Single precision extends the range of sensors by this, cm."""
 GRAZE = f32(2e-3)
-"""Half a chord, squared (cm²), below which a ray may as well miss."""
+"""Half a chord, squared (cm²), below which a ray may miss as well as hit."""
 NEAR, TWENTIETH = f32(0.1), f32(0.05)
-"""Walls nearer than that, cm, and cylinders by that share of their radius squared, are seen one by one."""
+"""Walls nearer than this, cm, and cylinders nearer than this share of their radius squared, are handled
+separately."""
 COUNTS, PART, ROUNDING = f32(0.02), f32(3e-4), f32(1e-3)
-"""Margins of a reading: counts, a share of what comes back, and counts of its sum with noise."""
+"""Margins of a reading: counts, a share of the returned light, and counts of the sum with noise."""
 BAND = f32(1e-4)
 """Margin of an input before it is rounded."""
 FAR, NONE, ONE, HALF = f32(1e9), f32(0.0), f32(1.0), f32(0.5)
@@ -43,7 +44,7 @@ def edge_of(edges, k):
 
 @step
 def look_at_walls(n, robot, arena, lanes):
-    """Where sensors are, and which of them an outer wall is in reach of (infrared.notice_walls)."""
+    """Positions of the sensors, and which of them have an outer wall within reach (infrared.notice_walls)."""
     s, noticed, edges = lanes.single, lanes.noticed, lanes.edges
     width, depth, cone = f32(arena.size[0]), f32(arena.size[1]), f32(robot.proximity_cone)
     for k in range(edges.shape[1]):
@@ -67,7 +68,7 @@ def look_at_walls(n, robot, arena, lanes):
 
 @step
 def look_at_cylinder(n, robot, disc, lanes):
-    """Which sensors a cylinder is in reach of (infrared.notice_cylinder)."""
+    """Which sensors have a cylinder within reach (infrared.notice_cylinder)."""
     s, noticed, edges, cone = lanes.single, lanes.noticed, lanes.edges, f32(robot.proximity_cone)
     middle_x, middle_y, radius = disc[0], disc[1], disc[2] + SLACK
     for t in range(n):
@@ -86,7 +87,7 @@ def look_at_cylinder(n, robot, disc, lanes):
 
 @step
 def notice(n, robot, arena, lanes):
-    """List the pairs of a sensor and a lane that may read more than 0; returns how many they are."""
+    """List the pairs of a sensor and a lane that may read more than 0; returns their number."""
     d, s, count = lanes.double, lanes.single, U(0)
     for t in range(n):
         s[X1 + t], s[Y1 + t] = f32(d[X + t]), f32(d[Y + t])
@@ -104,15 +105,15 @@ def notice(n, robot, arena, lanes):
 
 @step
 def circle(radius):
-    """Its square, and its reciprocal."""
+    """The radius squared, and its reciprocal."""
     return radius * radius, ONE / radius
 
 
 @step
 def nearer(best, p, at, disc, ray):
-    """The nearer cylinder along a ray: how far its middle is, half its chord squared, INVERSE, 1/radius.
+    """The nearer cylinder along a ray: distance of its middle, half its chord squared, INVERSE, 1/radius.
 
-    Cylinders lie apart, so the one whose middle is nearer is met first.
+    Cylinders do not touch, so the one whose middle is nearer is met first.
     """
     ahead, aside = p[at], p[at + ASIDE]
     t, across = ahead * ray[0] + aside * ray[1], ahead * ray[1] - aside * ray[0]
@@ -126,7 +127,7 @@ def nearer(best, p, at, disc, ray):
 
 @step
 def trace(p, i, discs, ray):
-    """1/d and the cosine that pair `i` sees along one ray of its fan, and how certainly."""
+    """1/d and the cosine of incidence of pair `i` along one ray of its fan, and how certain they are."""
     best = nearer((FAR, ONE, NONE, NONE), p, DISCS[0] + i, discs[0], ray)
     best = nearer(best, p, DISCS[1] + i, discs[1], ray)
     best = nearer(best, p, DISCS[2] + i, discs[2], ray)
@@ -141,7 +142,7 @@ def trace(p, i, discs, ray):
 
 @step
 def place_pairs(n, arena, lanes):
-    """What stands how near to the sensors of `n` pairs."""
+    """Positions of `n` pairs' sensors relative to the walls and cylinders."""
     p, width, depth, touching = lanes.pair, f32(arena.size[0]), f32(arena.size[1]), f32(TOUCHING)
     for i in range(n):
         east, north = width - p[PX + i], depth - p[PY + i]
@@ -164,7 +165,7 @@ def place_pairs(n, arena, lanes):
 
 @step
 def follow_pairs(first, some, robot, arena, lanes):
-    """What comes back to `some` listed pairs, Σ weight cos / (d + offset)²; −1 where that is not certain."""
+    """Light returned to `some` listed pairs, Σ weight cos / (d + offset)²; −1 if it is not certain."""
     p, s, fan, listed = lanes.pair, lanes.single, lanes.fan, lanes.listed
     for i in range(some):
         at = listed[first + i]
@@ -198,7 +199,7 @@ def follow_pairs(first, some, robot, arena, lanes):
 
 @step
 def take_in(n, robot, task, level, lanes):
-    """Inputs of what came back; a lane where the margin's ends do not make the same is marked `apart`."""
+    """Inputs from returned light; a lane whose margins give different inputs is marked `apart`."""
     s, apart, weights = lanes.single, lanes.apart, NONE
     for j in range(lanes.fan.shape[1]):
         weights += lanes.fan[2, j]
@@ -229,7 +230,7 @@ def take_in(n, robot, task, level, lanes):
 
 @step
 def sense_lanes(n, world, lanes):
-    """Inputs of all lanes; those that are not certain are marked `apart`."""
+    """Inputs of all lanes; uncertain ones are marked `apart`."""
     count = np.int64(notice(n, world.robot, world.arena, lanes))
     for first in range(0, count, SOME):
         follow_pairs(U(first), U(min(SOME, count - first)), world.robot, world.arena, lanes)

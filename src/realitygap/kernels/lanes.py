@@ -1,7 +1,7 @@
-"""The scratch paper of trials in lockstep (lockstep.py), a trial a lane.
+"""Scratch arrays of trials in lockstep (lockstep.py), one lane per trial.
 
-Rows of WIDE lanes lie in one flat array at constant unsigned offsets: so LLVM knows how far apart they are,
-asks neither whether they overlap nor whether an index counts from the end, and makes vectors of each loop.
+Rows of WIDE lanes lie in one flat array at constant unsigned offsets, so that LLVM knows their distance,
+checks neither for overlap nor for negative indices, and vectorises each loop.
 """
 
 from typing import NamedTuple
@@ -17,11 +17,12 @@ from realitygap.kernels.work import spread_fan
 WIDE = 64
 """Trials at once."""
 SOME = 128
-"""Pairs of a trial and a sensor whose rays are followed at once: their rows stay in the nearest cache."""
+"""Pairs of a trial and a sensor whose rays are followed at once, so that their rows stay in the nearest
+cache."""
 SENSORS, CYLINDERS = 8, 4
-"""The most that there may be."""
+"""Largest numbers of them."""
 LARGEST, GAP = 120.0, 0.01
-"""The largest room, and the least gap between cylinders, cm, for which lockstep.py's margins hold."""
+"""The largest room, and the smallest gap between cylinders, cm, for which lockstep.py's margins hold."""
 G = NDArray[np.float32]
 
 
@@ -30,7 +31,7 @@ def _rows(first: int, count: int, wide: int = WIDE) -> tuple[np.uint64, ...]:
     return tuple(np.uint64(wide * i) for i in range(first, first + count))
 
 
-# Of Lanes.double: pose, arc, where the body would end, ground speeds, contact, and nine of each wheel.
+# Of Lanes.double: pose, arc, the body's end without contact, ground speeds, contact, and nine of each wheel.
 X, Y, HEADING, COS, SIN, DX, DY, TURN, SHARE, COS_MEAN, SIN_MEAN = _rows(0, 11)
 TO_X, TO_Y, LEFT, RIGHT, TOUCHED = _rows(11, 5)
 WHEELS = _rows(16, 18)[::9]
@@ -46,7 +47,7 @@ ASIDE, INVERSE = _rows(1, 2, SOME)
 
 
 class Lanes(NamedTuple):
-    """What trials in lockstep are at."""
+    """State of trials in lockstep."""
 
     double: F
     single: G
@@ -63,17 +64,17 @@ class Lanes(NamedTuple):
     listed: NDArray[np.uint64]
     """[SENSORS · WIDE] 1 unless that sensor certainly reads 0; the numbers of those pairs, or of lanes."""
     apart: NDArray[np.uint64]
-    """[WIDE] 1 where a lane has to do a part of its step one by one."""
+    """[WIDE] 1 where a lane has to do a part of its step separately."""
     fan: G
     """[3, RAYS] cosine and sine of each ray off its sensor's direction, and its weight."""
     edges: G
     """[8, P] as Work.fan."""
     discs: G
-    """[CYLINDERS, 3] x, y, radius; those that are not there lie far off."""
+    """[CYLINDERS, 3] x, y, radius; unused ones are far away."""
 
 
 def new_lanes(world: World, nets: Networks) -> Lanes:
-    """Scratch for trials of any of `nets`, side by side."""
+    """Scratch arrays for trials of any of `nets`, side by side."""
     robot, neurons = world.robot, nets.thresholds.shape[1]
     rays, facing = robot.proximity_ray[0, :, :RAYS], robot.proximity_ray[0, :, RAYS]
     cosines, sines = facing @ rays, facing[0] * rays[1] - facing[1] * rays[0]
@@ -94,10 +95,10 @@ def new_lanes(world: World, nets: Networks) -> Lanes:
 
 
 def fit_lanes(world: World) -> bool:
-    """Whether trials of this world may go in lockstep.
+    """Whether trials of this world can run in lockstep.
 
-    That is: discs with the paper's law of infrared, or its extended form, in a room with nothing but a few
-    cylinders, and constants for which single precision's margins hold.
+    That is: a disc with the paper's infrared equation, or its extended form, in a room with nothing but a few
+        cylinders, and constants for which single precision's margins hold.
     """
     robot, arena, task = world.robot, world.arena, world.task
     plain = task.feed == PROXIMITY and not len(robot.outline) and not robot.proximity_table

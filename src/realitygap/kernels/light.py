@@ -1,4 +1,4 @@
-"""How light travels in the room (§3.3): from lamps to surfaces and sensors, and off the surfaces."""
+"""Propagation of light in the room (§3.3): from lamps to surfaces and sensors, and reflected off surfaces."""
 
 import math
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from realitygap.kernels.work import whole_vectors
 
 
 class View(NamedTuple):
-    """Place and direction of an ambient sensor in the room."""
+    """Position and direction of an ambient sensor in the room."""
 
     x: float
     y: float
@@ -44,13 +44,13 @@ def look(robot, k, work):
 
 @step
 def first_sensor(robot, work):
-    """The lane of the first ambient sensor: they stand behind all rays."""
+    """The lane of the first ambient sensor: they come after all rays."""
     return work.light.shape[0] - whole_vectors(robot.ambient_place.shape[0])
 
 
 @step
 def stand_by_sensors(robot, work):
-    """The ambient sensors' places and directions, as ends and rays of their lanes."""
+    """Store the ambient sensors' positions and directions as ends and rays of their lanes."""
     a = first_sensor(robot, work)
     for k in range(robot.ambient_place.shape[0]):
         view = look(robot, k, work)
@@ -62,11 +62,11 @@ def stand_by_sensors(robot, work):
 
 @step
 def light_on_places(robot, arena, lamp, first, work):
-    """Direct illumination by one lamp, into work.light from lane `first`: D_ij of the points where the rays
+    """Direct illumination by one lamp into work.light, from lane `first`: D_ij of the points where the rays
     end, D_i of the sensors.
 
     D = (offset + Σ L_i k_i) / d², d the mean distance to the lamp's points; never below 0. The robot's own
-    body hides from a surface what is behind it, from a sensor what is more than 90° off its direction.
+    body shades surfaces behind it, and a sensor from lamps more than 90° off its direction.
     """
     x, y, n, sensors = work.pose[0], work.pose[1], work.light.shape[0], first_sensor(robot, work)
     light, far, hidden = work.light[first:], work.far[first:n], work.hidden[first:n]
@@ -103,7 +103,8 @@ def light_on_places(robot, arena, lamp, first, work):
 
 @step
 def spread(light, far, least):
-    """Light that has come all the way from a lamp, whose points are `far` in sum, `least` in the mean."""
+    """Divide light by the squared mean distance to a lamp's points, `far` being their sum and `least` its
+    minimum."""
     for i in range(light.shape[0]):
         d = max(far[i] * (1.0 / LAMP_POINTS), least)
         light[i] = max(light[i], 0.0) / (d * d)
@@ -111,10 +112,10 @@ def spread(light, far, least):
 
 @step
 def hide_behind_outline(robot, light, a, b, work):
-    """Mark anew, of the ray ends from lane `a` to `b`, those that a polygon keeps from a lamp's point.
+    """Mark, among the ray ends from lane `a` to `b`, those that a polygonal body shades from a lamp's point.
 
-    `light`: the point's x and y, and the share of the way there that is below the body's top. A line meets a
-    convex body unless it lies beyond one of its edges, or all corners lie on one side of the line.
+    `light`: the point's x and y, and the share of the path there below the body's top. A line meets a convex
+    body unless it lies beyond one of its edges, or all corners lie on one side of the line.
     """
     lx, ly, low = light
     outline = robot.outline
@@ -136,7 +137,7 @@ def hide_behind_outline(robot, light, a, b, work):
 
 @step
 def hide_behind_obstacles(arena, lx, ly, a, b, work):
-    """Mark the ray ends from lane `a` to `b` that obstacles keep from a lamp's point (lx, ly)."""
+    """Mark the ray ends from lane `a` to `b` that obstacles shade from a lamp's point (lx, ly)."""
     end_x, end_y, hidden = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
     for j in range(arena.cylinders.shape[0]):
         cx = arena.cylinders[j, 0]
@@ -157,7 +158,7 @@ def hide_behind_obstacles(arena, lx, ly, a, b, work):
 
 @step
 def follow_fan(robot, arena, spot, fan, a, work):
-    """Where the rays of one fan of an ambient sensor at `spot` end, as 1/d, from lane `a`, among obstacles.
+    """Ends of the rays of one fan of an ambient sensor at `spot`, as 1/d, from lane `a`, among obstacles.
 
     A fan's pad lanes are overwritten by the next one's rays.
     """
@@ -172,19 +173,19 @@ def follow_fan(robot, arena, spot, fan, a, work):
 
 @step
 def rays_of_fan(robot, work):
-    """How many rays each fan of an ambient sensor has: RAYS, or as many as have any weight."""
+    """Number of rays in each fan of an ambient sensor: RAYS, or as many as have any weight."""
     return ray_count(work) // max(robot.ambient_ray.shape[0], 1)
 
 
 @step
 def ray_count(work):
-    """How many rays all ambient sensors have."""
+    """Number of rays of all ambient sensors."""
     return work.all_fans.shape[1] - LANES
 
 
 @step
 def follow_sensor(robot, arena, k, a, b, work):
-    """Where the rays of ambient sensor `k` end, as 1/d, and their weights, from lane `a` to `b`.
+    """Ends of the rays of ambient sensor `k`, as 1/d, and their weights, from lane `a` to `b`.
 
     Pad lanes up to whole vectors are overwritten by the next one's rays.
     """
@@ -206,7 +207,7 @@ def follow_sensor(robot, arena, k, a, b, work):
 
 @step
 def go_to_ends(a, b, work):
-    """Where the rays from lane `a` to `b` end: drawn back by GRAZE, off their own wall."""
+    """Ends of the rays from lane `a` to `b`, moved back by GRAZE, off their own wall."""
     ray_x, ray_y, inverse = work.ray_x[a:b], work.ray_y[a:b], work.inverse[a:b]
     end_x, end_y = work.end_x[a:b], work.end_y[a:b]
     for i in range(b - a):
@@ -217,7 +218,7 @@ def go_to_ends(a, b, work):
 
 @step
 def follow_rays(robot, arena, work):
-    """Where the rays of all ambient sensors end, and the weight of the light reflected there.
+    """Ends of the rays of all ambient sensors, and the weights of the light reflected there.
 
     All rays lie in one row, sensor after sensor. Weights: 1.5 cos² β / d², times the surface's reflectance.
     """

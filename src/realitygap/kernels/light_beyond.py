@@ -1,6 +1,6 @@
-"""Light beyond the paper's law (§3.3): what a calibration may fit, all neutral in the paper.
+"""Extensions of the paper's light model (§3.3) that a calibration may fit, all neutral in the paper.
 
-It goes from sensor to sensor, for one that the lamp alone brings to its floor need not look round.
+Computed sensor by sensor, since one that the lamp alone brings to its floor needs no reflections.
 """
 
 import math
@@ -27,7 +27,7 @@ from realitygap.kernels.rng import log
 from realitygap.kernels.work import whole_vectors
 
 SERIES = tuple(1.0 / math.factorial(i) for i in range(13, -1, -1))
-"""Of eˣ, the highest power first."""
+"""Coefficients of eˣ, the highest power first."""
 
 
 @step
@@ -45,14 +45,14 @@ def power(x, p):
 
 @step
 def lamp_points(robot):
-    """How many points of a lamp differ."""
+    """Number of distinct points of a lamp."""
     return 1 if robot.light_narrow >= 1.0 else LAMP_POINTS
 
 
 @step
 def lamp_point(robot, arena, lamp, p):
-    """Place (x, y) and weight of a lamp's point `p`: drawn towards the lamp's centre by the share `narrow`,
-    and kept `wall_offset` cm off the room's walls. Of a lamp of one point all weights are its."""
+    """Position (x, y) and weight of a lamp's point `p`: moved towards the lamp's centre by the share
+    `narrow`, and kept `wall_offset` cm off the room's walls. A lamp of one point has all the weight."""
     narrow, off = robot.light_narrow, robot.light_wall_offset
     x = arena.lamp_points[lamp, p, 0]
     y = arena.lamp_points[lamp, p, 1]
@@ -71,7 +71,7 @@ def lamp_point(robot, arena, lamp, p):
 
 @step
 def light_under_an_angle(robot, arena, lamp, work):
-    """As light_on_places for the sensors, from a lamp at a height, times its visible points' cosine^p."""
+    """As light_on_places for the sensors, with a lamp at a height, times its visible points' cosine^p."""
     a, b, points = first_sensor(robot, work), work.light.shape[0], lamp_points(robot)
     end_x, end_y, ray_x, ray_y = work.end_x[a:b], work.end_y[a:b], work.ray_x[a:b], work.ray_y[a:b]
     light, far, hidden, cosine = work.light[a:], work.far[a:b], work.hidden[a:b], work.incidence[a:b]
@@ -102,7 +102,7 @@ def light_under_an_angle(robot, arena, lamp, work):
 
 @step
 def find_normals(arena, a, b, work):
-    """The surfaces' normals, towards the robot's side, where the rays from lane `a` to `b` end: of whatever
+    """Normals, towards the robot's side, of the surfaces where the rays from lane `a` to `b` end: of whatever
     is nearest there."""
     end_x, end_y, near = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
     normal_x, normal_y = work.normal_x[a:b], work.normal_y[a:b]
@@ -131,7 +131,7 @@ def find_normals(arena, a, b, work):
 
 @step
 def face_segments(arena, a, b, work):
-    """Of the rays from lane `a` to `b` those that end on an inner wall: its normal."""
+    """Among the rays from lane `a` to `b`, the normals of those that end on an inner wall."""
     end_x, end_y, near = work.end_x[a:b], work.end_y[a:b], work.hidden[a:b]
     ray_x, ray_y = work.ray_x[a:b], work.ray_y[a:b]
     normal_x, normal_y = work.normal_x[a:b], work.normal_y[a:b]
@@ -151,8 +151,9 @@ def face_segments(arena, a, b, work):
 
 @step
 def look_round(robot, arena, count, work):
-    """Follow all rays of the first `count` sensors of work.listed, side by side in one row, and the weight of
-    the light reflected there, by the robot's law; returns how long the row is, and each one's part."""
+    """Follow all rays of the first `count` sensors of work.listed, side by side in one row, and set the
+    weights of the light reflected there by the robot's model; returns the row's length and each sensor's
+    part."""
     each = ray_count(work) // max(robot.ambient_place.shape[0], 1)
     n = whole_vectors(count * each)
     for m in range(count):
@@ -174,8 +175,8 @@ def look_round(robot, arena, count, work):
 
 @step
 def light_walls(robot, arena, lamp, a, b, work):
-    """As light_on_surfaces for lanes `a` to `b`, from a lamp at a height; a Lambertian surface takes the mean
-    cosine of the angles under which the lamp's points light it."""
+    """As light_on_surfaces for lanes `a` to `b`, from a lamp at a height; on a Lambertian surface times the
+    mean cosine of incidence of the lamp's points."""
     end_x, end_y, normal_x = work.end_x[a:b], work.end_y[a:b], work.normal_x[a:b]
     normal_y, light, far = work.normal_y[a:b], work.light[a:b], work.far[a:b]
     incidence, hidden = work.incidence[a:b], work.hidden[a:b]
@@ -194,7 +195,7 @@ def light_walls(robot, arena, lamp, a, b, work):
             d = max(math.sqrt(ex * ex + ey * ey + robot.light_height2), 1e-3)
             far[i] += d
             incidence[i] += max(ex * normal_x[i] + ey * normal_y[i], 0.0) / d
-            # From where light is above the body's top on, the body hides nothing: the line ends there.
+            # Above the body's top nothing is hidden: the line ends there.
             wx, wy, ex, ey = x - end_x[i], y - end_y[i], low * ex, low * ey
             under = 1.0 if covers(wx - ex, wy - ey, robot.radius) else 0.0
             hidden[i] = max(circle_blocks(wx, wy, ex, ey, robot.radius), under)
@@ -215,7 +216,7 @@ def light_walls(robot, arena, lamp, a, b, work):
 
 @step
 def direct_light(robot, arena, work, out):
-    """Direct illumination of all ambient sensors by all lamps into `out`, whatever the law."""
+    """Direct illumination of all ambient sensors by all lamps into `out`, in any model."""
     stand_by_sensors(robot, work)
     sensors = first_sensor(robot, work)
     beyond = robot.light_facing + robot.light_height2 + robot.light_narrow + robot.light_wall_offset > 0.0
@@ -232,7 +233,7 @@ def direct_light(robot, arena, work, out):
 
 @step
 def goes_beyond(robot):
-    """Whether anything but the paper's law decides the illumination."""
+    """Whether any extension of the paper's model affects the illumination."""
     direct = robot.light_facing + robot.light_height2 + robot.light_narrow + robot.light_wall_offset
     reflected = robot.light_flat + robot.light_near + robot.light_lambertian
     return direct + reflected > 0.0 or robot.ambient_ray.shape[0] > robot.ambient_place.shape[0]
@@ -240,9 +241,9 @@ def goes_beyond(robot):
 
 @step
 def illuminate_beyond(robot, arena, enough, work, out):
-    """As illuminate, with everything that goes beyond the paper.
+    """As illuminate, with all extensions.
 
-    With `enough`, a sensor that the lamps alone bring to its floor is told no more than that light.
+    With `enough`, a sensor that the lamps alone bring to its floor gets only that light.
     """
     direct_light(robot, arena, work, out)
     count, used = 0, rays_of_fan(robot, work)

@@ -1,8 +1,9 @@
-"""Trials of one network in lockstep, a lane each: the bits of one by one (trial.py), three times as fast.
+"""Trials of one network in lockstep, one lane each: the bits of separate trials (trial.py), three times as
+fast.
 
-Noise, network, wheels and movement are the same operations in the same order, a vector of lanes at once. The
-inputs are found in single precision where that is certain (lane_sensors.py). What few lanes need, an input on
-the brink and contact, those do one by one.
+Noise, network, wheels and movement are the same operations in the same order, a vector of lanes at once.
+Inputs are computed in single precision where the result is certain (lane_sensors.py). Rare cases, an input
+near a rounding boundary or contact, are handled lane by lane.
 """
 
 import numpy as np
@@ -38,7 +39,7 @@ def draw_normals(n, first, lanes):
 
 @step
 def wake_lanes(nets, w, streams, lanes):
-    """All networks silent; lanes beyond the trials repeat the last one."""
+    """Set all networks to silence; lanes beyond the trials repeat the last one."""
     last = streams.shape[0] - 1
     for t in range(WIDE):
         lanes.stream[t] = streams[min(t, last)]
@@ -52,7 +53,7 @@ def wake_lanes(nets, w, streams, lanes):
 
 @step
 def stand_lanes(n, task, lanes, work):
-    """All robots at rest at their starts."""
+    """Put all robots at rest at their starts."""
     d = lanes.double
     for t in range(n):
         draw_start(task, lanes.stream[t], work.start)
@@ -62,7 +63,7 @@ def stand_lanes(n, task, lanes, work):
 
 @step
 def sense_apart(n, k, world, lanes, work):
-    """Inputs of the lanes marked `apart`, one by one."""
+    """Inputs of the lanes marked `apart`, separately."""
     d, robot = lanes.double, world.robot
     for t in range(n):
         if lanes.apart[t] == 0:
@@ -81,7 +82,7 @@ def sense_apart(n, k, world, lanes, work):
 
 @step
 def add(n, weight, source, total):
-    """What one link brings each lane."""
+    """Add one link's contribution in each lane."""
     for t in range(n):
         total[t] += weight * source[t]
 
@@ -104,7 +105,7 @@ def update_lanes(n, nets, w, row, lanes):
 
 @step
 def think_lanes(n, nets, w, lanes):
-    """As network.think, of all lanes whether they have settled or not."""
+    """As network.think, for all lanes whether or not they have settled."""
     link, y = 0, lanes.outputs
     for update in range(UPDATES):
         while link < nets.sensor_count[w] and nets.sensor_links[w, link, DELAY] == update:
@@ -120,7 +121,7 @@ def think_lanes(n, nets, w, lanes):
 
 @step
 def turn_lanes(n, robot, level, side, lanes, asks):
-    """As trial.act of one wheel: `asks` are that neuron's outputs."""
+    """As trial.act for one wheel: `asks` are that neuron's outputs."""
     d, u = lanes.double, WHEELS[side]
     friction, slips = lanes.noise[side * WIDE :], lanes.noise[(2 + side) * WIDE :]
     fastest, half = FASTEST * robot.top_command * robot.speed_per_unit[side], robot.half_play
@@ -148,7 +149,7 @@ def turn_lanes(n, robot, level, side, lanes, asks):
 
 @step
 def carry_lanes(n, robot, arena, lanes):
-    """Where the wheels' arcs would end; the lanes whose bodies then touch something are marked `apart`."""
+    """Ends of the wheels' arcs; lanes whose bodies then touch something are marked `apart`."""
     d, apart, clear = lanes.double, lanes.apart, robot.radius - 1e-9
     width, depth, most = arena.size[0], arena.size[1], 0.25 * robot.radius * robot.radius
     for t in range(n):
@@ -171,7 +172,7 @@ def carry_lanes(n, robot, arena, lanes):
 
 @step
 def settle_apart(n, robot, arena, lanes):
-    """Contact of the lanes marked `apart`, one by one (trial.move)."""
+    """Contact of the lanes marked `apart`, separately (trial.move)."""
     d, listed, count = lanes.double, lanes.listed, U(0)
     for t in range(n):
         listed[count] = t
@@ -188,7 +189,7 @@ def settle_apart(n, robot, arena, lanes):
 
 @step
 def note_lanes(k, n, lanes, paths):
-    """The bodies where they now are, and what the scores will see of this step."""
+    """Note the bodies' poses, and what the scores will see of this step."""
     d = lanes.double
     for t in range(n):
         d[X + t], d[Y + t] = d[TO_X + t], d[TO_Y + t]
@@ -202,7 +203,7 @@ def note_lanes(k, n, lanes, paths):
 
 @kernel
 def run_lockstep(world, nets, w, streams, paths, scratch):
-    """Trials of network `w` on up to WIDE streams, into `paths`: the bits of batch.run_trials.
+    """Trials of network `w` on up to WIDE streams, into `paths`: the same bits as batch.run_trials.
 
     scratch: Lanes and a Work.
     """

@@ -1,4 +1,4 @@
-"""What is near a place in the room: its cell in the grid, how far obstacles are, whether there is room."""
+"""What is near a position in the room: its grid cell, distances of obstacles, whether it is clear."""
 
 import math
 
@@ -7,12 +7,12 @@ import numpy as np
 from realitygap.kernels.jit import step
 
 SPARE = 1e-6
-"""What is called far off is farther by this, cm: no rounding makes a yes of a no."""
+"""Safety margin of far-off tests, cm, against rounding."""
 
 
 @step
 def cell_at(arena, x, y):
-    """The cell of a place; for one outside the room that of the nearest place inside."""
+    """The cell of a position; for one outside the room that of the nearest position inside."""
     if arena.cylinder_gap.shape[0] == 1:
         return np.uint64(0)
     i = min(max(int(x * arena.cells_per_cm[0]), 0), arena.grid[0] - 1)
@@ -49,8 +49,8 @@ def stands_clear(arena, x, y, radius):
 
 @step
 def is_beyond(arena, j, x, y, reach):
-    """Whether inner wall `j` is farther than `reach` from (x, y), without a division: never wrong in saying
-    yes, for a rectangle about the wall is asked."""
+    """Whether inner wall `j` is farther than `reach` from (x, y), without a division: tested on its bounding
+    rectangle, so a yes is always right."""
     ex, ey = x - arena.segments[j, 0], y - arena.segments[j, 1]
     ux, uy = arena.segment_along[j, 0], arena.segment_along[j, 1]
     along = ex * ux + ey * uy

@@ -1,11 +1,11 @@
 """The recurrent delay network (§5.3) in integer arithmetic: ten updates of 10 ms a step.
 
-y(t) = clip(Σ w · y(t − 1 − delay) − threshold, −10, 10), all neurons at once. Sensor neurons
-hold the step's inputs, so what they send is added up once and changes only while a delay
-still reaches back into the step before; the links between computing neurons run every update.
+y(t) = clip(Σ w · y(t − 1 − delay) − threshold, −10, 10), all neurons at once. Sensor neurons hold the step's
+inputs, so their contribution is summed once and changes only while a delay still reaches into the previous
+step; links between computing neurons are evaluated at every update.
 
-Outputs lie in one flat memory, a row an update: PAST rows of the step before, then the ten of
-this step. A link is then a weight and an offset back from the place that is being computed.
+Outputs lie in one flat array, a row per update: PAST rows of the previous step, then the ten of this step. A
+link is then a weight and an offset back from the position being computed.
 """
 
 import numpy as np
@@ -16,24 +16,24 @@ from realitygap.kernels.params import MAX_DELAY, UPDATES
 LIMIT = 10
 """Outputs lie in ±10."""
 PAST = MAX_DELAY + 1
-"""Rows kept from the step before: the longest delay, and the update before."""
+"""Rows kept from the previous step: the longest delay, and the update before."""
 ROWS = PAST + UPDATES
 TARGET, SOURCE, WEIGHT, DELAY = 0, 1, 2, 3
 """Columns of a link in params.Networks, and rows of `work.sensor_link`."""
 NEVER = 127
-"""The delay written behind the last sensor link: a guard that spares counting."""
+"""The delay stored after the last sensor link: a sentinel."""
 
 
 @step
 def _link_fits(link, neurons, sources, weight):
-    """Whether a link begins and ends at what is there, with a weight within ±`weight` and a short delay."""
+    """Whether a link's ends exist, with a weight within ±`weight` and a valid delay."""
     fits = 0 <= link[TARGET] < neurons and 0 <= link[SOURCE] < sources
     return fits and -weight <= link[WEIGHT] <= weight and 0 <= link[DELAY] <= MAX_DELAY
 
 
 @step
 def _fits(nets, n, inputs, weight, threshold):
-    """Whether network `n` can be carried out: its neurons, and its links in the order of `wake`."""
+    """Whether network `n` is valid: its neurons, and its links in the order that `wake` needs."""
     neurons, sensed = nets.neurons[n], nets.sensor_count[n]
     count = nets.links.shape[1]
     if not 2 <= neurons <= nets.thresholds.shape[1] or not 0 <= sensed <= count:
@@ -59,9 +59,9 @@ def _fits(nets, n, inputs, weight, threshold):
 
 @kernel
 def first_unfit(nets, inputs, weight, threshold):
-    """The first network that cannot be carried out on so many inputs, and why; −1: there is none.
+    """The first network that is invalid for that many inputs, and why; −1: there is none.
 
-    Why: 0 it is made for another number of inputs; 1 a neuron or link is out of range.
+    Reasons: 0 it has another number of inputs; 1 a neuron or link is out of range.
     """
     for n in range(nets.neurons.shape[0]):
         if nets.inputs[n] != inputs:
@@ -96,7 +96,7 @@ def wake(nets, n, work):
 
 @step
 def arrive(update, link, work):
-    """Add to `base` what reaches its targets with delay `update`: the inputs' changes.
+    """Add to `base` the changes of inputs that arrive with delay `update`.
 
     Links are sorted by delay; returns the first link that has not arrived yet.
     """
@@ -124,7 +124,7 @@ def update_neurons(neurons, place, work):
 
 @step
 def keep_past(neurons, work):
-    """Move the last rows to the front; note whether they are all alike (the network has settled)."""
+    """Move the last rows to the front; note whether they are all equal (the network has settled)."""
     settled = 1
     shift = UPDATES * neurons
     for i in range(PAST * neurons):
@@ -138,8 +138,8 @@ def keep_past(neurons, work):
 def think(nets, n, work):
     """One step: ten synchronous updates with work.inputs held.
 
-    A settled network whose inputs have not changed computes the same outputs again, so it need
-    not: PAST + 1 rows alike are all that its longest delay can reach.
+    A settled network whose inputs have not changed would compute the same outputs, so it is skipped: the
+        longest delay reaches only PAST + 1 equal rows.
     """
     neurons = nets.neurons[n]
     changed = False

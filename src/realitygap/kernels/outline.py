@@ -1,8 +1,8 @@
-"""Contact of a body whose outline is a convex polygon, by the same law as contact.py's disc.
+"""Contact of a body whose outline is a convex polygon, with the same rules as contact.py's disc.
 
-An overlap is left the shortest way: off an outer wall by the deepest corner, off a cylinder from the edge
-or corner that is nearest to its middle, off an inner wall along the normal of an edge or of the wall, on
-which the two overlap least (separating axes). Where the turn fits nowhere, the body does not turn.
+An overlap is resolved along the shortest way: from an outer wall by the deepest corner, from a cylinder by
+the edge or corner nearest to its middle, from an inner wall along the normal (of an edge or the wall) with
+the least overlap (separating axes). A body that cannot turn anywhere near does not turn.
 """
 
 import math
@@ -14,7 +14,8 @@ from realitygap.kernels.near import SPARE, is_beyond, stands_clear, unit
 from realitygap.kernels.rng import sin_cos
 
 PIECE = 0.0625
-"""The longest way of any corner in one go, over the radius: a quarter of the least width of an outline."""
+"""The longest movement of any corner in one piece, over the radius: a quarter of the least width of an
+outline."""
 FREE = 1e-9
 """An overlap that counts as none, cm."""
 X, Y, NX, NY = 0, 1, 2, 3
@@ -22,7 +23,8 @@ X, Y, NX, NY = 0, 1, 2, 3
 
 
 class Way(NamedTuple):
-    """The unit vector along which a body leaves something soonest, and how far, cm; negative: it is free."""
+    """The unit vector along which a body leaves something soonest, and the distance, cm; negative: it is
+    free."""
 
     nx: float
     ny: float
@@ -31,7 +33,7 @@ class Way(NamedTuple):
 
 @step
 def off_wall(outline, nx, ny, behind):
-    """Off a wall with normal (nx, ny) in the body's frame, that far behind its middle."""
+    """Out of a wall with normal (nx, ny) in the body's frame, `behind` cm behind the body's middle."""
     least = math.inf
     for i in range(outline.shape[0]):
         least = min(least, nx * outline[i, X] + ny * outline[i, Y])
@@ -40,7 +42,7 @@ def off_wall(outline, nx, ny, behind):
 
 @step
 def off_cylinder(outline, qx, qy, radius):
-    """Off a cylinder at (qx, qy) in the body's frame."""
+    """Out of a cylinder at (qx, qy) in the body's frame."""
     nearest, dx, dy, outside = math.inf, 1.0, 0.0, -math.inf
     last = outline.shape[0] - 1
     for i in range(outline.shape[0]):
@@ -59,7 +61,7 @@ def off_cylinder(outline, qx, qy, radius):
 
 @step
 def off_segment(outline, ax, ay, bx, by):
-    """Off an inner wall from (ax, ay) to (bx, by) in the body's frame."""
+    """Out of an inner wall from (ax, ay) to (bx, by) in the body's frame."""
     tx, ty, _ = unit(bx - ax, by - ay)
     far, near = -math.inf, math.inf
     way = Way(1.0, 0.0, math.inf)
@@ -79,7 +81,7 @@ def off_segment(outline, ax, ay, bx, by):
 
 @step
 def way_out(arena, robot, j, at, c, s):
-    """Off surface `j` of the room (four walls, cylinders, inner walls), for a body at a Move's end."""
+    """Out of surface `j` of the room (four walls, cylinders, inner walls), for a body at a Move's end."""
     x, y, outline = at.x, at.y, robot.outline
     cylinders = arena.cylinders.shape[0]
     if j < 4:
@@ -102,7 +104,7 @@ def way_out(arena, robot, j, at, c, s):
 
 @step
 def push_out(arena, robot, to, c, s):
-    """A move after all surfaces have pushed, and the rounds that it took; -1: nowhere near is clear."""
+    """A move after all surfaces have pushed, and the number of rounds; -1: nothing near is clear."""
     surfaces = 4 + arena.cylinders.shape[0] + arena.segments.shape[0]
     for k in range(ROUNDS + 1):
         clear = True
@@ -118,10 +120,10 @@ def push_out(arena, robot, to, c, s):
 
 @step
 def settle_outline(arena, robot, pose, dx, dy, turn):
-    """Where a body ends that moves from a clear pose by (dx, dy) and turns: (x, y, turned, touched).
+    """End of a body's movement from a clear pose by (dx, dy) with a turn: (x, y, turned, touched).
 
-    It goes in pieces, so short that it jumps over nothing. Where a piece leads nowhere that is clear, it
-    turns only; where that does not either, it moves only; else it stays.
+    It moves in pieces too short to jump over anything. If a piece ends nowhere clear, the body only turns; if
+    that fails, it only moves; else it stays.
     """
     x, y, turned, touched = pose[0], pose[1], 0.0, False
     way = math.sqrt(dx * dx + dy * dy)

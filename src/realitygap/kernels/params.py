@@ -1,8 +1,8 @@
-"""What the kernels are told: robot, arena, task and networks as plain arrays.
+"""The kernels' arguments: robot, arena, task and networks as plain arrays.
 
-Every value is a float64, an int64 or a C-contiguous array of the stated type, so that one
-compiled kernel serves every robot, arena and task. Lengths cm, speeds cm/s, angles rad,
-readings counts. `world`, `tasks` and `controller` build these; nothing here checks them.
+Every value is a float64, an int64 or a C-contiguous array of the stated type, so that one compiled kernel
+serves every robot, arena and task. Lengths cm, speeds cm/s, angles rad, readings counts. `world`, `tasks` and
+`controller` build these; nothing here checks them.
 """
 
 from typing import NamedTuple
@@ -15,7 +15,7 @@ I64 = NDArray[np.int64]
 
 STEP_S = 0.1
 """One simulation step (§3.2): sensing, network and wheels are processed every 100 ms. A robot may have
-another period; the law of its wheels, and its network's ten updates, are by the step all the same."""
+another period; its wheels' model and its network's ten updates are per step all the same."""
 UPDATES = 10
 """Network updates of 10 ms in one step (§5.3)."""
 RAYS = 10
@@ -33,7 +33,7 @@ LAMP_POINTS = 5
 
 
 class Seen(NamedTuple):
-    """What one kind of object adds to the readings of P proximity sensors."""
+    """Contribution of one kind of object to the readings of P proximity sensors."""
 
     at: F
     """[D] distances from the body's edge, rising, cm."""
@@ -45,7 +45,7 @@ class Table(NamedTuple):
     """A look-up table of proximity readings (replay.py)."""
 
     nothing: F
-    """[P] what the sensors read where nothing is near."""
+    """[P] readings with nothing near."""
     wall: Seen
     cylinder: Seen
 
@@ -53,7 +53,7 @@ class Table(NamedTuple):
 class Robot(NamedTuple):
     """A robot's constants. `P` proximity and `A` ambient sensors.
 
-    One flat tuple: each one within another costs a call more than half a microsecond.
+    One flat tuple: each nested one adds more than half a microsecond to a call.
     """
 
     radius: float
@@ -65,16 +65,16 @@ class Robot(NamedTuple):
     """Length of a step, s: 0.1 in the paper."""
     track: float
     speed_per_unit: F
-    """[2] cm/s that one Khepera unit asks of the left and the right wheel."""
+    """[2] cm/s of the left and the right wheel per Khepera unit."""
     kp: float
     ki: float
     kd: float
     divisor: float
-    """Of the printed law of a wheel (§3.2.2); the divisor is the "mass"."""
+    """Of the printed wheel equation (§3.2.2); the divisor is the "mass"."""
     lag: float
     """Share of a command that acts one step late: 0 in the paper."""
     rest_speed: float
-    """Below it a wheel rests, cm/s."""
+    """A wheel rests below this, cm/s."""
     friction: float
     """The integral term that frees it, cm/s²."""
     half_play: float
@@ -101,27 +101,28 @@ class Robot(NamedTuple):
     """Of the rays' fan: the outermost's cosine; and sin² of half the angle up to which a cylinder meets rays
     of its own side and two or three beyond the middle only."""
     proximity_lambertian: float
-    """1 = surfaces throw back by the cosine of the angle under which a ray meets them; 0 in the paper."""
+    """1: surfaces reflect by the cosine of incidence; 0 in the paper."""
     proximity_low: float
     proximity_high: float
     """Readings (counts) that become a network's inputs −10 and +10."""
 
-    # Sensors as measured: curves of no values mean the paper's law.
+    # Measured sensors: empty curves mean the paper's equation.
     proximity_curve: F
     proximity_knee: float
     """[P, n] counts at equal steps of √x / (√x + knee), x = Σ weight a / ((d + offset)² + width²)."""
     proximity_width2: float
     proximity_least: float
-    """width², cm²; and 1/d of a ray below which nothing comes back."""
+    """width², cm²; and 1/d of a ray below which nothing returns."""
     proximity_overlap: float
-    """Weight of what is taken off: what a flat surface before the middle ray throws into the outermost."""
+    """Weight of the overlap of beams: light that a flat surface before the middle ray reflects into the
+    outermost."""
     proximity_dead: float
     """Counts below which the sensors read 0."""
     proximity_noise: F
     proximity_rise: F
     """[P, n] deviation at equal steps of the reading, 0 … top; [P] its rise with the wheels' speed, s/cm."""
     proximity_table: Table | tuple[()]
-    """In the place of law and rays; (): none."""
+    """Replaces equation and rays; (): none."""
 
     ambient_place: F
     """[A, 2] as for proximity."""
@@ -135,9 +136,9 @@ class Robot(NamedTuple):
     """[A] factor on the sensor's total illumination: 1 in the paper."""
     ambient_floor: F
     ambient_dark: F
-    """[A] V = floor + 1/√A clipped at dark, of each sensor: the paper's are all alike (55, 484)."""
+    """[A] V = floor + 1/√A clipped at dark, of each sensor: all equal in the paper (55, 484)."""
     ambient_full: F
-    """[A] illumination times gain from which on more changes nothing; inf where there is none."""
+    """[A] illumination times gain from which on the reading is constant; inf if there is none."""
     ambient_curve: F
     ambient_knee: float
     ambient_noise: F
@@ -149,25 +150,25 @@ class Robot(NamedTuple):
     ambient_high: float
     """As for proximity: low is dark."""
 
-    # What goes beyond the paper's law of light (§3.3), all 0 in it.
+    # Extensions of the paper's light model (§3.3), all 0 in it.
     light_linear: float
     """1: V = dark − A, clipped at floor."""
     light_facing: float
-    """The exponent of the cosine under which direct light falls in."""
+    """The exponent of direct light's cosine of incidence."""
     light_height2: float
     """The lamp's height², cm²."""
     light_flat: float
     """1: reflected light falls off as 1/√(d² + near²)."""
     light_near: float
-    """That near, cm."""
+    """`near` above, cm."""
     light_lambertian: float
-    """1: surfaces are lit by the cosine of the angle under which light meets them."""
+    """1: surfaces are lit by the cosine of incidence."""
     light_narrow: float
-    """The share by which a lamp's points are drawn to its centre."""
+    """The share by which a lamp's points are moved to its centre."""
     light_wall_offset: float
-    """How far a lamp hangs off a wall, cm."""
+    """Distance of a lamp from a wall, cm."""
     light_clear: float
-    """The share of light's way from a lamp to a surface that is above the body's top."""
+    """The share of light's path from a lamp to a surface that is above the body's top."""
 
     noise_proximity: float
     """Observed deviation (§6), counts, where the noise-free reading is above 0."""
@@ -180,14 +181,14 @@ class Robot(NamedTuple):
 
 
 class Arena(NamedTuple):
-    """A rectangular room from (0, 0) to `size`, with what stands in it."""
+    """A rectangular room from (0, 0) to `size`, and its contents."""
 
     size: F
     """[2] width (x) and depth (y), cm."""
     segments: F
     """[S, 4] inner walls, x0 y0 x1 y1."""
     segment_along: F
-    """[S, 3] of each the unit vector from its first end to its second, and its length."""
+    """[S, 3] unit vector of each from its first end to its second, and its length."""
     cylinders: F
     """[C, 3] x, y, radius."""
     grid: I64
@@ -195,11 +196,11 @@ class Arena(NamedTuple):
     cells_per_cm: F
     near_cylinders: NDArray[np.uint64]
     cylinder_gap: F
-    """[cells, C] the numbers of all cylinders, nearest first, and the least distance (cm) of each from any
-    place in the cell; where there is one cell: in their order, and 0."""
+    """[cells, C] numbers of all cylinders, nearest first, and the least distance (cm) of each from any
+    position in the cell; with one cell: in order, and 0."""
     near_segments: NDArray[np.uint64]
     segment_gap: F
-    """[cells, S] the same of the inner walls."""
+    """[cells, S] the same for the inner walls."""
     lamp_points: F
     """[L, LAMP_POINTS, 2] places of each lamp's point sources."""
     lamp_weights: F
@@ -211,12 +212,12 @@ class Arena(NamedTuple):
     sliding: float
     """Coulomb coefficient of a body sliding along a surface."""
     reflectance: F
-    """[1 + C] of the walls and of each cylinder, 1 being the surfaces that a robot's constants hold for;
-    empty where all are 1."""
+    """[1 + C] of the walls and of each cylinder, relative to the surfaces that a robot's constants hold for;
+    empty if all are 1."""
 
 
 class Trial(NamedTuple):
-    """What one trial of a task is, apart from its score."""
+    """One trial of a task, without its score."""
 
     steps: int
     feed: int
@@ -228,13 +229,13 @@ class Trial(NamedTuple):
 
 
 class World(NamedTuple):
-    """All that a trial happens in."""
+    """Everything that a trial depends on."""
 
     robot: Robot
     arena: Arena
     task: Trial
     level: float
-    """Of noise: 1 is observed."""
+    """Noise level: 1 is observed."""
 
 
 class Networks(NamedTuple):
@@ -258,8 +259,8 @@ class Networks(NamedTuple):
 
 
 class Path(NamedTuple):
-    """What a task's score sees of one trial: a row a step, after that step's movement; arrays of the compiled
-    code, which knows no Track."""
+    """One trial as a task's score sees it: a row a step, after that step's movement. These are arrays for
+    compiled code, which has no Track."""
 
     x: F
     """[steps] cm."""
@@ -274,7 +275,7 @@ class Path(NamedTuple):
 
 
 class Room(NamedTuple):
-    """What a task's score sees of the world besides the path."""
+    """The world as a task's score sees it, besides the path."""
 
     lamps: F
     """[L, 2] lamp centres, cm."""

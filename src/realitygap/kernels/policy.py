@@ -1,8 +1,8 @@
-"""Controllers with real-valued weights, and trials under them: for anybody's optimiser.
+"""Controllers with real-valued weights, and trials under them: for any optimiser.
 
-A controller is a function decide(weights, memory, inputs, outputs): inputs −1 … 1 in tenths, as the paper's
-network has them; `memory` is 0 when a trial begins, and its own from step to step; outputs −1 … 1 are rounded
-to tenths of the top command. It writes into the last two and returns nothing.
+A controller is a function decide(weights, memory, inputs, outputs): inputs −1 … 1 in tenths, as for the
+paper's network; `memory` is 0 when a trial begins and kept from step to step; outputs −1 … 1 are rounded to
+tenths of the top command. It writes to the last two and returns nothing.
 """
 
 import math
@@ -15,7 +15,7 @@ from realitygap.kernels.trial import act, begin, draw_noise, draw_start, feed_ne
 
 @step
 def put_out(weights, memory, hidden, outputs):
-    """The output layer: weights [2, H + 1], biases last, on the H first of `memory`."""
+    """The output layer: weights [2, H + 1], biases last, applied to the first H of `memory`."""
     at = 0
     for o in range(2):
         total = weights[at + hidden]
@@ -67,17 +67,18 @@ def recurrent(weights, memory, inputs, outputs):
 
 @step
 def command(value):
-    """An output −1 … 1 as whole units −10 … 10."""
+    """An output −1 … 1 as an integer −10 … 10."""
     return math.floor(min(max(value, -1.0), 1.0) * LIMIT + 0.5)
 
 
 def trials_under(decide):
-    """The loop over trials under a compiled `decide`, to be compiled with it."""
+    """The loop over trials for a compiled `decide`, to be compiled with it."""
 
     def run(world, nobody, weights, which, streams, paths, work, own):
-        """Trial t is controller which[t] on streams[t], into paths[t]; how many outputs were not finite.
+        """Trial t runs controller which[t] on streams[t], into paths[t]; returns the number of non-finite
+        outputs.
 
-        own: scratch (memory, inputs, outputs).
+        own: scratch arrays (memory, inputs, outputs).
         """
         memory, inputs, outputs = own
         wrong = 0

@@ -1,10 +1,10 @@
-"""Proximity sensors by a look-up table: what was read round each kind of object, replayed (the paper's [15]).
+"""Proximity sensors by a look-up table: readings recorded round each kind of object, replayed (the paper's
+[15]).
 
-No law and no rays: an object's distance from the body's edge and its bearing say between which recorded
-places it stands; straight lines join these. What objects add to a sensor's reading of nothing adds up, even
-where one hides another, as in this approach's own simulators; an inner wall counts as a long one at its
-nearest point. Nearer than the nearest recorded distance that one's readings hold; beyond the farthest an
-object adds nothing.
+No equation and no rays: an object's distance from the body's edge and its bearing are interpolated linearly
+between recorded places. Contributions of objects to a sensor's empty reading add up, even where one hides
+another, as in this approach's own simulators; an inner wall counts as a long one at its nearest point. Nearer
+than the nearest recorded distance readings are constant; beyond the farthest an object adds nothing.
 """
 
 import math
@@ -32,8 +32,8 @@ def turned(x, y):
 
 @step
 def meet(seen, reach, ex, ey, pose, out):
-    """Add to `out` what one object adds: its nearest point, or a cylinder's axis, lies at (ex, ey) from the
-    robot's centre; `reach` is what of that way is inside the robot and the cylinder."""
+    """Add one object's contribution to `out`: its nearest point, or a cylinder's axis, lies at (ex, ey) from
+    the robot's centre; `reach` is the part of that distance inside the robot and the cylinder."""
     at, added = seen.at, seen.added
     last = at.shape[0] - 1
     square, most = ex * ex + ey * ey, reach + at[last] + SPARE
@@ -58,7 +58,7 @@ def meet(seen, reach, ex, ey, pose, out):
 
 @step
 def meet_obstacles(table, radius, arena, pose, out):
-    """Add what cylinders and inner walls add."""
+    """Add the contributions of cylinders and inner walls."""
     x, y = pose[0], pose[1]
     cell = cell_at(arena, x, y)
     span = radius + table.cylinder.at[table.cylinder.at.shape[0] - 1] + SPARE

@@ -1,6 +1,6 @@
-"""What a sensor makes of what reaches it, as measured: a curve, a dead zone, noise by the reading.
+"""A measured sensor's response to light: a curve, a dead zone, noise by the reading.
 
-All three are tables of one sensor each, with values at equal steps and straight lines between them.
+All three are tables for each sensor, with values at equal steps and linear interpolation.
 """
 
 import math
@@ -12,9 +12,9 @@ from realitygap.kernels.jit import step
 
 @step
 def between(table, k, at):
-    """Row `k` of a table, `at` steps from its first value: from 0 to the number of its steps."""
+    """Row `k` of a table, interpolated at `at` steps from its first value: 0 to the number of its steps."""
     j = min(int(at), table.shape[1] - 2)
-    # An unsigned index is never counted from the end, which is asked otherwise at each look.
+    # An unsigned index needs no test for counting from the end.
     here = np.uint64(j)
     return table[k, here] + (at - j) * (table[k, here + np.uint64(1)] - table[k, here])
 
@@ -28,7 +28,7 @@ def respond(curve, k, knee, light):
 
 @step
 def weigh(table, rise, readings, top, speed, noise):
-    """Normal numbers become each sensor's noise: by its reading's share of the full scale `top`, and the
+    """Turn normal numbers into each sensor's noise: by its reading's share of the full scale `top`, and the
     wheels' speed (cm/s)."""
     last = np.float64(table.shape[1] - 1)
     steps = last / top

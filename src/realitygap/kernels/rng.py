@@ -1,9 +1,9 @@
 """Randomness as an argument: SplitMix64 read as a counter-based generator.
 
-A stream is a 64-bit number; draw `i` of a stream is `mix(stream + (i + 1)·γ)`. A stream is made
-from its names (seed, purpose, evaluation, trial) by `substream`, so that any draw can be made
-anywhere, in any order, with the same bits. Source: Steele, Lea and Flood, "Fast splittable
-pseudorandom number generators" (OOPSLA 2014).
+A stream is a 64-bit number; draw `i` of a stream is `mix(stream + (i + 1)·γ)`. A stream is derived from its
+names (seed, purpose, evaluation, trial) by `substream`, so that any draw can be made anywhere, in any order,
+with the same bits. Source: Steele, Lea and Flood, "Fast splittable pseudorandom number generators" (OOPSLA
+2014).
 
 Logarithm, sine and cosine are polynomials: C libraries differ in their last bits.
 """
@@ -26,7 +26,7 @@ _ROOT_HALF, _FIFTY_TWO = np.int64(0x3FE6A09E667F3BCD), np.int64(52)
 
 @step
 def mix(x):
-    """SplitMix64's finaliser: a bijection of 64 bits that scatters neighbours."""
+    """SplitMix64's finaliser: a bijection of 64 bits that decorrelates neighbours."""
     x = (x ^ (x >> _S30)) * _M1
     x = (x ^ (x >> _S27)) * _M2
     return x ^ (x >> _S31)
@@ -95,7 +95,7 @@ def sin_cos(x):
     z = r * r
     s = _sin_core(r, z)
     c = _cos_core(z)
-    # Which quarter turn: odd ones swap sine and cosine; selects, for a branch would be a coin toss.
+    # Which quarter turn: odd ones swap sine and cosine; selects, since a branch would be unpredictable.
     quarter = np.int64(k)
     odd = (quarter & 1) != 0
     sine = c if odd else s

@@ -1,6 +1,6 @@
-"""What a calibration asks of the model: noise-free readings at many places, wheels under many commands.
+"""Entry points for calibration: noise-free readings at many places, wheels under many commands.
 
-One kernel each, so that a fit compiles no more than it needs.
+One kernel each, so that a fit compiles only what it needs.
 """
 
 from realitygap.kernels.ambient import illuminate
@@ -21,7 +21,7 @@ def sweep_infrared(robot, arena, poses, work, out):
 
 @kernel
 def sweep_received(robot, arena, poses, work, out):
-    """What reaches measured sensors at poses [n, 3] into out [n, P], before their curves."""
+    """Light for measured sensors at poses [n, 3] into out [n, P], before their curves."""
     for i in range(poses.shape[0]):
         stand(poses[i], work)
         receive(robot, arena, work, out[i])
@@ -37,7 +37,7 @@ def sweep_light(robot, arena, poses, work, out):
 
 @kernel
 def sweep_direct(robot, arena, poses, work, out):
-    """As sweep_light, direct light only: where nothing is near that could throw any back."""
+    """As sweep_light, direct light only: where nothing near could reflect any."""
     for i in range(poses.shape[0]):
         stand(poses[i], work)
         direct_light(robot, arena, work, out[i])

@@ -1,6 +1,6 @@
 """One trial, and one step of it as a recipe: sense, think, act, move, note (§3.2).
 
-A task's score is taken from what was noted, when the trial is over.
+A task's score is computed from the notes when the trial is over.
 """
 
 import math
@@ -31,7 +31,7 @@ def draw_start(task, stream, pose):
 
 @step
 def face(work):
-    """Keep the heading's cosine and sine beside it."""
+    """Update the cosine and sine of the heading."""
     s, c = sin_cos(work.pose[2])
     work.pose[3] = c
     work.pose[4] = s
@@ -39,7 +39,7 @@ def face(work):
 
 @step
 def stand(pose, work):
-    """The robot's body at `pose`."""
+    """Put the robot's body at `pose`."""
     for i in range(3):
         work.pose[i] = pose[i]
     face(work)
@@ -57,16 +57,16 @@ def begin(nets, n, pose, work):
 
 @step
 def draw_noise(level, stream, k, sensors, work):
-    """The normal numbers of step `k`: a function of the trial's stream and the step alone."""
+    """Draw the normal numbers of step `k`: a function of the trial's stream and the step alone."""
     if level > 0.0:
         normals(stream, DRAWS * noise_blocks(sensors) * (k + 1), work.noise)
 
 
 @step
 def read(robot, feed, level, speed, noise, readings):
-    """What the robot's converter makes of noise-free `readings`: noise, whole counts, clipping, dead zone.
+    """Apply the robot's converter to noise-free `readings`: noise, whole counts, clipping, dead zone.
 
-    Where noise is a table, `noise` is used up: its normal numbers are weighed in place.
+    With a table of noise, `noise` is scaled in place.
     """
     lit, dark, top = robot.noise_proximity, robot.noise_proximity_dark, robot.proximity_top
     table, rise, dead = robot.proximity_noise, robot.proximity_rise, robot.proximity_dead
@@ -87,7 +87,7 @@ def read(robot, feed, level, speed, noise, readings):
 
 @step
 def wheels_speed(work):
-    """The wheels' mean speed either way, cm/s: what noise of the sensors may rise with."""
+    """The wheels' mean absolute speed, cm/s, which the sensors' noise may rise with."""
     return 0.5 * (abs(work.wheel[0, 0]) + abs(work.wheel[1, 0]))
 
 
@@ -100,7 +100,7 @@ def scale_input(low, high, reading):
 
 @step
 def near_fed(robot, feed):
-    """How many of the fed readings, the first ones, are the proximity sensors'."""
+    """Number of fed readings that are proximity sensors'; they come first."""
     return 0 if feed == AMBIENT else robot.proximity_place.shape[0]
 
 
@@ -118,7 +118,7 @@ def sense(robot, arena, feed, level, work):
 
 @step
 def feed_input(low, high, i, channel, work):
-    """A reading becomes input `i`."""
+    """Scale a reading to input `i`."""
     new = scale_input(low, high, work.readings[channel]) if channel >= 0 else 0
     work.change[i] = new - work.inputs[i]
     work.inputs[i] = new
@@ -126,11 +126,11 @@ def feed_input(low, high, i, channel, work):
 
 @step
 def feed_network(robot, task, work):
-    """Readings become inputs; `change` keeps the difference to the step before."""
+    """Scale readings to inputs; `change` keeps the difference to the previous step."""
     near = near_fed(robot, task.feed)
     low = robot.proximity_low if near > 0 else robot.ambient_low
     high = robot.proximity_high if near > 0 else robot.ambient_high
-    if task.feed != BOTH:  # asked once: a sixth of a step, were it asked of each input
+    if task.feed != BOTH:  # tested once: testing each input would take a sixth of a step
         for i in range(task.channels.shape[0]):
             feed_input(low, high, i, task.channels[i], work)
         return
@@ -144,7 +144,7 @@ def feed_network(robot, task, work):
 
 @step
 def act(robot, nets, n, level, work):
-    """The motor neurons' outputs are the wheels' targets; noisy friction and speed."""
+    """The motor neurons' outputs set the wheels' targets; friction and speed are noisy."""
     for w in range(2):
         drag = 1.0
         slip = 0.0
@@ -180,7 +180,7 @@ def move(robot, arena, work):
 
 @step
 def note(path, k, work):
-    """What the score will see of this step."""
+    """Note what the score will see of this step."""
     path.x[k] = work.pose[0]
     path.y[k] = work.pose[1]
     path.heading[k] = work.pose[2]

@@ -1,4 +1,4 @@
-"""The wheels under PID control (§3.2.2), and the arc that they drive the body along."""
+"""The wheels under PID control (§3.2.2), and the arc along which they drive the body."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ MEMORY = 5
 """The integral term is the sum of the proportional terms of the last five steps."""
 
 # A row of `work.wheel`: speed U, last change δv, then the last five P, newest first, then the last target,
-# and how far (cm/s over a step) the wheel lies from the middle of its play.
+# and the wheel's distance (cm/s over a step) from the middle of its play.
 SPEED, CHANGE, ERRORS, TARGET, PLAY = 0, 1, 2, 7, 8
 
 FASTEST = 12.7
@@ -27,7 +27,7 @@ def turn_wheel(robot, wheel, target, drag, slip):
     for i in range(MEMORY - 1, 0, -1):
         wheel[ERRORS + i] = wheel[ERRORS + i - 1]
     speed = wheel[SPEED]
-    # Beyond the paper: a share of what is asked for comes a step late.
+    # Not in the paper: a share of the command acts a step late.
     asked = target + robot.lag * (wheel[TARGET] - target)
     wheel[TARGET] = target
     proportional = (asked - speed) / STEP_S
@@ -49,18 +49,19 @@ def turn_wheel(robot, wheel, target, drag, slip):
 
 @step
 def bound_wheel(wheel, fastest):
-    """Keep a wheel within ±`fastest` (cm/s), where noise that is a share of the speed drives it on and on."""
+    """Keep a wheel within ±`fastest` (cm/s), since noise proportional to the speed could accelerate it
+    without limit."""
     wheel[SPEED] = min(max(wheel[SPEED], -fastest), fastest)
     wheel[CHANGE] = min(max(wheel[CHANGE], -2.0 * fastest), 2.0 * fastest)
 
 
 @step
 def take_up_play(robot, wheel, target):
-    """Speed (cm/s) that a wheel lacks in this step because it turns round; 0 in the paper.
+    """Speed (cm/s) that a wheel loses in this step on reversal; 0 in the paper.
 
-    Friction turns round with the wheel, and the control needs a moment to find that out. It acts as
-    play between motor and wheel would: so much way is lost at each turning round, rest or not, the
-    more slowly the slower the wheel is told to go.
+    Friction reverses with the wheel, and the control needs a moment to respond. The effect is that of play
+    between motor and wheel: the same distance is lost at each reversal, with or without rest, and takes
+    longer the lower the commanded speed.
     """
     half = robot.half_play
     if half <= 0.0 or target == 0.0:
@@ -76,7 +77,7 @@ def take_up_play(robot, wheel, target):
 
 
 class Arc(NamedTuple):
-    """How far one step takes the body: movement (cm), turn (rad), chord over arc, the mean heading."""
+    """Movement of the body in one step: distance (cm), turn (rad), chord over arc, the mean heading."""
 
     dx: float
     dy: float
@@ -88,7 +89,7 @@ class Arc(NamedTuple):
 
 @step
 def drive_arc(track, left, right, c, s, period=STEP_S):
-    """How far one step takes the body.
+    """Movement of the body in one step.
 
     Exact differential drive: a chord of length v·dt·sin(h)/h, h half the turn, at mean heading.
     (c, s) = (cos, sin) of the heading before the step.

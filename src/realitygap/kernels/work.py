@@ -1,4 +1,4 @@
-"""The scratch paper of one trial: allocated once a batch, so that no step allocates."""
+"""Scratch arrays of one trial: allocated once a batch, so that no step allocates."""
 
 from typing import NamedTuple
 
@@ -10,9 +10,9 @@ from realitygap.kernels.network import ROWS
 from realitygap.kernels.params import LANES, RAYS, F, Networks, Path, Robot, Trial
 
 DRAWS = 8
-"""Random draws of one block of noise, which make 16 normal numbers."""
+"""Random draws of one block of noise, which give 16 normal numbers."""
 MOTOR_NOISE = 4
-"""Normal numbers of a step that go to the motors: friction left, right; speed left, right."""
+"""Normal numbers of a step for the motors: friction left, right; speed left, right."""
 
 
 class Work(NamedTuple):
@@ -30,28 +30,28 @@ class Work(NamedTuple):
     normal_x: F
     normal_y: F
     incidence: F
-    """Rays in one row, r a fan, and the A ambient sensors behind them, each filled up to whole vectors; LANES
-    more of all but `light`. The infrared sensors use the first LANES, one at a time."""
+    """Rays in one row, r per fan, then the A ambient sensors, each padded to whole vectors; LANES more of all
+    but `light`. The infrared sensors use the first LANES, one sensor at a time."""
     noise: F
     """[16·m] normal numbers of this step."""
     readings: F
-    """[P, A or P + A] what the fed sensors read, counts."""
+    """[P, A or P + A] readings of the fed sensors, counts."""
     pose: F
     """[5] x, y, heading and the heading's cosine and sine."""
     start: F
-    """[3] where the trial begins: x, y, heading."""
+    """[3] the trial's start: x, y, heading."""
     wheel: F
     """[2, 9] see wheels.py."""
     ground: F
     """[3] speeds of the wheels over the ground (cm/s), contact (0 or 1)."""
     base: NDArray[np.int32]
-    """[M] −threshold plus what the inputs send, of each computing neuron."""
+    """[M] −threshold plus the inputs' contribution, of each computing neuron."""
     outputs: NDArray[np.int32]
     """[ROWS · M] see network.py."""
     link_end: NDArray[np.uint64]
-    """[M] first link that is not of this neuron."""
+    """[M] number of the first link that is not this neuron's."""
     link_back: NDArray[np.uint64]
-    """[K] how far back in `outputs` a link's source lies."""
+    """[K] offset back in `outputs` to a link's source."""
     link_weight: NDArray[np.int32]
     """[K]."""
     sensor_link: NDArray[np.int64]
@@ -61,22 +61,22 @@ class Work(NamedTuple):
     inputs: NDArray[np.int32]
     """[I] the step's inputs."""
     change: NDArray[np.int32]
-    """[I] how far they changed since the step before."""
+    """[I] their change since the previous step."""
     fan: F
     """[8, P] of each proximity sensor: place, direction, first ray and last ray, x and y each."""
     all_fans: F
-    """[3, A · f · r + LANES] of each ray of each ambient sensor: x and y of its direction, its weight. r is
-    RAYS, or fewer where the last ones of all fans weigh nothing."""
+    """[3, A · f · r + LANES] x and y of the direction of each ray of each ambient sensor, and its weight. r
+    is RAYS, or fewer if the last ones of all fans have no weight."""
     span: F
     """[1] distance from the robot's centre beyond which no proximity sensor notices anything."""
     noticed: NDArray[np.int64]
     """[P] 1 unless a proximity sensor certainly reads 0."""
     listed: NDArray[np.uint64]
-    """[P or A] the numbers of those sensors, or of the ambient sensors that look round."""
+    """[P or A] numbers of those sensors, or of the ambient sensors with reflections."""
 
 
 class Aside(NamedTuple):
-    """Scratch for the sensors that feed nobody: their readings, and normal numbers of their own."""
+    """Scratch arrays for the sensors that feed no input: their readings, and normal numbers of their own."""
 
     readings: F
     noise: F
@@ -97,7 +97,7 @@ class Record(NamedTuple):
 
 @helper
 def whole_vectors(n):
-    """Lanes that so many are filled up to: eight are the widest vector there is."""
+    """`n` rounded up to whole vectors: eight lanes are the widest there is."""
     return (n + 7) & -8
 
 
@@ -113,14 +113,14 @@ def new_noise(sensors: int) -> F:
 
 
 def new_aside(robot: Robot, task: Trial) -> Aside:
-    """Scratch for the sensors that the task does not feed."""
+    """Scratch arrays for the sensors that the task does not feed."""
     near, light = len(robot.proximity_place), len(robot.ambient_place)
     sensors = (light, near, 0)[task.feed]
     return Aside(readings=np.zeros(sensors), noise=new_noise(sensors))
 
 
 def spread_fan(robot: Robot) -> F:
-    """The proximity sensors' fans, a row a component, so that all sensors go side by side."""
+    """The proximity sensors' fans, a row per component, so that all sensors are processed side by side."""
     sensors = robot.proximity_place.shape[0]
     fan = np.zeros((8, sensors))
     for k in range(sensors):
@@ -133,7 +133,7 @@ def spread_fan(robot: Robot) -> F:
 
 
 def all_fans(robot: Robot) -> F:
-    """The ambient sensors' rays, less what weighs nothing at the end of a fan; a row a component."""
+    """The ambient sensors' rays, without those of no weight at the end of a fan; a row per component."""
     weighs = np.flatnonzero(robot.ambient_weight.any(axis=0))
     used = weighs[-1] + 1 if len(weighs) else RAYS
     parts = (robot.ambient_ray[:, 0], robot.ambient_ray[:, 1], robot.ambient_weight)
@@ -146,7 +146,7 @@ def farthest_notice(robot: Robot, fan: F) -> float:
 
 
 def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
-    """Scratch for trials of `task` by `robot` under any of `nets`."""
+    """Scratch arrays for trials of `task` by `robot` under any of `nets`."""
     near, light = len(robot.proximity_place), len(robot.ambient_place)
     sensors = (near, light, near + light)[task.feed]
     inputs = task.channels.shape[0]

@@ -1,4 +1,4 @@
-"""Studies: configuration, one run, many runs, the store, resuming. A study is a folder."""
+"""Studies: configuration, one run, many runs, the database, resuming. A study is a folder."""
 
 from realitygap.lazy import names_of
 

@@ -1,4 +1,5 @@
-"""Compiles what evolution and transfers call, side by side: it is the same for all robots and tasks."""
+"""Compiles what evolution and transfers call, several pieces at a time: it is the same for all robots and
+tasks."""
 
 from itertools import chain
 
@@ -15,18 +16,18 @@ from realitygap.work.processes import Processes
 __all__ = ["Ahead", "compile_ahead", "compile_side_by_side"]
 
 STAGES = ("light", "near", "breeding", "decoding"), ("trials", "record")
-"""The longest first; what encloses others comes when they are on file."""
+"""Jobs of two stages, each with the longest first; those of the second contain compiled code of the first."""
 
 
 class Ahead:
-    """Carries out jobs of compilation, whose names STAGES has, and keeps the code on file."""
+    """Carries out compilation jobs, named in STAGES, and keeps the code on disk."""
 
     def __init__(self) -> None:
         materials = gather(StudyConfig.reproduction())
         self._benches = [Bench(materials, condition) for condition in range(len(materials.tasks))]
 
     def carry_out(self, job: str, tell: Tell) -> None:
-        """One job, which has no messages."""
+        """Compile one job's functions; sends no messages."""
         bench = self._benches[0]
         if job == "breeding":
             bench.breed()
@@ -46,14 +47,14 @@ class Ahead:
 
 
 def compile_ahead() -> None:
-    """Compile all of it in this process."""
+    """Compile everything in this process."""
     ahead = Ahead()
     for job in chain(*STAGES):
         ahead.carry_out(job, lambda message: None)
 
 
 def compile_side_by_side(pool: Pool) -> None:
-    """Compile all of it in the pool's processes, if there are several and nothing is on file."""
+    """Compile everything in the pool's processes, if there are several and nothing is on disk."""
     if isinstance(pool, Processes) and pool.size > 1 and SHELF.folder and not SHELF.holds("run_trials"):
         for jobs in STAGES:
             pool.work(Setup(Ahead, ()), jobs, lambda message: None)

@@ -1,4 +1,4 @@
-"""Evaluations and fresh trials as a study's database holds them: arrays, many to a row."""
+"""Evaluations and fresh trials as arrays in a study's database, many to a row."""
 
 import lzma
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,37 +12,37 @@ __all__ = ["Block", "evaluations", "joined", "spread"]
 Table = dict[str, NDArray[Any]]
 FLOAT = np.dtype("<f8")
 PRESET = 2
-"""LZMA's: half of zlib's bytes, and read faster; a twelfth less of them would take seven times as long."""
+"""LZMA's: half of zlib's size, and faster to read; saving another twelfth would take seven times as long."""
 
 
 class Block(NamedTuple):
-    """n evaluations, one after the other."""
+    """n successive evaluations."""
 
     number: int
-    """Of the first."""
+    """Number of the first."""
     scores: NDArray[np.float64]
     """[n, trials]."""
     fitness: NDArray[np.float64]
-    """[n] means of them."""
+    """[n] mean scores."""
     places: NDArray[np.int64]
     """[n, 3] both parents, the cell."""
     genes: bytes
 
     def row(self) -> tuple[object, ...]:
-        """How they stand in a row of `evolved`, after the run."""
+        """The columns of `evolved` after the run."""
         scores, fitness = (np.ascontiguousarray(a, FLOAT).tobytes() for a in (self.scores, self.fitness))
         if fitness == _plain(self.scores).tobytes():
             fitness = b""
         kind = "<u2" if self.places.max() < 0xFFFF else "<u4"
         places = (self.places + 1).astype(kind).tobytes()
-        size = min(2**20, max(2**12, len(self.genes)))  # a larger one has to be made ready each time
+        size = min(2**20, max(2**12, len(self.genes)))  # a larger one takes time to set up
         how = [{"id": lzma.FILTER_LZMA2, "preset": PRESET, "dict_size": size}]
         genes = lzma.compress(self.genes, filters=how)
         return self.number, len(self.places), scores, fitness, places, genes
 
     @classmethod
     def of(cls, row: Sequence[Any]) -> "Block":
-        """From what stands in a row after the run; without genes where those are left out."""
+        """From the columns of `evolved` after the run; without genes where those are left out."""
         number, count, scores, fitness, places, *genes = row
         kind = f"<u{len(places) // (3 * count)}"
         values = np.frombuffer(scores, FLOAT).reshape(count, -1)
@@ -52,21 +52,21 @@ class Block(NamedTuple):
 
 
 def _plain(scores: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means as SQL reckons them too; of more than two scores its last bit might be another."""
+    """Means computed as SQL does; of more than two scores the last bit could differ."""
     count = scores.shape[1]
     return (scores.sum(axis=1) / count).astype(FLOAT) if count <= 2 else np.zeros(0, FLOAT)
 
 
 def joined(blocks: Sequence[Block]) -> Block:
-    """One of several that follow each other."""
+    """One block of several successive ones."""
     number, *arrays, genes = zip(*blocks, strict=True)
     scores, fitness, places = map(np.concatenate, arrays)
     return Block(number[0], scores, fitness, places, b"".join(genes))
 
 
 def evaluations(rows: Iterable[Sequence[Any]], trials: int) -> Table:
-    """Columns of rows of `evolved`, the run first, genotypes left out; NaN after the scores of tasks with
-    fewer trials than so many."""
+    """Columns of rows of `evolved`, the run first, without genotypes; NaN after the scores of tasks with
+    fewer than `trials` trials."""
     found = [(row[0], Block.of(row[1:])) for row in rows]
     found = found or [(0, Block(0, np.zeros((0, 1)), np.zeros(0), np.zeros((0, 3), np.int64), b""))]
     blocks = [block for _, block in found]
@@ -85,7 +85,7 @@ def evaluations(rows: Iterable[Sequence[Any]], trials: int) -> Table:
 
 
 def spread(rows: Sequence[Sequence[Any]], kinds: Mapping[str, Any]) -> Table:
-    """A row for each trial: what stands before the scores of `tested`, as `kinds` names it; trial; score."""
+    """A row for each trial: the columns before the scores of `tested`, named by `kinds`; trial; score."""
     scores = [np.frombuffer(row[-1], FLOAT) for row in rows]
     counts = np.array([len(some) for some in scores], np.int64)
     before = [np.array([row[k] for row in rows], kind) for k, kind in enumerate(kinds.values())]

@@ -1,7 +1,7 @@
-"""A study's configuration: every setting that a result depends on, read from TOML and written.
+"""A study's configuration: every setting that a result depends on, read from and written to TOML.
 
-A condition is a task at a noise level; each is evolved `runs` times. Whatever is omitted takes
-the paper's value. Paths are relative to the file that names them.
+A condition is a task at a noise level; each is evolved `runs` times. Omitted settings have the paper's value.
+Paths are relative to the file that names them.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -37,12 +37,12 @@ class StudyConfig(Value):
             included.
         retest_trials: trials that choose the champion among the last population.
         fresh_trials: trials, at each of the three noise levels, of the fittest and the champion.
-        checkpoint_every: evaluations that a killed process loses at most; changes no result.
+        checkpoint_every: evaluations that a kill can lose; does not affect results.
         profile: the robot, a shipped name or a TOML file.
         conditions: tasks and noise levels, in this order.
         task: changes to every task, such as `task.seconds`.
-        evolution, encoding: the algorithm, and how genes stand for networks; variation: rates of the
-            operators on the paper's genotypes.
+        evolution, encoding: the algorithm, and how genes encode networks; variation: rates of the operators
+            on the paper's genotypes.
         arenas: another arena for a task, by the task's name.
 
     Raises:
@@ -106,12 +106,12 @@ class StudyConfig(Value):
             return build(cls, {key: value for key, value in with_own(table).items() if key != "versions"})
         except ConfigError:
             raise
-        except ValueError as error:  # the algorithm's and the variation's own words
+        except ValueError as error:  # the algorithm's and the variation's own keys
             raise ConfigError(str(error)) from None
 
     @classmethod
     def from_toml(cls, path: str | Path, *, local: bool = False, task: str | None = None) -> Self:
-        """From a file; what it names beside itself is found there, unless names are to stay `local`.
+        """From a file; relative paths in it become absolute, unless they are to stay `local`.
 
         A file without conditions is completed by `task` at observed noise.
 
@@ -129,7 +129,7 @@ class StudyConfig(Value):
             raise ConfigError(f"{path}: {error}") from None
 
     def beside(self, folder: Path) -> Self:
-        """The same with the files that it names from `folder` by their whole paths."""
+        """A copy with relative file names resolved against `folder`."""
 
         def found(name: str) -> str:
             path = Path(name).expanduser()
@@ -143,7 +143,7 @@ class StudyConfig(Value):
         )
 
     def with_settings(self, settings: Iterable[str]) -> Self:
-        """The same with texts such as "variation.mutation=0.1" carried out.
+        """A copy with settings such as "variation.mutation=0.1" applied.
 
         Raises:
             ConfigError: names the key, with the nearest known one, or what was expected of it.
@@ -156,7 +156,7 @@ class StudyConfig(Value):
         return {part: place[0] for part, place in named.items() if place is not None}
 
     def with_own_files(self, moved: Callable[[str, Path], str]) -> Self:
-        """The same with those files elsewhere: where `moved` says for a table and a file."""
+        """A copy with those files moved to where `moved` says for a table and a file."""
         changes = {}
         for part, file in self.own_files().items():
             table = getattr(self, part)
@@ -165,11 +165,11 @@ class StudyConfig(Value):
         return replace(self, **changes)
 
     def encoding_for(self, task: Task) -> Made:
-        """How genes stand for networks with an input for each of the task's sensors."""
+        """The encoding of networks with an input for each of the task's sensors."""
         return self.encoding.make(len(task.sensors), self.variation)
 
     def to_dict(self) -> dict[str, Any]:
-        """The configuration as a dictionary, keys as in its file."""
+        """The configuration as a dictionary with a file's keys."""
         rates = {f.name: getattr(self.variation, f.name) for f in fields(Variation) if f.name != "layout"}
         plain = {f.name: getattr(self, f.name) for f in fields(self)}
         return {

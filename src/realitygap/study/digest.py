@@ -1,7 +1,7 @@
-"""Digests of all that a study's database holds, so that a flipped bit is never read as a datum.
+"""Digests of everything in a study's database, so that a flipped bit is never read as data.
 
-SQLite finds pages that make no sense; a changed number makes sense. Each table's rows are chained,
-row by row, run by run: what is added costs its own length, what is read is checked as a whole.
+SQLite detects invalid pages, but not a changed number. Each table's rows are chained, row by row, run by run:
+adding rows costs only their length, reading checks the whole.
 """
 
 import json
@@ -26,27 +26,27 @@ OF_RUN = {
     "retest": "cell, trial",
     "test": "who, noise, trial",
 }
-"""Tables whose rows belong to a run, of any format, and the order of those."""
+"""Tables whose rows belong to a run, in any format, and their order."""
 OF_STUDY = {"source": "name", "task": "name", "session": "id"}
-"""Tables that are one whole; their digests stand under run 0."""
+"""Tables of the whole study; their digests are stored under run 0."""
 SCHEMA = "sqlite_master"
-"""What SQLite itself says of the tables: of newer formats it is sealed like those."""
+"""SQLite's own table of tables; newer formats seal it too."""
 BYTES = 16
 
 
 def check_of(facts: object) -> str:
-    """A digest of what JSON holds, to stand beside it in its file."""
+    """A digest of JSON data, to be stored beside it in its file."""
     return blake2b(json.dumps(facts).encode(), digest_size=8).hexdigest()
 
 
 def seal(database: sqlite3.Connection, run: int, *parts: str) -> None:
-    """Put down the digests of tables as they are now, of the rows of a run (0: of all)."""
+    """Store the digests of tables as they are now, of the rows of a run (0: of all)."""
     for part in parts:
         _put(database, run, part, _digests(database, run, part)[1])
 
 
 def seal_more(database: sqlite3.Connection, run: int, part: str, since: int) -> None:
-    """Put down a digest after rows were added, from the one that holds up to row number `since`.
+    """Update a digest after rows were added, from the one up to row number `since`.
 
     Args:
         database: open for writing.
@@ -60,7 +60,7 @@ def seal_more(database: sqlite3.Connection, run: int, part: str, since: int) -> 
 
 
 def verify(database: sqlite3.Connection, path: Path, run: int, part: str) -> None:
-    """See that a table's rows of a run are those that were written; run 0: of a table of the study.
+    """Check that a table's rows of a run are those that were written; run 0: of a table of the study.
 
     Args:
         database: open for reading.
@@ -69,7 +69,7 @@ def verify(database: sqlite3.Connection, path: Path, run: int, part: str) -> Non
         part: the table.
 
     Raises:
-        StudyError: they are not; names the file, the run and the cure.
+        StudyError: they differ; names the file, the run and the cure.
     """
     of_none, there = _digests(database, run, part)
     if there != (_kept(database, run, part) or of_none):
@@ -81,10 +81,10 @@ def verify(database: sqlite3.Connection, path: Path, run: int, part: str) -> Non
 
 
 def verify_all(database: sqlite3.Connection, path: Path) -> None:
-    """See that everything is what was written.
+    """Check the whole database.
 
     Raises:
-        StudyError: names the first that is not.
+        StudyError: names the first table that differs.
     """
     for part in (*OF_STUDY, *([SCHEMA] if check_format(database, path) >= ARRAYS else [])):
         verify(database, path, 0, part)
@@ -95,18 +95,18 @@ def verify_all(database: sqlite3.Connection, path: Path) -> None:
 
 
 def parts(database: sqlite3.Connection) -> list[str]:
-    """The tables that hold rows of runs, in this database's format."""
+    """The tables with rows of runs, in this database's format."""
     there = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
     return [part for part in OF_RUN if part in there]
 
 
 def _digests(database: sqlite3.Connection, run: int, part: str) -> tuple[bytes, bytes]:
-    """Of no rows, and of those that are there."""
+    """The digest without rows, and that of the present rows."""
     if part == SCHEMA:
-        own = "', '".join([*OF_RUN, *OF_STUDY, "digest"])  # what others may have added is theirs
+        own = "', '".join([*OF_RUN, *OF_STUDY, "digest"])  # tables that others may have added are not checked
         rows = database.execute(f"SELECT name, sql FROM {SCHEMA} WHERE name IN ('{own}') ORDER BY name")
     elif part in OF_STUDY:
-        # the rows themselves, not what an index says of them: that is what is read
+        # the rows themselves, not an index, since they are what is read
         rows = database.execute(f"SELECT * FROM {part} ORDER BY +{OF_STUDY[part]}")
     else:
         whose = "id" if part == "run" else "run"
@@ -116,7 +116,7 @@ def _digests(database: sqlite3.Connection, run: int, part: str) -> tuple[bytes, 
 
 
 def _first(part: str, rows: sqlite3.Cursor) -> bytes:
-    """Where a table's chain begins: a renamed column is a change too."""
+    """The start of a table's chain, which includes the columns' names."""
     names = [part, *(column[0] for column in rows.description)]
     return blake2b(repr(names).encode(), digest_size=BYTES).digest()
 

@@ -1,4 +1,4 @@
-"""A study where its folder cannot be seen: rebuilt, without its evaluations, from its files' content."""
+"""A study whose folder cannot be seen: rebuilt from its files' content, without its evaluations."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,29 +17,30 @@ from realitygap.work.workers import far
 __all__ = ["Home", "Words", "home_of", "words_for"]
 
 Words = tuple[str, Mapping[str, bytes]]
-"""A study's folder ("" where workers do not see it), and the content of its files: what is sent to them."""
+"""A study's folder ("" if workers cannot see it) and the content of its files, as sent to workers."""
 
 
 class Home(Closing):
-    """The folder that a worker takes a study from: the study's own, or one that is gone when it is closed."""
+    """The folder that a worker reads a study from: the study's own, or a temporary one (`close` deletes it).
+    """
 
     def __init__(self, folder: Path, made: temporary.Folder | None = None) -> None:
         self.folder, self._made = folder, made
 
     def close(self) -> None:
-        """Remove what came in messages."""
+        """Remove a temporary folder."""
         if self._made is not None:
             self._made.cleanup()
 
 
 def words_for(folder: Path, pool: Pool) -> Words:
-    """What a pool's workers receive of a study."""
+    """What a pool's workers are sent of a study."""
     place = "" if far(pool) else str(folder.resolve())
     return place, Reader(folder / DATABASE).sources() or {}
 
 
 def home_of(words: Words) -> Home:
-    """In a worker: where the study is."""
+    """The study's folder, in a worker."""
     place, sources = Path(words[0]), words[1]
     if words[0] and exists(place) and (Reader(place / DATABASE).sources() or {}) == sources:
         agree(place)  # the parent has asked

@@ -1,4 +1,4 @@
-"""A study's folder: made once, locked while in use, opened only with the configuration it was made with."""
+"""A study's folder: created once, locked while in use, opened only with its original configuration."""
 
 import tomllib
 from collections.abc import Mapping
@@ -47,18 +47,18 @@ _HEADER = """\
 
 
 def exists(folder: Path) -> bool:
-    """Whether a study was made in this folder."""
+    """Whether a study was created in this folder."""
     return (folder / DATABASE).is_file()
 
 
 def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> Materials:
-    """Make the requested study in the folder, or open the one that is there; the lock is held.
+    """Create the requested study in the folder, or open the one there; the lock is held.
 
     Raises:
         StudyError: there is a study but `resume` is not set, or it was made with another
             configuration, or there is none to resume, or the folder holds something else.
     """
-    from realitygap.study.store import create  # the engine too: nobody who only reads a study needs it
+    from realitygap.study.store import create  # includes the engine, which reading a study does not need
 
     if exists(folder):
         if not resume:
@@ -72,7 +72,7 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
     refuse_strangers(folder, "study", OURS)
     for task in requested.tasks:
         if task.source is not None:
-            task.compiled_score()  # before anything is written, and the user's own file is blamed
+            task.compiled_score()  # before anything is written, so that errors name the user's own file
     agree_to(requested.own_code())
     local, files = requested.copies()
     text = f"{_HEADER}\n{to_toml({**local.to_dict(), 'versions': versions()})}"
@@ -87,7 +87,7 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
 
 
 def take_back(folder: Path, requested: Materials) -> None:
-    """Remove a study that was just started and failed before any evaluation was kept."""
+    """Remove a study that failed to start before any evaluation was saved."""
     if exists(folder):
         with Reader(folder / DATABASE).reading() as database:
             if database.execute("SELECT sum(evaluations) FROM run").fetchone()[0]:
@@ -106,7 +106,7 @@ def open_to_begin(folder: Path) -> None:
     """Check that a study can start in the folder; the lock is held.
 
     Raises:
-        StudyError: there is one, or something else.
+        StudyError: the folder holds a study, or something else.
     """
     if exists(folder):
         raise StudyError(f"{folder} already holds a study. Resume it (--resume) or choose another --out.")
@@ -114,7 +114,7 @@ def open_to_begin(folder: Path) -> None:
 
 
 def read_config(folder: Path) -> StudyConfig:
-    """The configuration that a study was made with, paths from the folder.
+    """The configuration that a study was made with, with paths relative to the folder.
 
     Raises:
         StudyError: no study there.
@@ -135,7 +135,7 @@ def read_config(folder: Path) -> StudyConfig:
 
 
 def own_config(folder: Path) -> StudyConfig:
-    """The same with the study's files by their whole paths.
+    """The same with absolute paths.
 
     Raises:
         StudyError, ConfigError: as of `read_config`; or a file is missing, leads elsewhere or was edited.
@@ -147,7 +147,7 @@ def own_config(folder: Path) -> StudyConfig:
 
 
 def read_materials(folder: Path) -> Materials:
-    """A study's robot, tasks and arenas, from its own copies; users' files are run for it.
+    """A study's robot, tasks and arenas, from its own copies; this runs users' files.
 
     Raises:
         StudyError: a copy is missing or was edited since, or is a program that is not trusted.
@@ -170,7 +170,7 @@ def read_profile(folder: Path) -> Profile:
 
 
 def programs(folder: Path) -> list[Path]:
-    """The programs that a study brings and that this user has not agreed to run.
+    """The study's programs that this user has not agreed to run.
 
     Raises:
         StudyError, ConfigError: as of `own_config`.
@@ -179,13 +179,13 @@ def programs(folder: Path) -> list[Path]:
 
 
 def agree(folder: Path) -> None:
-    """Run the programs that a study brings from now on, whoever wrote them."""
+    """Agree to run the study's programs from now on, whoever wrote them."""
     agree_to(path.read_bytes() for path in programs(folder))
 
 
 def _refuse_difference(folder: Path, requested: Materials) -> None:
-    """Refuse to resume with another configuration than the study was made with."""
-    own_config(folder)  # who edited the study's own copies is told of those
+    """Refuse to resume with a configuration that differs from the study's."""
+    own_config(folder)  # edits of the study's own copies are reported as such
     config, files = requested.copies()
     cure = "Leave it as it was, or choose another --out."
     there = _decisive(read_config(folder).to_dict())
@@ -201,12 +201,12 @@ def _refuse_difference(folder: Path, requested: Materials) -> None:
 
 
 def _decisive(table: Mapping[str, object]) -> dict[str, object]:
-    """A configuration without what changes no result."""
+    """A configuration without settings that do not affect results."""
     return {key: value for key, value in table.items() if key not in ("title", "checkpoint_every")}
 
 
 def refuse_other(folder: Path, other: Path) -> None:
-    """Refuse to take two studies for one.
+    """Refuse two different studies where one is expected.
 
     Raises:
         StudyError: names the first setting or file in which they differ.

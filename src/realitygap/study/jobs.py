@@ -1,6 +1,6 @@
-"""A job is a whole run, from its checkpoint to its tests, told in messages to the process that writes.
+"""A job is a whole run, from its checkpoint to its tests, sent as messages to the process that writes.
 
-One after the other, or all side by side: then what they ask for at one time runs in one batch.
+Runs go one after the other, or side by side: then the trials that they request at one time form one batch.
 """
 
 from collections.abc import Generator, Iterable, Iterator, Mapping
@@ -23,18 +23,18 @@ from realitygap.world.noise import NOISE_LEVELS
 __all__ = ["Advanced", "Finished", "Job", "Message", "Workshop"]
 
 AMBIENT_COST = 2.5
-"""Time of a step that senses light, by that of one that senses walls: a hint for the order of work."""
+"""Time of a step with ambient sensors over that with proximity sensors: a hint for the order of work."""
 
 
 class Job(NamedTuple):
-    """A run to be carried on from a checkpoint (None: from its beginning)."""
+    """A run to continue from a checkpoint (None: from its beginning)."""
 
     run: int
     checkpoint: bytes | None
 
 
 class Advanced(NamedTuple):
-    """Evaluations of a run, and what is kept of its state after them."""
+    """Evaluations of a run, and the state after them."""
 
     run: int
     records: Records
@@ -45,7 +45,7 @@ class Advanced(NamedTuple):
 
 
 class Finished(NamedTuple):
-    """A run's tests: there is nothing more to do on it."""
+    """A run's tests: the run is complete."""
 
     run: int
     results: Results
@@ -55,10 +55,10 @@ Message = Advanced | Finished
 
 
 class Workshop:
-    """Carries out the runs of one study, with a bench for each condition made when first needed."""
+    """Carries out the runs of one study, with a bench for each condition, created when first needed."""
 
     home: Closing | None = None
-    """Of the files, where they came in messages."""
+    """Of the files, if they came in messages."""
 
     def __init__(self, materials: Materials, engine: str = "cores") -> None:
         self.config, self.engine = materials.config, engine
@@ -69,22 +69,21 @@ class Workshop:
 
     @property
     def runs(self) -> list[int]:
-        """Ids of all runs."""
         return list(self._plans)
 
     def compile(self) -> None:
-        """Load or compile once all that the conditions' runs call."""
+        """Load or compile everything that the conditions' runs call."""
         for condition in range(len(self._materials.tasks)):
             with self._blamed():
                 self._bench(condition).compile()
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """A run; `tell` receives its messages."""
+        """Carry out a run; `tell` receives its messages."""
         for message in self.messages([job]):
             tell(message)
 
     def messages(self, jobs: Iterable[Job]) -> Iterator[Message]:
-        """Of runs that advance side by side: of each one for each checkpoint, then its tests."""
+        """Messages of runs that advance side by side: one for each checkpoint of each run, then its tests."""
         runs = {job.run: self._run(job) for job in jobs}
         scores: dict[int, Any] = dict.fromkeys(runs)
         while runs:
@@ -99,7 +98,7 @@ class Workshop:
             scores = self._scores(asked)
 
     def _scores(self, asked: Mapping[int, Asked]) -> dict[int, Any]:
-        """Of each run what it asked for: like trials of one condition in one batch."""
+        """The scores that each run asked for; similar trials of one condition go in one batch."""
         like: dict[tuple[int, float, int], list[int]] = {}
         for run, one in asked.items():
             like.setdefault((self._plans[run].condition, one.noise, one.streams.shape[1]), []).append(run)
@@ -123,7 +122,7 @@ class Workshop:
             self.home.close()
 
     def _run(self, job: Job) -> Generator[Asked | Message, Any, None]:
-        """A run: what it asks for, to be sent the scores, and its messages."""
+        """A run: yields requests, which are sent the scores, and its messages."""
         plan = self._plans[job.run]
         bench = self._bench(plan.condition)
         with self._blamed():
@@ -140,7 +139,7 @@ class Workshop:
         yield Finished(job.run, results)
 
     def read(self, run: int, checkpoint: bytes) -> State:
-        """The state that a run goes on from.
+        """The state that a run continues from.
 
         Raises:
             StudyError: the checkpoint is damaged.
@@ -150,19 +149,19 @@ class Workshop:
 
     @contextmanager
     def _blamed(self) -> Iterator[None]:
-        """What goes wrong in a user's algorithm or encoding is told by their file and line."""
+        """Report errors in a user's algorithm or encoding with their file and line."""
         with ExitStack() as stack:
             for file in self._own:
                 stack.enter_context(blamed_on(file, UsageError, own=True))
             yield
 
     def cost(self, run: int, evaluations: int) -> float:
-        """About what that many evaluations of a run cost, in steps of obstacle avoidance."""
+        """Approximate cost of that many evaluations of a run, in steps of obstacle avoidance."""
         task = self._task(run)
         return evaluations * task.trials * _step_cost(task)
 
     def tests_cost(self, run: int) -> float:
-        """About what a run's tests cost, in the same unit."""
+        """Approximate cost of a run's tests, in the same unit."""
         task, config = self._task(run), self.config
         cells = min(self._bench(self._plans[run].condition).algorithm.cells, config.evaluations)
         trials = cells * config.retest_trials + len(WHO) * len(NOISE_LEVELS) * config.fresh_trials

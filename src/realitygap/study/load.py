@@ -1,4 +1,4 @@
-"""Read a study, finished or not, even while another process works on it.
+"""Reads a study, finished or not, even while another process works on it.
 
 Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())` needs no more.
 """
@@ -38,10 +38,10 @@ __all__ = ["Run", "Study", "as_study", "load_study"]
 
 
 def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
-    """A study from its folder, as it is now; evaluations are read when needed.
+    """Load a study from its folder as it is now; evaluations are read when needed.
 
-    Reading runs no user's code. A simulation in a user's own task needs that task's file: one
-    that this user neither evolved with nor agreed to is not run.
+    Reading runs no user's code. A simulation in a user's own task runs that task's file, unless this user has
+    neither evolved with it nor agreed to it.
 
     Args:
         path: the study's folder, or a Study, which is read again.
@@ -59,12 +59,12 @@ def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
 
 
 def as_study(study: object) -> Study:
-    """A Study as it is; the study of a folder's path."""
+    """A Study unchanged, or the study of a folder's path."""
     return study if isinstance(study, Study) else load_study(as_path(study, "study"))
 
 
 class Study(Tables):
-    """A study: its configuration, its runs as they were when it was loaded, its tables."""
+    """A study: its configuration, its runs as of loading, its tables."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
@@ -72,7 +72,7 @@ class Study(Tables):
         self._encodings: dict[str, Encoding] = {}
 
     def __fspath__(self) -> str:
-        """Its folder: a study goes wherever a path to one is wanted."""
+        """Its folder: a Study works wherever a path to one is expected."""
         return str(self.folder)
 
     def __repr__(self) -> str:
@@ -89,7 +89,7 @@ class Study(Tables):
         return read_profile(self.folder)
 
     def task(self, name: str | Task) -> Task:
-        """A task of the study, with the study's settings and arena; a user's file is run for it.
+        """A task of the study, with the study's settings and arena; this runs a user's file.
 
         Raises:
             StudyError: a file that this user has not agreed to run, or that has been edited since.
@@ -104,7 +104,7 @@ class Study(Tables):
         """
         task = str(getattr(task, "name", task))
         found = self._reader.tasks()
-        if found is None:  # the format that kept none
+        if found is None:  # a format without tasks
             return self.task(task).to_dict()
         if task not in found:
             known = ", ".join(found)
@@ -112,7 +112,7 @@ class Study(Tables):
         return found[task]
 
     def encoding(self, task: str | Task) -> Encoding:
-        """How genotypes that evolve in a task stand for networks; a user's file is run for it.
+        """The encoding of a task's genotypes; this runs a user's file.
 
         Raises:
             StudyError: a file that this user has not agreed to run, or that has been edited since.
@@ -130,15 +130,15 @@ class Study(Tables):
         return self.encoding(task).decode(genes[np.newaxis])
 
     def controller(self, task: str | Task, genes: Genes) -> NetworkController:
-        """What drives a body as a genotype's network does."""
+        """A controller that drives a body with a genotype's network."""
         return controller_of(self.encoding(task), genes)
 
     def slots(self, task: str | Task, genes: Genes) -> tuple[Genes, Layout]:
-        """A genotype as one of slots with the same network, and its layout: itself, if it is of slots."""
+        """A genotype as one of slots with the same network (itself, if it is one), and its layout."""
         return as_slots(self.encoding(task), genes)
 
     def layout(self, task: str | Task) -> Layout:
-        """The size of the slots' genotypes that evolve in a task.
+        """The size of a task's genotypes of slots.
 
         Raises:
             StudyError: the study has another encoding.
@@ -178,7 +178,7 @@ class Study(Tables):
         return str(above("report.notebook").study_html(self))
 
     def state(self, run: int) -> State | None:
-        """What a run's last checkpoint holds; None before the first. A user's file may be run for it."""
+        """The state in a run's last checkpoint; None before the first. This may run a user's file."""
         kept = self._reader.checkpoint(self._id(run))
         if kept is None or kept.startswith(MAGIC):
             return None if kept is None else Population.from_bytes(kept)
@@ -189,13 +189,13 @@ class Study(Tables):
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One evolutionary run so far; None for what does not exist yet.
+    """One evolutionary run so far; values that do not exist yet are None.
 
     Attributes:
         id: from 1; name: task/noise/index.
         noise: level (0 zero, 1 observed, 2 double); index: from 1 among the runs of its condition.
         seed: the study's; with task, noise and index it makes the run's own stream.
-        best_fitness, fittest_number: the highest fitness stored, and whose (evaluation number).
+        best_fitness, fittest_number: the highest fitness stored, and its evaluation number.
         champion_number, champion_fitness: the best of the retest, and its mean score there.
         study: where its evaluations are.
     """
@@ -221,7 +221,7 @@ class Run:
 
     @property
     def plan(self) -> Plan:
-        """How the run was planned; its `stream` is where its randomness comes from."""
+        """The run's plan; its `stream` is the source of its randomness."""
         stream = run_stream(self.seed, self.task, self.noise, self.index)
         return Plan(
             id=self.id, name=self.name, condition=(self.id - 1) // self.study.config.runs, task=self.task,
@@ -230,7 +230,7 @@ class Run:
 
     @property
     def fittest(self) -> Genes | None:
-        """Genotype of the highest fitness stored, the paper's choice."""
+        """Genotype of the highest fitness stored: the paper's choice."""
         return None if self.fittest_number is None else self.study.genotype(self.id, self.fittest_number)
 
     @property
@@ -239,10 +239,10 @@ class Run:
         return None if self.champion_number is None else self.study.genotype(self.id, self.champion_number)
 
     def individual(self, who: str | int) -> tuple[str, Genes]:
-        """An individual in words, and its genotype: "champion", "fittest" or the number of an evaluation.
+        """An individual ("champion", "fittest" or an evaluation's number) in words, and its genotype.
 
         Raises:
-            StudyError: there is no such individual, or not yet.
+            StudyError: no such individual, or not yet.
         """
         if who in ("champion", "fittest"):
             genes = self.champion if who == "champion" else self.fittest
@@ -271,9 +271,9 @@ class Run:
         Args:
             who: "champion", "fittest" or the number of an evaluation.
             noise: level; the run's own if None.
-            pose: where it starts; None: as the task says, drawn with the seed.
+            pose: where it starts; None: drawn by the task with the seed.
             seed: of the trial.
-            seconds: how long; the task's own if None.
+            seconds: duration, s; the task's own if None.
             profile: another robot.
 
         Raises:

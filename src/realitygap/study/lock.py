@@ -1,4 +1,4 @@
-"""A study's folder is worked on by one process at a time, and holds nothing else."""
+"""Locks a study's folder for one process at a time, and refuses folders with other files."""
 
 import os
 import platform
@@ -17,7 +17,7 @@ LOCK = "study.lock"
 
 @contextmanager
 def lock(folder: Path) -> Iterator[None]:
-    """Hold the folder against other processes; the lock ends with the process, however that ends.
+    """Lock the folder against other processes; the lock ends with the process, however that ends.
 
     Raises:
         StudyBusyError: another process holds it.
@@ -39,7 +39,7 @@ def lock(folder: Path) -> Iterator[None]:
         try:
             yield
         except Exception:
-            if new:  # a start that failed leaves nothing behind
+            if new:  # a failed start leaves nothing behind
                 file.unlink(missing_ok=True)
                 with suppress(OSError):  # something is in it
                     folder.rmdir()
@@ -48,11 +48,11 @@ def lock(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
-    """Hold a file, made if need be, against other processes; who holds it is waited for `within_s`.
+    """Lock a file, created if missing, against other processes; waits up to `within_s` for another holder.
 
     Raises:
         BlockingIOError: another process holds it.
-        OSError: it cannot be made, or its file system has no locks.
+        OSError: it cannot be created, or its file system has no locks.
     """
     from filelock import FileLock, Timeout
 
@@ -70,7 +70,8 @@ def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
 
 
 def _sign(file: Path) -> None:
-    """Write into a lock who holds it, unless it says so already, as where a file system has no locks."""
+    """Write the holder's name into a lock file, unless it is there already, as where a file system has no
+    locks."""
     pid = str(os.getpid())
     with suppress(OSError, ValueError):
         if file.read_text("utf-8").split()[:1] != [pid]:
@@ -78,7 +79,7 @@ def _sign(file: Path) -> None:
 
 
 def _holder(file: Path) -> str:
-    """The process that holds a lock, as it has written there."""
+    """The process that holds a lock, by its own entry in the file."""
     try:
         pid, node = file.read_text("utf-8").split()
     except (OSError, ValueError):
@@ -89,7 +90,7 @@ def _holder(file: Path) -> str:
 
 
 def refuse_strangers(folder: Path, what: str, ours: Collection[str] = ()) -> None:
-    """Refuse to make something among other files than `ours` and hidden ones; the lock is held.
+    """Refuse a folder with files other than `ours` and hidden ones; the lock is held.
 
     Raises:
         StudyError: names the first of them.

@@ -1,7 +1,7 @@
-"""What a study is made of: its robot, tasks and arenas, and the copies of them that it keeps.
+"""What a study is made of: its robot, tasks and arenas, and its copies of them.
 
-A study reads only its own folder once it is made, so that it can be moved, or its user's files
-changed, and it still resumes and replays to the same bits.
+A study reads only its own folder once it is created. It can be moved, or the user's files changed, and it
+still resumes and replays with the same bits.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ class Materials:
     config: StudyConfig
     profile: Profile
     tasks: tuple[Task, ...]
-    """One for each condition, in their order."""
+    """One for each condition, in order."""
 
     def task(self, name: str) -> Task:
         """The task of a name.
@@ -50,7 +50,7 @@ class Materials:
         return (path.read_bytes() for path in (*tasks, *self.config.own_files().values()))
 
     def copies(self) -> tuple[StudyConfig, dict[str, bytes]]:
-        """The configuration with every file named inside the study's folder, and those files."""
+        """The configuration with every file name inside the study's folder, and those files."""
         files = {PROFILE: self.profile.to_toml().encode()}
         arenas: dict[str, str] = {}
         conditions = []
@@ -71,10 +71,10 @@ class Materials:
 
 
 def own(config: StudyConfig, folder: Path) -> StudyConfig:
-    """A study's configuration with its files named by their whole paths, all in its own folder.
+    """A study's configuration with absolute paths, all in its own folder.
 
     Raises:
-        StudyError: one is missing, or lies elsewhere.
+        StudyError: a file is missing, or lies elsewhere.
     """
 
     def place(name: str) -> str:
@@ -89,7 +89,7 @@ def own(config: StudyConfig, folder: Path) -> StudyConfig:
 
 
 def gather(config: StudyConfig) -> Materials:
-    """Load and check everything that a configuration names; users' files are run for it.
+    """Load and check everything that a configuration names; this runs users' files.
 
     Raises:
         UsageError: says which file, task or key cannot be used.
@@ -106,7 +106,7 @@ def gather(config: StudyConfig) -> Materials:
         if task.name in config.arenas:
             task = replace(task, arena=load_arena(config.arenas[task.name]))
         task = replace(task, **config.task.changes()).of(profile)
-        task.to_kernel(profile)  # the robot fits its start and has the sensors
+        task.to_kernel(profile)  # the robot fits the start and has the sensors
         config.evolution.make(config.encoding_for(task))  # the genotype has room for the inputs
         loaded[key] = task
     tasks = tuple(loaded[c.task].under(c.spread, c.spread_wheels) for c in config.conditions)
@@ -138,7 +138,7 @@ def _refuse_repetition(pairs: list[tuple[str, float]]) -> None:
 
 
 def _task_files(task: Task) -> dict[str, bytes]:
-    """A user's task file and the arena's that it names: relative path and content."""
+    """A user's task file and its arena's: relative path and content."""
     with temporary.Folder("task") as name:
         folder = Path(name)
         copy_task(task, folder)

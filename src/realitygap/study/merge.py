@@ -1,4 +1,4 @@
-"""Put a study together of its shards, which were carried out apart: the same to the bit as in one piece."""
+"""Merges a study's shards, which were carried out separately: the same bits as in one piece."""
 
 import shutil
 import sqlite3
@@ -20,11 +20,11 @@ __all__ = ["all_shards", "merge_runs", "new_folder"]
 
 
 def all_shards(folders: Sequence[Path]) -> dict[Shard, Path]:
-    """The folders of all shards of one work, finished, in their order.
+    """The folders of all finished shards of one study, in order.
 
     Raises:
-        StudyError: a folder that holds no shard, one of other work, one that comes twice, is not finished, or
-            is missing: says which.
+        StudyError: a folder without a shard, a shard of another study, a repeated, unfinished or missing one:
+            says which.
     """
     found: dict[Shard, Path] = {}
     first: Mark | None = None
@@ -57,10 +57,10 @@ def all_shards(folders: Sequence[Path]) -> dict[Shard, Path]:
 
 @contextmanager
 def new_folder(out: Path) -> Iterator[Path]:
-    """A folder to fill, which becomes `out` when all of it is there; what a kill left is begun anew.
+    """A folder to fill, which becomes `out` when it is complete; one left by a kill is started again.
 
     Raises:
-        StudyError: there is something already.
+        StudyError: `out` exists already.
         StudyBusyError: another process is filling it.
     """
     if not out.name.strip(".") or (out.exists() and (not out.is_dir() or any(out.iterdir()))):
@@ -79,7 +79,7 @@ def new_folder(out: Path) -> Iterator[Path]:
 
 
 def _empty(half: Path) -> None:
-    """Remove all that is in a folder but its lock."""
+    """Remove everything in a folder but its lock."""
     for path in half.iterdir() if half.exists() else ():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
@@ -88,11 +88,10 @@ def _empty(half: Path) -> None:
 
 
 def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
-    """The study of all shards' runs, in a folder of its own, made whole or not at all.
+    """The study of all shards' runs, in a new folder, complete or not at all.
 
     Raises:
-        StudyError: shards of different studies, a damaged one, one whose runs are not finished, or `out`
-            exists.
+        StudyError: shards of different studies, a damaged or unfinished one, or `out` exists.
     """
     first = next(iter(shards.values()))
     for folder in shards.values():
@@ -124,7 +123,7 @@ def _finished(source: sqlite3.Connection, folder: Path, shard: Shard) -> list[in
     """Ids of a shard's runs.
 
     Raises:
-        StudyError: one is not finished, whatever the shard's mark says.
+        StudyError: one is not finished, although the shard is marked as finished.
     """
     own = shard.own(source.execute("SELECT id, finished FROM run ORDER BY id"))
     left = [run for run, finished in own if not finished]

@@ -1,4 +1,4 @@
-"""The tables of a study's configuration: its conditions and what they share."""
+"""The tables of a study's configuration: its conditions and their common settings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -24,8 +24,8 @@ __all__ = ["NAMED", "Condition", "Encoding", "Evolution", "TaskSettings", "with_
 class Condition(Value):
     """A task (its name or file, or itself) at a noise level (zero, observed, double or a number).
 
-    With a `spread` constants are drawn anew for each trial, and its runs belong to a task named after it;
-    `spread_wheels` is that of wheels and track, if it is another.
+    With a `spread` constants are drawn for each trial, and runs belong to a task named after it;
+    `spread_wheels` is the spread of wheels and track if it differs.
     """
 
     task: str
@@ -52,7 +52,7 @@ class Condition(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class TaskSettings(Value):
-    """Changes to every task of the study; None leaves what the task says."""
+    """Changes to every task of the study; None keeps the task's value."""
 
     seconds: float | None = None
     trials: int | None = None
@@ -67,20 +67,20 @@ class TaskSettings(Value):
             object.__setattr__(self, "sensors", tuple(self.sensors))
 
     def changes(self) -> dict[str, Any]:
-        """What is set."""
+        """The settings that are not None."""
         return {f.name: v for f in fields(self) if (v := getattr(self, f.name)) is not None}
 
     def to_dict(self) -> dict[str, Any]:
-        """What is set, ready for TOML."""
+        """The same, ready for TOML."""
         return {key: list(v) if isinstance(v, tuple) else v for key, v in self.changes().items()}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Encoding(Value):
-    """How genes stand for networks: "slots" (§5.2) with numbers of slots and links, or FILE.py:NAME.
+    """How genes encode networks: "slots" (§5.2) with numbers of slots and links, or FILE.py:NAME.
 
-    A network's inputs are the task's sensors. `own` are the settings of a user's encoding; they
-    are in its table beside `kind`, and are checked where its file is run.
+    A network's inputs are the task's sensors. `own` are the settings of a user's encoding, from its table;
+    they are checked when its file is run.
     """
 
     kind: str = SLOTS
@@ -104,7 +104,7 @@ class Encoding(Value):
         return make_encoding(self.kind, variation, settings, inputs=inputs)
 
     def to_dict(self) -> dict[str, Any]:
-        """Its own settings, and its name if it is not the paper's: as files of any version have it."""
+        """Its own settings, and its name unless it is the paper's, as files of any version have it."""
         return {key: value for key, value in _set(self).items() if (key, value) != ("kind", SLOTS)}
 
 
@@ -112,8 +112,7 @@ class Encoding(Value):
 class Evolution(Value):
     """The algorithm: "torus" (rows, columns), "panmictic" or "random" (size), or FILE.py:NAME.
 
-    `own` are the settings of a user's algorithm; they are in its table beside `algorithm`, and are
-    checked where its file is run.
+    `own` are the settings of a user's algorithm, from its table; they are checked when its file is run.
     """
 
     algorithm: str = "torus"
@@ -144,11 +143,11 @@ class Evolution(Value):
 
 
 NAMED = {"evolution": "algorithm", "encoding": "kind"}
-"""Tables of a configuration that may name something of a user's, and by which key."""
+"""Tables of a configuration that may name a user's file, and the key that does."""
 
 
 def with_own(table: Mapping[str, Any]) -> dict[str, Any]:
-    """A configuration's dictionary in which the settings of what a user made stand by themselves."""
+    """A configuration's dictionary with the settings of users' programs moved to `own`."""
     made = dict(table)
     for part, key in NAMED.items():
         inner = table.get(part)

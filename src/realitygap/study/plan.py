@@ -1,4 +1,4 @@
-"""The runs of a study: their names, their order and where their randomness comes from."""
+"""The runs of a study: their names, their order and their random streams."""
 
 import hashlib
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ __all__ = ["Plan", "named", "plans", "run_stream", "trial_streams"]
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """One run to be carried out: run `index` (from 1) of a condition; ids count from 1."""
+    """One planned run: run `index` (from 1) of a condition; ids count from 1."""
 
     id: int
     name: str
@@ -47,9 +47,8 @@ def plans(materials: Materials) -> tuple[Plan, ...]:
 
 
 def run_stream(seed: int, task: str, noise: float, index: int) -> np.uint64:
-    """Where a run's randomness comes from: not from what else is in the study.
+    """A run's random stream, independent of what else is in the study.
 
-    `index` counts from 1 among the runs of the condition.
 
     Args:
         seed: the study's.
@@ -63,7 +62,7 @@ def run_stream(seed: int, task: str, noise: float, index: int) -> np.uint64:
 
 
 def named(noise: float) -> str:
-    """A noise level's name, or all of its digits."""
+    """A noise level's name, or all its digits."""
     name = noise_name(noise)
     return name if noise_level(name) == noise else repr(noise)
 
@@ -79,10 +78,10 @@ def _streams(stream: np.uint64, first: int, count: int, trials: int) -> NDArray[
 
 
 def trial_streams(stream: np.uint64, first: int, count: int, trials: int) -> NDArray[np.uint64]:
-    """Streams [count, trials] of the trials of evaluations `first` and on, under a run's TRIALS.
+    """Streams [count, trials] of the trials of `count` evaluations from `first`, under a run's TRIALS.
 
     Args:
-        stream: under which they are.
+        stream: the parent stream.
         first: number of the first evaluation.
         count: evaluations.
         trials: of each.

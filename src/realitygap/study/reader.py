@@ -1,4 +1,4 @@
-"""A study's database, read while another process may be writing it; what is damaged is not read."""
+"""Reads a study's database while another process may be writing it; damaged data are never returned."""
 
 import json
 import lzma
@@ -35,14 +35,14 @@ class Reader:
 
     @contextmanager
     def reading(self, part: str = "", run: int | None = None) -> Iterator[sqlite3.Connection]:
-        """The database at one moment, after a look at what will be read.
+        """A consistent view of the database, after verifying what will be read.
 
         Args:
-            part: the table; "" for none of those that hold data.
+            part: the table to verify; "" for none.
             run: whose rows; all runs' if None, 0 for a table that belongs to the study.
 
         Raises:
-            StudyError: it is broken, or no study's, or holds something else than was written.
+            StudyError: it is broken, or not a study's, or its data have changed.
         """
         with told(self._path), closing(open_to_read(self._path)) as database:
             database.execute("BEGIN")
@@ -61,12 +61,12 @@ class Reader:
         return None if rows is None else {name: json.loads(facts) for name, facts in rows}
 
     def sources(self) -> dict[str, bytes] | None:
-        """All that the study follows from, by the files' names; None in an older format."""
+        """The files that the study depends on, by name; None in an older format."""
         rows = self._kept("source")
         return None if rows is None else dict(rows)
 
     def runs(self) -> list[dict[str, Any]]:
-        """What stands of each run, by the names of `load.Run`."""
+        """What is stored of each run, by the names of `load.Run`."""
         query = (
             'SELECT id, name, task, noise, position AS "index", evaluations, best_fitness, '
             "fittest AS fittest_number, champion AS champion_number, champion_fitness, finished "
@@ -79,7 +79,7 @@ class Reader:
         return [{**row, "finished": bool(row["finished"])} for row in found]
 
     def encoding(self, run: int) -> dict[str, Any] | None:
-        """What is kept of the encoding of a run's genotypes; None in an older format."""
+        """What is stored of the encoding of a run's genotypes; None in an older format."""
         with self.reading("run", run) as database:
             if "encoding" not in [row[1] for row in database.execute("PRAGMA table_info(run)")]:
                 return None
@@ -88,13 +88,14 @@ class Reader:
         return facts
 
     def checkpoint(self, run: int) -> bytes | None:
-        """What a run goes on from; None at its beginning."""
+        """The state that a run continues from; None at its beginning."""
         with self.reading("checkpoint", run) as database:
             row = database.execute("SELECT state FROM checkpoint WHERE run = ?", (run,)).fetchone()
         return None if row is None else bytes(row[0])
 
     def genotypes(self, run: int, number: int | None = None) -> tuple[int, bytes]:
-        """Of all evaluations of a run, or of some with this one: number of the first, and their bytes."""
+        """Genotypes of all evaluations of a run, or of a block that contains `number`: number of the first,
+        and their bytes."""
         version = self._format
         kept: tuple[str, str, Callable[[bytes], bytes]] = ("evaluation", "genotype", bytes)
         if version >= BLOCKS:
@@ -133,7 +134,7 @@ class Reader:
         return self._table("test", kinds | _TRIAL, run, "run, who DESC, noise, trial")
 
     def retests(self, run: int | None) -> Table:
-        """Fresh trials of those that lived last."""
+        """Fresh trials of the last population."""
         kinds = dict.fromkeys(("run", "cell", "number"), np.int64)
         if self._format >= ARRAYS:
             some = "run, cell", "who = 'population'"
@@ -141,10 +142,10 @@ class Reader:
         return self._table("retest", kinds | _TRIAL, run, "run, cell, trial")
 
     def query(self, sql: str, config: Mapping[str, Any]) -> Table:
-        """Columns of what a statement of SQL selects from the tables and the views.
+        """Columns that an SQL statement selects from the tables and the views.
 
         Raises:
-            StudyError: the statement cannot be carried out, or writes.
+            StudyError: the statement is invalid, or writes.
         """
         with self.reading() as database:
             there = parts(database)
@@ -167,7 +168,7 @@ class Reader:
         return {name: _column(values) for name, values in zip(names, columns, strict=True)}
 
     def versions(self) -> dict[str, list[str]]:
-        """What has worked on the study, by name, each version once."""
+        """Versions of what has worked on the study, by name, each once."""
         with self.reading("session", 0) as database:
             rows = database.execute("SELECT versions FROM session ORDER BY id").fetchall()
         found: dict[str, list[str]] = {}
@@ -185,14 +186,14 @@ class Reader:
     def _rows(
         self, part: str, columns: str, run: int | None, order: str, which: str = "true"
     ) -> list[tuple[Any, ...]]:
-        """Of a run, or of all."""
+        """Rows of a run, or of all."""
         whose, values = ("true", ()) if run is None else ("run = ?", (run,))
         query = f"SELECT {columns} FROM {part} WHERE {whose} AND {which} ORDER BY {order}"
         with self.reading(part, run) as database:
             return database.execute(query, values).fetchall()
 
     def _table(self, part: str, kinds: Mapping[str, Any], run: int | None, order: str) -> Table:
-        """Columns, of these NumPy types, of a table of an earlier format; NaN where there is nothing."""
+        """Columns, of these NumPy types, of a table of an earlier format; NaN for NULL."""
         whose, values = ("true", ()) if run is None else ("run = ?", (run,))
         query = f"SELECT {', '.join(kinds)} FROM {part} WHERE {whose} ORDER BY {order}"
         with self.reading(part, run) as database:
@@ -207,7 +208,7 @@ class Reader:
             return database.execute(f"SELECT * FROM {part} ORDER BY rowid").fetchall()
 
     def _verify(self, database: sqlite3.Connection, run: int, part: str) -> None:
-        """Once is enough, as long as nothing more is written."""
+        """Verify a part once, as long as nothing more is written."""
         query = "SELECT value FROM digest WHERE run = ? AND part = ?"
         seen = (run, part, *(database.execute(query, (run, part)).fetchone() or (b"",)))
         if seen not in self._sound:
@@ -216,7 +217,7 @@ class Reader:
 
 
 def _column(values: Sequence[Any]) -> NDArray[Any]:
-    """Whole numbers, or numbers with NaN for nothing, or whatever they are."""
+    """Integers, or numbers with NaN for NULL, or whatever they are."""
     if all(type(value) is int for value in values):
         return np.array(values, np.int64)
     if all(isinstance(value, int | float | None) for value in values):
@@ -225,12 +226,12 @@ def _column(values: Sequence[Any]) -> NDArray[Any]:
 
 
 def open_to_read(path: Path) -> sqlite3.Connection:
-    """Read-only; on a medium that cannot be written even SQLite's own side files are done without."""
+    """A read-only connection; on a read-only medium SQLite's side files are not used."""
     uri = f"{path.resolve().as_uri()}?mode=ro"
     database = sqlite3.connect(uri, uri=True, isolation_level=None)
     try:
         database.execute("SELECT 1 FROM sqlite_master")
-    except UnicodeDecodeError as error:  # of SQLite's own words about a name that is damaged
+    except UnicodeDecodeError as error:  # of SQLite's message about a damaged name
         raise sqlite3.DatabaseError(f"malformed database schema: {error}") from None
     except sqlite3.OperationalError:
         database.close()

@@ -1,4 +1,4 @@
-"""What goes into a database of an earlier format: a row for each evaluation and each fresh trial."""
+"""Writes a database of an earlier format: a row for each evaluation and each fresh trial."""
 
 import sqlite3
 import zlib
@@ -11,12 +11,12 @@ __all__ = ["advance_rows", "finish_rows", "plain"]
 
 
 def plain(genes: Genes) -> Genes:
-    """Little-endian, as files have them."""
+    """Little-endian genes, as in files."""
     return genes.astype(genes.dtype.newbyteorder("<"), copy=False)
 
 
 def advance_rows(database: sqlite3.Connection, run: int, records: Records) -> None:
-    """Keep evaluations; genotypes in a row of their own, or before that format one in each of theirs."""
+    """Store evaluations; genotypes in a separate row, or in formats before that one in each row."""
     columns = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
     genes = plain(records.genes)
     rows = _rows(run, records, sum(name.startswith("score_") for name in columns))
@@ -29,7 +29,7 @@ def advance_rows(database: sqlite3.Connection, run: int, records: Records) -> No
 
 
 def finish_rows(database: sqlite3.Connection, run: int, results: Results) -> None:
-    """Keep a run's tests."""
+    """Store a run's tests."""
     retest = [
         (run, cell, number, trial, score)
         for cell, number, row in zip(

@@ -1,8 +1,8 @@
-"""One run: `advance(bench, plan, state, n)` evaluates n individuals more; `finish` tests the last.
+"""One run: `advance(bench, plan, state, n)` evaluates n more individuals; `finish` tests the last.
 
-State is a value, and every draw is named by the run, the evaluation and the trial: how a run is
-cut into pieces, and what carries them out, changes no bit. Both are generators: they yield the trials that
-they ask for and are sent the scores, so that an engine may carry out those of many runs at once.
+State is a value, and every draw is named by the run, the evaluation and the trial: results do not depend on
+how a run is divided or on the engine. Both functions are generators: they yield the trials that they need and
+are sent the scores, so that an engine may run the trials of many runs at once.
 """
 
 import math
@@ -28,11 +28,11 @@ __all__ = ["WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "f
 Scores = NDArray[np.float64]
 
 WHO = ("fittest", "champion")
-"""Who is tested: the highest fitness ever stored (the paper's), and the best of the retest."""
+"""Who is tested: the highest fitness ever stored (the paper's choice), and the best of the retest."""
 
 
 class Asked(NamedTuple):
-    """Trials that a run asks for, to be sent their scores [n, trials]."""
+    """Trials that a run requests, to be sent their scores [n, trials]."""
 
     noise: float
     genes: Genes
@@ -56,7 +56,7 @@ class Records(NamedTuple):
 
 
 class Results(NamedTuple):
-    """What the tests of a finished run found."""
+    """Results of a finished run's tests."""
 
     cells: NDArray[np.int64]
     """[m] occupied cells of the last population."""
@@ -71,7 +71,7 @@ class Results(NamedTuple):
 
 
 class Bench:
-    """What carries out the runs of one condition of a study; made once in a process."""
+    """Carries out the runs of one condition of a study; created once in a process."""
 
     def __init__(self, materials: Materials, condition: int, engine: str = "cores") -> None:
         config = materials.config
@@ -83,7 +83,7 @@ class Bench:
         self._simulations: dict[float, Simulation] = {}
 
     def simulation(self, noise: float) -> Simulation:
-        """At a level of noise, kept."""
+        """The simulation at a noise level, cached."""
         if noise not in self._simulations:
             self._simulations[noise] = Simulation(self.task, self.profile, noise, engine=self.engine)
         return self._simulations[noise]
@@ -94,16 +94,16 @@ class Bench:
 
     @cached_property
     def individual(self) -> Genes:
-        """Some individual: of the type and shape of all."""
+        """Any individual, for its type and shape."""
         return self.encoding.random(np.uint64(0))
 
     def compile(self) -> None:
-        """Load or compile once everything that a run calls."""
+        """Load or compile everything that a run calls."""
         self.simulation(self.noise).compile()
         self._check_value(self.breed())
 
     def breed(self) -> State:
-        """A state of the algorithm after offspring were bred."""
+        """A state of the algorithm after breeding offspring."""
         state: State = self.algorithm.init(np.uint64(0))
         trial_streams(np.uint64(0), 0, 1, 1)
         while state.evaluations < self.algorithm.cells + 2:
@@ -128,10 +128,10 @@ class Bench:
         return told
 
     def _check_value(self, state: State) -> None:
-        """Refuse an algorithm that goes by more than its state: no run of it could be resumed."""
+        """Refuse an algorithm that depends on more than its state: its runs could not be resumed."""
         algorithm, n = self.algorithm, self.algorithm.cells
         once = self.ask(state, n)
-        self.ask(algorithm.init(np.uint64(1)), n)  # another run, of the same algorithm
+        self.ask(algorithm.init(np.uint64(1)), n)  # another run of the same algorithm
         kept = state.to_bytes()
         if not isinstance(kept, bytes):
             raise UsageError(f"to_bytes: expected bytes, got {type(kept).__name__}.")
@@ -152,7 +152,7 @@ def begin(bench: Bench, plan: Plan) -> State:
 def advance(
     bench: Bench, plan: Plan, state: State, n: int
 ) -> Generator[Asked, Scores, tuple[State, Records]]:
-    """Carry out the next `n` evaluations of a run, as many at once as the algorithm gives.
+    """Carry out the next `n` evaluations of a run, in batches of the algorithm's size.
 
     Args:
         bench: task, engine and algorithm.
@@ -193,7 +193,7 @@ def advance(
 def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, Results]:
     """Retest the last population, then test the fittest and the champion at every noise level.
 
-    All individuals meet the same starts and draws: so they are compared like with like.
+    All individuals have the same starts and draws, so that they are comparable.
     """
     cells = np.flatnonzero(state.numbers >= 0)
     if not len(cells):
@@ -209,6 +209,6 @@ def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, R
 
 
 def _test(noise: float, genes: Genes, plan: Plan, purpose: int, trials: int) -> Asked:
-    """Of individuals on trials that belong to the run and the purpose."""
+    """Trials of individuals, with streams that depend on the run and the purpose."""
     streams = trial_streams(plan.stream, purpose, 1, trials)
     return Asked(noise, genes, np.repeat(streams, len(genes), axis=0))

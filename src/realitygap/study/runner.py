@@ -1,4 +1,4 @@
-"""Carry out a study: make or resume its folder, give its runs to workers, write their results."""
+"""Carries out a study: creates or resumes its folder, gives its runs to workers, writes their results."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -28,11 +28,11 @@ __all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "WORK", "Progress", "
 COMPILING = "compiling (once)"
 EVOLVING = "evolving"
 TESTING = "testing"
-"""Of individuals, when all evaluations are done."""
+"""The phase of tests after all evaluations."""
 WORK = "evolve"
-"""Of whose runs a shard is a share."""
+"""The kind of work that a shard divides."""
 FINISHED = "finished already"
-"""A study that is resumed for nothing."""
+"""The phase of a study that has nothing left to do."""
 
 
 def run_study(
@@ -47,21 +47,20 @@ def run_study(
 ) -> Study:
     """Carry out a study in a folder, or continue the one that is there.
 
-    Neither `workers` nor an interruption at any moment changes a bit of the result.
+    Neither `workers` nor interruptions change a bit of the result.
 
     Args:
-        folder: made if it does not exist.
-        config: what to do; None to resume a study as it was made.
+        folder: created if it does not exist.
+        config: the study's configuration; None to resume a study with its own.
         workers: processes that carry out runs, one a core if None, 1 stays in this process; or a pool.
-        resume: continue the study in the folder; if there is none, make it from `config`.
-        shard: the share of the runs to carry out; one that was started continues as it was. `merge`
-            makes the study of all shards' folders.
-        engine: "cores", or "cuda": an NVIDIA GPU carries out the trials of all runs side by side, without
-            workers.
+        resume: continue the study in the folder; without one, create it from `config`.
+        shard: the share of the runs to carry out; a started one keeps its share. `merge` makes the study from
+            all shards' folders.
+        engine: "cores", or "cuda": an NVIDIA GPU runs the trials of all runs side by side, without workers.
         on_progress: called a few times a second.
 
     Returns:
-        The study, finished (for a shard its runs). A study that is already finished is left as it is.
+        The study, finished (for a shard its runs). A finished study is returned unchanged.
 
     Raises:
         UsageError: a wrong configuration, or a folder that cannot be used.
@@ -91,7 +90,7 @@ def run_study(
 
 @contextmanager
 def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
-    """A start that fails leaves nothing behind, so that what was wrong can be mended."""
+    """Leave nothing behind if the start fails, so that the cause can be fixed."""
     new = not exists(folder)
     try:
         yield
@@ -104,7 +103,7 @@ def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
 def _carry_out(
     folder: Path, workshop: Workshop, pool: Pool, mark: Mark | None, on_progress: OnProgress | None
 ) -> None:
-    """All runs that are not finished, for a shard its own."""
+    """Carry out all unfinished runs (for a shard its own)."""
     with Store(folder / DATABASE) as store:
         runs = workshop.runs if mark is None else mark.shard.own(workshop.runs)
         left = {run: workshop.config.evaluations - done for run, done in store.unfinished() if run in runs}
@@ -127,7 +126,7 @@ def _carry_out(
 
 
 class _Keeper:
-    """Writes messages to the store, then counts them."""
+    """Writes messages to the database, then counts them."""
 
     def __init__(
         self,
@@ -146,12 +145,11 @@ class _Keeper:
         self.begin(COMPILING if left else FINISHED)
 
     def begin(self, phase: str) -> None:
-        """Another phase."""
         counts = {"runs_done": self._runs_done, "runs_total": self._runs}
         self._reporter.phase(phase, done=self._done, total=self._total, what="evaluations", **counts)
 
     def keep(self, message: Message) -> None:
-        """Keep the results of a job."""
+        """Store the results of a job."""
         run, reporter = message.run, self._reporter
         if isinstance(message, Advanced):
             self._store.advance(message)
@@ -169,7 +167,7 @@ class _Keeper:
 
 
 def workshop_of(words: Words) -> Workshop:
-    """A study's workshop, wherever a worker is."""
+    """A study's workshop, in any worker."""
     home = home_of(words)
     workshop = Workshop(read_materials(home.folder))
     workshop.home = home  # Numba looks for its tasks there

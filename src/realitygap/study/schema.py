@@ -1,4 +1,4 @@
-"""The tables of a study's database, as SQL, and the errors of SQLite in a person's words."""
+"""The tables of a study's database, as SQL, and SQLite's errors in plain words."""
 
 import errno
 import json
@@ -26,9 +26,9 @@ APPLICATION = 0x52474150
 FORMAT = 5
 """`PRAGMA user_version`: raised when the tables change."""
 SEALED = 2
-"""From this format on a database keeps its study's sources, and a digest of all that it holds."""
+"""From this format on a database keeps its study's sources, and a digest of everything in it."""
 BLOCKS = 4
-"""From this format on genotypes stand compressed in a table of their own, many to a row."""
+"""From this format on genotypes are compressed in a table of their own, many to a row."""
 ARRAYS = 5
 """From this format on evaluations and fresh trials are arrays, many to a row."""
 
@@ -40,7 +40,7 @@ def schema() -> str:
 
 
 def check_format(database: sqlite3.Connection, path: Path) -> int:
-    """The database's format; one that is no study's, or of a newer realitygap, is refused.
+    """The database's format; refuses files that are not a study's, or of a newer realitygap.
 
     Raises:
         StudyError: names the file and the cure.
@@ -58,7 +58,7 @@ def check_format(database: sqlite3.Connection, path: Path) -> int:
 
 @contextmanager
 def told(path: Path) -> Iterator[None]:
-    """Errors of SQLite and of files as one StudyError that names the file and the cure."""
+    """Turn errors of SQLite and of files into one StudyError that names the file and the cure."""
     try:
         yield
     except sqlite3.Error as error:
@@ -83,5 +83,5 @@ def _words(error: sqlite3.Error) -> str:
 
 
 def most_trials(database: sqlite3.Connection) -> int:
-    """As many trials as an evaluation has, in the task that has most."""
+    """The largest number of trials that a task's evaluations have."""
     return max(int(json.loads(facts)["trials"]) for (facts,) in database.execute("SELECT facts FROM task"))

@@ -1,4 +1,4 @@
-"""Settings as a person types them (`variation.mutation=0.1`), and where two configurations differ."""
+"""Settings as typed by a person (`variation.mutation=0.1`), and differences between configurations."""
 
 import copy
 from collections.abc import Iterable, Iterator, Mapping
@@ -27,11 +27,11 @@ EDITED = "Restore it, or start another study with it, in a folder of its own."
 
 
 def whole(key: str, value: object, low: int, high: int) -> None:
-    """Refuse what is not a whole number from `low` to `high`, both allowed.
+    """Refuse anything but a whole number from `low` to `high`.
 
     Args:
         key: its name in the message.
-        value: what came.
+        value: to be checked.
         low, high: the limits, both allowed.
 
     Raises:
@@ -43,7 +43,7 @@ def whole(key: str, value: object, low: int, high: int) -> None:
 
 
 def apply(table: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
-    """A configuration's dictionary with texts "key=value" carried out; `key` may have dots.
+    """A configuration's dictionary with settings "key=value" applied; `key` may have dots.
 
     Raises:
         ConfigError: a text that is not a setting, or an unknown first part of a key.
@@ -67,7 +67,7 @@ def apply(table: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
 
 
 def _pair(text: str) -> tuple[str, Any]:
-    """Key and value of "key=value": the value as TOML, or else as plain text."""
+    """Key and value of "key=value": the value as TOML, or else as text."""
     key, sign, value = text.partition("=")
     key, value = key.strip(), value.strip()
     if not sign or not key or not value:
@@ -93,7 +93,7 @@ def refuse_difference(
     requested: Mapping[str, Any],
     cure: str = "Leave it as it was, or choose another --out.",
 ) -> None:
-    """Refuse to continue with other settings than those that something was made with.
+    """Refuse to continue something with settings that differ from its own.
 
     Args:
         what: where it is and how it came about: "FOLDER: the study was made".
@@ -111,7 +111,7 @@ def refuse_difference(
 
 
 def refuse_edited_settings(file: Path, made: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Refuse a file of other settings than its study was made with.
+    """Refuse a file whose settings differ from those its study was made with.
 
     Raises:
         StudyError: names the file, the first key that differs, and both values.

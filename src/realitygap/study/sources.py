@@ -1,4 +1,4 @@
-"""The files that a study depends on: in its own folder, and as they were when it was made."""
+"""The files that a study depends on: those in its folder, and their original content."""
 
 import os
 import tomllib
@@ -18,7 +18,7 @@ __all__ = ["agree_to", "changed", "inside", "refuse_edited", "refuse_links", "re
 
 
 def inside(folder: Path, name: str) -> Path:
-    """The file of a study's folder that is named from there.
+    """The path of a file named relative to a study's folder.
 
     Raises:
         StudyError: it is missing, or leads out of the folder.
@@ -32,7 +32,7 @@ def inside(folder: Path, name: str) -> Path:
 
 
 def refuse_edited(folder: Path, sources: Mapping[str, bytes]) -> None:
-    """Check that files of a study's folder are as they were when it was made.
+    """Check that a study's files have their original content.
 
     Raises:
         StudyError: one is missing, leads elsewhere, or was edited: says where.
@@ -46,7 +46,7 @@ def refuse_edited(folder: Path, sources: Mapping[str, bytes]) -> None:
 
 
 def changed(name: str, was: bytes, now: bytes) -> str | None:
-    """Where a file differs from what it was, in words; None if it says the same."""
+    """Where a file differs from its original, in words; None if it is equivalent."""
     if was == now:
         return None
     before, after = (text.decode("utf-8", "backslashreplace") for text in (was, now))
@@ -64,7 +64,7 @@ def changed(name: str, was: bytes, now: bytes) -> str | None:
 
 
 def refuse_links(folder: Path) -> None:
-    """Check that nothing written into a folder could end up elsewhere.
+    """Check that nothing written into a folder can end up elsewhere.
 
     Raises:
         StudyError: the folder, or something in it, is a symbolic link.
@@ -83,12 +83,12 @@ LIST = "trusted-tasks"
 
 
 def agree_to(contents: Iterable[bytes]) -> None:
-    """Run task files of this content from now on, without another question."""
+    """Agree to run task files of this content from now on."""
     new = {sha256(content).hexdigest() for content in contents} - _known()
     if not new:
         return
     _known().update(new)
-    with suppress(OSError):  # a home that cannot be written: the question comes again
+    with suppress(OSError):  # the home folder cannot be written: the question will be asked again
         _file().parent.mkdir(parents=True, exist_ok=True)
         with _file().open("a", encoding="utf-8") as lines:
             lines.writelines(f"{one}\n" for one in sorted(new))
@@ -100,7 +100,7 @@ def strange(files: Iterable[Path]) -> list[Path]:
 
 
 def refuse_strange(folder: Path, files: Iterable[Path]) -> None:
-    """Refuse to run files of others.
+    """Refuse to run such files.
 
     Raises:
         StudyError: names the file and the cure.
@@ -114,7 +114,7 @@ def refuse_strange(folder: Path, files: Iterable[Path]) -> None:
 
 @cache
 def _known() -> set[str]:
-    """Of this process: what is on the list, and what was agreed to since."""
+    """Digests of the files that this user agreed to: those on the list, and those of this process."""
     try:
         return set(_file().read_text("utf-8").split())
     except (OSError, UnicodeDecodeError):

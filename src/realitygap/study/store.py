@@ -1,7 +1,7 @@
-"""The writer of a study's database: data first, counter last, in one transaction.
+"""Writes a study's database: data first, counter last, in one transaction.
 
-One process writes (see `folder.lock`). The write-ahead log keeps what was committed through
-kill -9 at any moment; a power cut may lose the last transactions, never the database.
+One process writes (see `folder.lock`). The write-ahead log preserves committed data through kill -9; a power
+cut may lose the last transactions, never the database.
 """
 
 import json
@@ -33,7 +33,7 @@ __all__ = ["Store", "create"]
 
 
 def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> None:
-    """Make a database with the runs of a study, whole or not at all; `sources` are its files by their names.
+    """Create a database with the runs of a study, complete or not at all; `sources` are its files by name.
 
     Raises:
         StudyError: it cannot be written there.
@@ -82,24 +82,23 @@ class Store(Closing):
                 raise
 
     def close(self) -> None:
-        """Let go of the database."""
         self._database.close()
 
     def begin_session(self, versions: Mapping[str, str]) -> None:
-        """Note who works on the study from now on."""
+        """Record who works on the study from now on."""
         row = (datetime.now(UTC).isoformat(timespec="seconds"), os.getpid(), json.dumps(dict(versions)))
         with self._transaction():
             self._database.execute("INSERT INTO session (began, pid, versions) VALUES (?, ?, ?)", row)
             self._seal(0, "session")
 
     def unfinished(self) -> list[tuple[int, int]]:
-        """Ids of the runs that are not finished, and how many evaluations each has done."""
+        """Ids of the unfinished runs, and the number of evaluations each has done."""
         with told(self.path):
             query = "SELECT id, evaluations FROM run WHERE NOT finished ORDER BY id"
             return self._database.execute(query).fetchall()
 
     def checkpoint(self, run: int, read: Callable[[int, bytes], object]) -> bytes | None:
-        """What the run goes on from, if `read` can read it; None at its beginning.
+        """The state that the run continues from, if `read` can read it; None at its beginning.
 
         Raises:
             StudyError: the checkpoint is damaged.
@@ -115,7 +114,7 @@ class Store(Closing):
         return bytes(row[0])
 
     def advance(self, what: Advanced) -> None:
-        """Keep evaluations, and the state after the last of them."""
+        """Store evaluations, and the state after them."""
         run, records, done, best_fitness, best_number, state = what
         first = done - len(records.fitness)
         with self._transaction():
@@ -137,7 +136,7 @@ class Store(Closing):
             self._seal(run, "checkpoint", "run")
 
     def finish(self, run: int, results: Results) -> None:
-        """Keep a run's tests and declare it finished; its evaluations become one row."""
+        """Store a run's tests and mark it as finished; its evaluations become one row."""
         champion = int(results.numbers[results.champion])
         scores = results.retest[results.champion].tolist()
         with self._transaction():
@@ -157,7 +156,7 @@ class Store(Closing):
             self._seal(run, "evolved", "tested", "run")
 
     def _tested(self, run: int, results: Results) -> list[tuple[object, ...]]:
-        """Rows of the table of that name."""
+        """Rows of the table `tested`."""
         query = "SELECT fittest, champion, noise FROM run WHERE id = ?"
         *numbers, own = self._database.execute(query, (run,)).fetchone()
         number = dict(zip(WHO, numbers, strict=True))
@@ -171,7 +170,7 @@ class Store(Closing):
         self._database.executemany(f"INSERT INTO {part} VALUES ({places})", rows)
 
     def _seal(self, run: int, *parts: str) -> None:
-        """Renew digests after a change; a study of an older format has none."""
+        """Update digests after a change; a study of an older format has none."""
         if self._sealed:
             seal(self._database, run, *parts)
 

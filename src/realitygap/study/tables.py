@@ -18,7 +18,7 @@ __all__ = ["Tables"]
 
 
 class Tables:
-    """What the database in a study's folder holds; runs go by number or name."""
+    """The contents of a study's database; runs are given by number or name."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -36,7 +36,7 @@ class Tables:
         return np.frombuffer(self._reader.genotypes(self._id(run))[1], kind).reshape(-1, *shape)
 
     def genotype(self, run: int, number: int) -> Genes:
-        """The individual of one evaluation, of the type and shape that its run keeps.
+        """The individual of one evaluation, of its run's type and shape.
 
         Raises:
             StudyError: no such evaluation.
@@ -58,12 +58,12 @@ class Tables:
         return self._reader.retests(None if run is None else self._id(run))
 
     def query(self, sql: str) -> Table:
-        """Columns of what SQL selects from `runs`, `evaluations` and `tests`, or from the study's tables.
+        """Columns that SQL selects from `runs`, `evaluations` and `tests`, or from the study's tables.
 
             study.query("SELECT task, noise, avg(champion_fresh) AS mean FROM runs GROUP BY task, noise")
 
         Raises:
-            StudyError: the statement cannot be carried out, or writes.
+            StudyError: the statement is invalid, or writes.
         """
         return self._reader.query(sql, self.config.to_dict())
 
@@ -76,8 +76,8 @@ class Tables:
         return above("export.tables").frame(self, table)
 
     def digest(self) -> str:
-        """Of what came of every run: studies with the same runs have the same, however they were made, and in
-        whatever format they are kept. Not of checkpoints, which say how to go on."""
+        """A digest of every run's results: equal for studies with the same runs, however they were made and
+        in whatever format they are stored. Checkpoints are not included."""
         found = blake2b(repr(self._reader.runs()).encode(), digest_size=16)
         for row in self._rows:
             run = int(row["id"])
@@ -87,11 +87,11 @@ class Tables:
         return found.hexdigest()
 
     def versions(self) -> dict[str, list[str]]:
-        """What has worked on it, by name, each version once: see `folder.versions`."""
+        """Versions of what has worked on the study, by name, each once: see `folder.versions`."""
         return self._reader.versions()
 
     def _form(self, run: int) -> tuple[str, tuple[int, ...]]:
-        """Type and shape of a run's genotypes: it takes neither its task nor its encoding to know them."""
+        """Type and shape of a run's genotypes, without its task or encoding."""
         facts = self._reader.encoding(self._id(run))
         if facts is None:  # of the formats before, which had slots only
             size = self.config.encoding

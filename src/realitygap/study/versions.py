@@ -1,4 +1,4 @@
-"""What is in use: versions, the commit as far as it can be known, and the processor."""
+"""What is in use: versions, the commit as far as it is known, and the processor."""
 
 import filecmp
 import json
@@ -21,7 +21,7 @@ PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def versions() -> dict[str, str]:
-    """What the bits of a result may depend on besides the configuration."""
+    """Everything besides the configuration that a result's bits may depend on."""
     import numba
     import numpy
 
@@ -40,11 +40,11 @@ def versions() -> dict[str, str]:
 
 
 def project_commit(package: Path = PACKAGE) -> str:
-    """The commit that the package was made of; with " + changes" where files differ from it.
+    """The commit that the package was made from, with " + changes" if files differ from it.
 
-    Asked, in this order: the git checkout that the package lies in; what pip recorded when it installed
-    from a repository (PEP 610); the checkout that pip installed from, if its package is the same to the
-    byte. Else `UNKNOWN`.
+    Sources, in this order: the git checkout that contains the package; pip's record of an installation from a
+        repository (PEP 610); the checkout that pip installed from, if its package has the same bytes.
+        Otherwise `UNKNOWN`.
     """
     if _git(package, "ls-files", "--error-unmatch", "__init__.py") is not None:
         return _state(package)
@@ -57,7 +57,7 @@ def project_commit(package: Path = PACKAGE) -> str:
 
 
 def _state(folder: Path) -> str:
-    """Of the checkout that a package's folder lies in; what else is changed there does not matter."""
+    """The commit of the checkout that contains a package's folder; changes elsewhere in it do not matter."""
     commit, changed = _git(folder, "rev-parse", "HEAD"), _git(folder, "status", "--porcelain", "--", ".")
     if not commit or changed is None:
         return UNKNOWN
@@ -65,7 +65,7 @@ def _state(folder: Path) -> str:
 
 
 def _git(folder: Path, *words: str) -> str | None:
-    """What git says of a folder; None where there is no git, or it refuses."""
+    """Git's answer about a folder; None without git, or if it refuses."""
     own = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
     try:
         command = ["git", "-C", str(folder), *words]
@@ -76,7 +76,7 @@ def _git(folder: Path, *words: str) -> str | None:
 
 
 def _pip_record() -> dict[str, Any]:
-    """What pip wrote down about where the package came from."""
+    """Pip's record of where the package came from."""
     try:
         found = json.loads(distribution("realitygap").read_text("direct_url.json") or "{}")
     except (PackageNotFoundError, OSError, ValueError):
@@ -85,7 +85,7 @@ def _pip_record() -> dict[str, Any]:
 
 
 def _same(package: Path, source: Path) -> bool:
-    """Whether two folders hold the same files, but for what Python compiled."""
+    """Whether two folders hold the same files, apart from compiled Python."""
     names = [_files(package), _files(source)]
     if not names[0] or names[0] != names[1]:
         return False
@@ -102,18 +102,18 @@ CPUINFO = Path("/proc/cpuinfo")
 DECISIVE = (
     "FMA3", "AVX2", "AVX512F", "AVX512_SKX", "AVX512_ICL", "AVX512_SPR", "ASIMD", "ASIMDFHM", "SVE",
 )  # fmt: skip
-"""Instruction sets for which NumPy and C libraries have code of their own, whose last bits may differ."""
+"""Instruction sets for which NumPy and C libraries have separate code, whose last bits may differ."""
 
 
 @cache
 def processor() -> str:
-    """Its model, and its decisive instruction sets as NumPy uses them (NPY_DISABLE_CPU_FEATURES heeded)."""
+    """The model, and its relevant instruction sets as NumPy uses them (respects NPY_DISABLE_CPU_FEATURES)."""
     sets = ", ".join(name for name in DECISIVE if _features().get(name))
     return f"{_model()} ({sets})" if sets else _model()
 
 
 def _model() -> str:
-    """As its maker calls it, else the kind of machine."""
+    """The manufacturer's name of the processor, or the kind of machine."""
     try:
         if platform.system() == "Darwin":
             asked = ["/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string"]
@@ -125,7 +125,7 @@ def _model() -> str:
 
 
 def _features() -> dict[str, bool]:
-    """What NumPy found; nothing where it keeps that elsewhere than today."""
+    """Instruction sets that NumPy found; empty if NumPy does not expose them as today."""
     try:
         from numpy._core._multiarray_umath import __cpu_features__  # type: ignore[import-not-found]
     except ImportError:

@@ -1,8 +1,8 @@
-"""What is asked of a study most, as views over its tables: `runs`, `evaluations`, `tests`.
+"""The most common questions about a study, as views over its tables: `runs`, `evaluations`, `tests`.
 
-A new database holds those, for whoever opens it with other tools; `Study.query` lays them over one of any
-format, for as long as it reads. docs/tables-and-logs.md says what each column is. Arrays are taken apart in
-plain SQL, or by two functions where the connection was taught them, which are five times as fast.
+A new database contains them, for other tools; `Study.query` creates them temporarily over any format.
+docs/tables-and-logs.md describes each column. Arrays are unpacked in plain SQL, or, five times as fast, by
+two functions that a connection may define.
 """
 
 import json
@@ -22,7 +22,7 @@ _OF_RUN = 'r.id AS run, r.name, r.task, r.noise, r.position AS "index"'
 
 
 def lay_views(database: sqlite3.Connection, config: Mapping[str, Any]) -> None:
-    """Lay the views over a database, for this connection alone; nothing is written."""
+    """Create the views over a database for this connection alone; nothing is written."""
     database.create_function("whole", 1, lambda some: int.from_bytes(some, "little"), deterministic=True)
     database.create_function("real", 1, lambda some: struct.unpack("<d", some)[0], deterministic=True)
     for view in views(database, config, short=True):
@@ -30,13 +30,13 @@ def lay_views(database: sqlite3.Connection, config: Mapping[str, Any]) -> None:
 
 
 def views(database: sqlite3.Connection, config: Mapping[str, Any], *, short: bool = False) -> list[str]:
-    """SQL that creates the views, a statement each.
+    """SQL statements that create the views.
 
     Args:
         database: the study's, of any format.
-        config: its configuration (`StudyConfig.to_dict()`): each setting is a column of `runs`, named as
-            --set names it, `set_` before it and underscores for dots.
-        short: for a connection that was taught how arrays are taken apart.
+        config: its configuration (`StudyConfig.to_dict()`): each setting is a column of `runs`, named as for
+            --set with the prefix `set_` and underscores for dots.
+        short: for a connection with functions that unpack arrays.
     """
     shown = {key: value for key, value in config.items() if key not in ("title", "conditions")}
     settings = "".join(
@@ -50,13 +50,13 @@ def views(database: sqlite3.Connection, config: Mapping[str, Any], *, short: boo
 
 
 def _fresh(who: str) -> str:
-    """The mean of an individual's fresh trials at the noise it evolved under."""
+    """The mean of an individual's fresh trials at the noise that it evolved under."""
     mean = f"SELECT avg(score) FROM tests WHERE run = r.id AND who = '{who}' AND tested_noise = r.noise"
     return f"({mean}) AS {who}_fresh"
 
 
 def _of_rows(database: sqlite3.Connection) -> dict[str, str]:
-    """Over what earlier formats hold: a row for each evaluation and each trial."""
+    """Views over earlier formats: a row for each evaluation and each trial."""
     columns = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
     found = ", ".join(f"e.{name}" for name in columns if name not in ("run", "genotype"))
     return {
@@ -69,7 +69,7 @@ def _of_rows(database: sqlite3.Connection) -> dict[str, str]:
 
 
 def _of_arrays(database: sqlite3.Connection, *, short: bool) -> dict[str, str]:
-    """Over arrays."""
+    """Views over arrays."""
     trials = most_trials(database)
     scores, places = [f"score_{k + 1}" for k in range(trials)], ("parent_a", "parent_b", "cell")
     found = [f"CASE WHEN length(e.fitness) THEN {_real('e.fitness', 'k', short=short)} END AS mean"]
@@ -94,7 +94,7 @@ def _of_arrays(database: sqlite3.Connection, *, short: bool) -> dict[str, str]:
 
 
 def _counted(count: str, part: str) -> str:
-    """`i`: k from 0 on, as far as a row of a table needs it, and all bytes; `two`: n and 2 to the −n."""
+    """`i`: k from 0 up to the number that a row of a table needs, and all bytes; `two`: n and 2 to the −n."""
     more = f"SELECT k + 1, bytes FROM i WHERE k + 1 < (SELECT max({count}) FROM {part})"
     every = f"i(k, bytes) AS (SELECT 0, X'{bytes(range(256)).hex()}' UNION ALL {more})"
     next_one = "SELECT n + step, power * by, step, by FROM two WHERE n BETWEEN -970 AND 1073"
@@ -103,10 +103,10 @@ def _counted(count: str, part: str) -> str:
 
 
 def _whole(blob: str, at: str, width: str, most: int, *, short: bool = False) -> str:
-    """The whole number of at most so many bytes, little-endian, the `at`-th of `blob`.
+    """The whole number of at most `most` bytes, little-endian, at position `at` of `blob`.
 
-    Where a byte stands in `bytes` is what it is worth. DISTINCT keeps SQLite from cutting the number out anew
-    for each of its bytes.
+    A byte's value is its position in `bytes`. DISTINCT keeps SQLite from extracting the number again for each
+    of its bytes.
     """
     some = f"substr({blob}, 1 + {width} * ({at}), {width})"
     if short:
@@ -116,7 +116,7 @@ def _whole(blob: str, at: str, width: str, most: int, *, short: bool = False) ->
 
 
 def _real(blob: str, at: str, *, short: bool) -> str:
-    """The `at`-th float64 of `blob`, to the bit: its digits times a power of two, as SQL can shift."""
+    """The float64 at position `at` of `blob`, exactly: its digits times a power of two, by SQL's shifts."""
     if short:
         return f"real(substr({blob}, 1 + 8 * ({at}), 8))"
     parts = f"(w & {2**52 - 1}) | ((w >> 52 & 2047 > 0) << 52) AS m, 1075 - max(w >> 52 & 2047, 1) AS n"
