@@ -1,4 +1,4 @@
-"""How alike simulated and situated behaviour are, and what it is called (tables 1 and 2)."""
+"""How similar simulated and situated behaviour are, and the names of behaviours (tables 1 and 2)."""
 
 from realitygap.lazy import names_of
 

@@ -1,4 +1,4 @@
-"""What a trial looks like in numbers (`catalogue.py`)."""
+"""Descriptors of trials, as listed in `catalogue.py`."""
 
 from collections.abc import Sequence
 from os import PathLike
@@ -21,20 +21,20 @@ from realitygap.world.profile import Profile, load_profile
 __all__ = ["describe", "describe_all", "in_units", "jitter"]
 
 SLOW_CM_S, STILL_DEG_S = 0.5, 10.0
-"""Below these a robot does not seem to move; to turn."""
+"""Below these a robot does not appear to move; to turn."""
 TURN_DEG_S, TURN_DEG = 25.0, 20.0
-"""A turn event turns faster than this, one way, and by more than this in all."""
+"""A turn event is one-sided, faster than this, and larger than this in all."""
 NEAR_CM, TOUCH_CM, FEEL_CM = 2.5, 0.3, 6.0
-"""Clearances: near a surface, touching it, where infrared feels it."""
+"""Clearances: near a surface, touching it, within range of infrared."""
 
 
 def in_units(told: dict[str, Floats], descriptors: Sequence[Descriptor]) -> Floats:
-    """What `describe_all` told, a row a trial, in units of what can just be noticed: [n, d]."""
+    """Descriptors of trials, as by `describe_all`, in just-noticeable amounts: [n, d], a row a trial."""
     return np.stack([told[d.name] / d.noticeable for d in descriptors], axis=1)
 
 
 def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floats]:
-    """Descriptors by name, in their own units, [n] each: trials of one length are worked out together."""
+    """Descriptors by name, in their own units, [n] each; trials of one length are computed together."""
     every = (*chosen(arena), *((*FOR_NAMES, *FOR_LARGE) if arena else ()))
     made = {d.name: np.empty(len(trials)) for d in every}
     sizes = np.array([len(t) for t in trials])
@@ -53,12 +53,12 @@ def describe(
     """Descriptors of a batch of simulated trials, by name: of each trial, in their own units.
 
     Args:
-        path: as `Simulation.tracks` gives it: arrays [..., steps] of where robots were after each step.
-        task: whose arena they were in; a Task, a name or a file.
+        path: as from `Simulation.tracks`: arrays [..., steps], after each step.
+        task: whose arena is used; a Task, a name or a file.
         profile: the robot's; a Profile, a name or a file.
 
     Returns:
-        Arrays [...] by the names of all descriptors that can be told in this arena.
+        Arrays [...] by name, of all descriptors that this arena allows.
 
     Raises:
         TrackError: trials shorter than two seconds.
@@ -74,7 +74,7 @@ def describe(
 def _of_one_length(
     x: Floats, y: Floats, heading: Floats, radius: Floats, arena: Arena | None
 ) -> dict[str, Floats]:
-    """Of tracks [n, t] of bodies [n, 1]."""
+    """Descriptors of tracks [n, t] of bodies [n, 1]."""
     turn = np.degrees(np.diff(heading)) / STEP_S
     middle = (heading[:, :-1] + heading[:, 1:]) / 2
     dx, dy = np.diff(x) / STEP_S, np.diff(y) / STEP_S
@@ -88,9 +88,9 @@ def _of_one_length(
 
 
 def jitter(turn: Floats) -> Floats:
-    """How unsteady turn rates [n, t] are, deg/s: the quieter three quarters of their second differences.
+    """Unsteadiness of turn rates [n, t], deg/s: from the quieter three quarters of their second differences.
 
-    Second differences leave a steady turn out; the trimming leaves out where turns begin and end.
+    Second differences exclude steady turns; the trimming excludes beginnings and ends of turns.
     """
     rough = np.sort(np.abs(np.diff(turn, 2))) / np.sqrt(6.0)
     return np.asarray(rough[:, : max(1, 3 * rough.shape[1] // 4)].mean(axis=1) * 1.25)
@@ -100,7 +100,7 @@ def _movement(forward: Floats, turn: Floats) -> dict[str, Floats]:
     calm = _smooth(forward)
     way = np.sign(calm) * (np.abs(calm) > SLOW_CM_S)
     latest = np.maximum.accumulate(np.where(way != 0, np.arange(way.shape[1]), 0), axis=1)
-    held = np.take_along_axis(way, latest, axis=1)  # the way it last moved
+    held = np.take_along_axis(way, latest, axis=1)  # the direction in which it last moved
     seconds = forward.shape[1] * STEP_S
     return {
         "speed": np.abs(forward).mean(axis=1),
@@ -129,9 +129,9 @@ def _turning(forward: Floats, turn: Floats) -> dict[str, Floats]:
 
 
 def _turn_events(calm: Floats) -> dict[str, Floats]:
-    """How many turns each trial has, how large, and to which side; left is positive."""
+    """Number, size and side of each trial's turns; left is positive."""
     n, steps = calm.shape
-    padded = np.pad(calm, ((0, 0), (1, 1))).ravel()  # a still step at both ends parts the trials
+    padded = np.pad(calm, ((0, 0), (1, 1))).ravel()  # a still step at both ends separates the trials
     way = np.sign(padded) * (np.abs(padded) > TURN_DEG_S)
     edges = np.flatnonzero(np.diff(way)) + 1
     whole = np.add.reduceat(padded, edges) * STEP_S if len(edges) else np.empty(0)
@@ -143,7 +143,7 @@ def _turn_events(calm: Floats) -> dict[str, Floats]:
 
     count = np.bincount(owner, minlength=n)
     counted = np.clip(sizes, -180, 180)
-    square = total(counted**2)  # large turns tell the side, what noise does is small
+    square = total(counted**2)  # large turns show the side; those by noise are small
     side = total(counted * np.abs(counted)) / np.where(square > 0, square, 1.0)
     return {
         "turns": count / (steps * STEP_S) * 10,
@@ -154,7 +154,7 @@ def _turn_events(calm: Floats) -> dict[str, Floats]:
 
 
 def _ground(x: Floats, y: Floats) -> dict[str, Floats]:
-    """How far robots came about; a place is new 4 cm from all others."""
+    """Area that robots covered; a place counts as new if it is 4 cm from all others."""
     px, py = x[:, ::3], y[:, ::3]
     left, places, every = np.ones(px.shape, bool), np.zeros(len(px)), np.arange(len(px))
     while left.any():
@@ -167,7 +167,7 @@ def _ground(x: Floats, y: Floats) -> dict[str, Floats]:
 
 
 def _surroundings(flat: Around, turn: Floats, forward: Floats) -> dict[str, Floats]:
-    """Of what stands around, whose rows [n · t] are those of turn and forward [n, t]."""
+    """Descriptors of the surroundings; `flat` has rows [n · t], turn and forward [n, t]."""
     clearance, surface = flat.clearance.reshape(turn.shape), flat.surface.reshape(turn.shape)
     near = clearance < NEAR_CM
     going = np.where(forward < 0, np.pi, 0.0)
@@ -196,9 +196,9 @@ def _surroundings(flat: Around, turn: Floats, forward: Floats) -> dict[str, Floa
 
 
 def _for_names(clearance: Floats, surface: Floats, turn: Floats, pace: Floats) -> dict[str, Floats]:
-    """What tells kinds apart, of clearances, bearings of the nearest surface, turn rates and paces [n, t].
+    """Descriptors for names, from clearances, bearings of the nearest surface, turn rates and paces [n, t].
 
-    Shares have a little more below the line, so that a trial in which a thing hardly happens shows none.
+    A constant is added to the denominators of shares, so that rare events give shares near 0.
     """
 
     def share(part: NDArray[Any], whole: NDArray[Any], more: float) -> Floats:
@@ -226,7 +226,7 @@ def _for_names(clearance: Floats, surface: Floats, turn: Floats, pace: Floats) -
 
 
 def _smooth(values: Floats, width: int = 3) -> Floats:
-    """A running mean along the rows of [n, t]; ends repeat."""
+    """A running mean along the rows of [n, t]; end values are repeated."""
     half = width // 2
     padded = np.pad(values, ((0, 0), (half, half)), mode="edge")
     steps = values.shape[1]

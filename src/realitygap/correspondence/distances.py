@@ -1,12 +1,11 @@
 """Two distances between two sets of trials: of behaviour, and of layout (where the robot was).
 
-Both are made once for all pairs of trials, so that a bootstrap only changes weights; both are
-unbiased: two sets of one robot's trials are at 0 on average, however many trials there are.
-Two trials of one start are never compared, in either set or across: a start in common would make
-any two robots look alike.
+Both are precomputed for all pairs of trials, so that a bootstrap only changes weights. Both are unbiased: two
+sets of one robot's trials have distance 0 on average, with any number of trials. Two trials of one start are
+never compared, within a set or across: a common start would make any two robots similar.
 
-Sources: Székely and Rizzo, "Energy statistics" (J. Stat. Plan. Inference 143, 2013);
-Lin, "Divergence measures based on the Shannon entropy" (IEEE Trans. Inf. Theory 37, 1991).
+Sources: Székely and Rizzo, "Energy statistics" (J. Stat. Plan. Inference 143, 2013); Lin, "Divergence
+measures based on the Shannon entropy" (IEEE Trans. Inf. Theory 37, 1991).
 """
 
 from collections.abc import Sequence
@@ -25,26 +24,26 @@ from realitygap.world.arena import Arena
 __all__ = ["Distances", "matched_starts"]
 
 BLUR_CM = 4.0
-"""Width of the blur of an occupancy map (standard deviation): a little more than a body's radius."""
+"""Standard deviation of the blur of an occupancy map: a little more than a body's radius."""
 ANYWHERE_PER_CM2 = 1e-6
-"""Occupancy that every place has: keeps what no robot visits from weighing much."""
+"""Occupancy added everywhere: limits the weight of places that no robot visits."""
 EVERY = 5
-"""Every fifth row, two a second, stands for a trial in its map."""
+"""Every fifth row, two a second, represents a trial in its map."""
 ROUNDING = 1e-12
-"""A squared distance below this is none: set beside itself, a set is at rounding errors only."""
+"""A squared distance below this is 0: a set compared with itself gives only rounding errors."""
 SAME_CM, SAME_RAD = 1.5, np.radians(15)
 """Two robots set down by hand within these have the same start."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Distances:
-    """All that two sets of trials, `a` and `b`, need to be compared under any weights.
+    """Precomputed distances of two sets of trials, `a` and `b`, for any weights.
 
     Attributes:
         a, b: the trials, two at least in each.
-        arena: where they were; None: only what the tracks alone tell.
-        matched: whether a start of one set is the start of that name in the other.
-        jitter: whether the descriptor of that name counts.
+        arena: where they were; None: only the tracks' own motion is compared.
+        matched: whether starts of one name are the same start in both sets.
+        jitter: whether the descriptor "jitter" is included.
     """
 
     a: Sequence[Trial]
@@ -55,7 +54,7 @@ class Distances:
 
     @cached_property
     def told(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
-        """Descriptors by name of a's trials, and of b's, in their own units."""
+        """Descriptors by name of a's and of b's trials, in their own units."""
         return describe_all(self.a, self.arena), describe_all(self.b, self.arena)
 
     @cached_property
@@ -66,7 +65,7 @@ class Distances:
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
-        """Which start each trial has, [n]: one number for one start."""
+        """[n] number of each trial's start."""
         names = [("" if self.matched else "a", t.start) for t in self.a]
         names += [("" if self.matched else "b", t.start) for t in self.b]
         number = {name: i for i, name in enumerate(dict.fromkeys(names))}
@@ -74,7 +73,7 @@ class Distances:
 
     @cached_property
     def counts(self) -> NDArray[np.bool_]:
-        """Which pairs of trials are compared, [n, n]: those of different starts."""
+        """[n, n] which pairs of trials are compared: those of different starts."""
         starts, n = self.starts, len(self.a)
         few = len(set(starts[:n])) < 2 or len(set(starts[n:])) < 2
         names = np.arange(len(starts)) if few else starts
@@ -82,7 +81,7 @@ class Distances:
 
     @cached_property
     def sides(self) -> tuple[Floats, Floats]:
-        """Weights [n] that count each trial of `a` once, and each of `b`."""
+        """Weights [n] that count each trial of `a`, or each of `b`, once."""
         ours = (np.arange(len(self.a) + len(self.b)) < len(self.a)).astype(np.float64)
         return ours, 1.0 - ours
 
@@ -93,7 +92,7 @@ class Distances:
     def energy(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
         """The energy distance of the descriptors: `2 E|X − Y| − E|X − X'| − E|Y − Y'|`; may be below 0.
 
-        Weights are [n], of the trials on the one side and on the other; by default a and b.
+        Weights [n] of the trials on either side; by default a and b.
         """
         wa, wb = self._weights(wa, wb)
         counts, far = self.counts, self._between * self.counts
@@ -105,11 +104,11 @@ class Distances:
         return 2 * mean(wa, wb) - mean(wa, wa) - mean(wb, wb)
 
     def layout(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
-        """Jensen and Shannon's distance (√, base 2) of the maps of where the robot was; 0 to 1."""
+        """Jensen-Shannon distance (√, base 2) of the occupancy maps; 0 to 1."""
         wa, wb = self._weights(wa, wb)
         density = []
         for weights in (wa, wb):
-            makers = weights[:, None] * self.counts  # which trials make the map that another is held to
+            makers = weights[:, None] * self.counts  # which trials form the map that another is compared with
             made = np.einsum("ij,ijp->jp", makers, self._occupancy)
             density.append(made / np.maximum(makers.sum(axis=0), 1e-12)[:, None] + ANYWHERE_PER_CM2)
         both = density[0] + density[1]
@@ -126,14 +125,14 @@ class Distances:
 
     @cached_property
     def _occupancy(self) -> Floats:
-        """[i, j, p]: how much trial i was at the p-th place of trial j, a share per cm²."""
+        """[i, j, p]: occupancy of trial i at the p-th place of trial j, a share per cm²."""
         trials = [*self.a, *self.b]
         count = min(len(t) for t in trials) // EVERY
         places = np.array([np.column_stack([t.x, t.y])[: count * EVERY : EVERY] for t in trials])
         places /= np.sqrt(2) * BLUR_CM
         n = len(trials)
         made = np.empty((n, n, count))
-        for i, own in enumerate(places):  # what i is at j's places, j is at i's
+        for i, own in enumerate(places):  # one table of distances serves both directions
             later = places[i:].reshape(-1, 2)
             near = np.subtract.outer(own[:, 0], later[:, 0]) ** 2
             near += np.subtract.outer(own[:, 1], later[:, 1]) ** 2
@@ -148,7 +147,7 @@ class Distances:
 def matched_starts(a: Sequence[Trial], b: Sequence[Trial]) -> frozenset[str]:
     """The starts that are pairs: in both sets, of one name and one pose.
 
-    All starts in common are, or none: where a name has two poses, or fewer than half have a partner.
+    All common starts are, or none: none if a name has two poses, or fewer than half have a partner.
     """
     first = {t.start: t for t in a}
     others = {t.start for t in b}
@@ -164,5 +163,5 @@ def _near(one: Trial, other: Trial) -> bool:
 
 
 def _root(square: float) -> float:
-    """√, of rounding errors 0; NaN stays NaN: there was nothing to compare."""
+    """√, with rounding errors as 0; NaN stays NaN, where there was nothing to compare."""
     return float(np.sqrt(square)) if not square <= ROUNDING else 0.0

@@ -1,4 +1,4 @@
-"""Human judges: blind pairs of trials, their ratings, and how far the score agrees with them."""
+"""Human judges: blind pairs of trials, their ratings, and the agreement of the score with them."""
 
 import hashlib
 import json
@@ -27,12 +27,12 @@ ROOM = ("cylinders", "walls", "lamps")
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """Two sets of trials of one controller, for the page and for the key.
+    """Two sets of trials of one controller, for the page and its key.
 
     Attributes:
-        name: what the pair is; the judges never see it.
-        a, b: trials of the two; those of one start are shown together.
-        score: the computed one, 0 to 10.
+        name: of the pair; the judges never see it.
+        a, b: the trials; those of one start are shown together.
+        score: the computed score, 0 to 10.
     """
 
     name: str
@@ -43,11 +43,11 @@ class Pair:
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """How far ratings and score agree, over pairs.
+    """Agreement of ratings and score, over pairs.
 
     Attributes:
-        judges: how many.
-        pairs: how many were rated.
+        judges: number of judges.
+        pairs: number of rated pairs.
         correlation: of the mean rating with the score.
         difference: mean rating minus score.
         between_judges: mean Pearson r of a judge with the mean of the others; None for one judge.
@@ -71,10 +71,10 @@ class Agreement:
 def blind_pairs(
     pairs: Sequence[Pair], setting: Setting, *, seed: int = 0
 ) -> tuple[dict[str, Any], list[Row]]:
-    """What the page shows, and the key: order and sides are drawn, names are numbers.
+    """The page's data and the key: order and sides are random, names are numbers.
 
     Returns:
-        the page's data, in which nothing tells the sides or the names; and rows of the key.
+        the page's data, which reveal neither sides nor names; and rows of the key.
     """
     draw = np.random.default_rng(seed)
     shown, key = [], []
@@ -89,16 +89,16 @@ def blind_pairs(
 
 
 def page(data: dict[str, Any]) -> str:
-    """The page, self-contained: pairs side by side, ratings 0 to 10, saved in the browser and as a file."""
+    """The self-contained page: pairs side by side, ratings 0 to 10, saved in the browser and as a file."""
     here = Path(__file__).with_name("judge.html").read_text(encoding="utf-8")
     told = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    name = hashlib.sha256(told.encode()).hexdigest()[:16]  # marks of another page are another page's
+    name = hashlib.sha256(told.encode()).hexdigest()[:16]  # ratings of another page are kept apart
     text = json.dumps({**data, "id": name}, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     return here.replace("/*DATA*/null", text)
 
 
 def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
-    """Ratings by pair and judge, of a CSV file with columns pair, judge, mark, or a folder of them.
+    """Ratings by pair and judge, from a CSV file with columns pair, judge, mark, or a folder of them.
 
     Raises:
         TrackError: names file and line.
@@ -119,10 +119,10 @@ def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
 
 
 def agreement(marks: dict[int, dict[str, float]], scores: dict[int, float]) -> Agreement:
-    """How far ratings agree with scores, both by the pair's number.
+    """Agreement of ratings with scores, both by the pair's number.
 
     Raises:
-        TrackError: a mark of a pair that is not in the key, or fewer than three pairs.
+        TrackError: a rating of a pair that is not in the key, or fewer than three pairs.
     """
     strange = sorted(set(marks) - set(scores))
     if strange:
@@ -156,7 +156,7 @@ def _between(marks: dict[int, dict[str, float]], judges: Sequence[str]) -> float
 
 
 def _side_by_side(pair: Pair) -> list[tuple[Trial, Trial]]:
-    """Trials of a and b that are shown together: of one start, or one after the other if none is shared."""
+    """Trials of a and b that are shown together: of one start, or in order if no start is shared."""
 
     def of(trials: Sequence[Trial], start: str | None = None) -> list[Trial]:
         return sorted((t for t in trials if start in (None, t.start)), key=lambda t: (t.start, t.unit))

@@ -1,6 +1,6 @@
-"""Trials from the files that a person has: CSV tables, JSON of `realitygap simulate`, folders of them.
+"""Reads trials from files: CSV tables, JSON of `realitygap simulate`, folders of them.
 
-A track's heading must agree with its way: a robot with two wheels goes where it faces, or back.
+A track's heading must agree with its movement: a robot with two wheels moves where it faces, or back.
 """
 
 import csv
@@ -26,30 +26,30 @@ __all__ = ["agreement", "doubt_of_disk", "doubts_of", "read_transfer", "read_tri
 
 SIMULATED, SITUATED = "simulated.csv", "situated.csv"
 TRANSFER = "transfer.toml"
-"""A folder that holds this is a trial of `realitygap transfer`, in which several files have tracks."""
+"""A folder with this file is a trial of `realitygap transfer`, in which several files have tracks."""
 MOVES_CM, ENOUGH_CM = 0.5, 20.0
-"""Ways over two steps that show a direction, and how much of them says anything."""
+"""Movement over two steps that shows a direction, and the sum of it that is needed."""
 CONTRADICTS, EXPLAINS, BETTER = 0.3, 0.9, 0.1
-"""Agreement below which a heading is doubted; and another reading of it is believed that agrees so well, and
-so much better. Of 132 tracks, simulated and filmed on the twin, the lowest agreement is 0.45 (a robot that
-slid along walls), and no other reading that agrees so well was better at all."""
+"""Agreement below which a heading is doubted; the agreement of another reading of the heading at which that
+is believed, and the improvement that is needed. Of 132 tracks, simulated and filmed on the twin, the lowest
+agreement is 0.45 (a robot that slid along walls), and no other reading with such agreement was better."""
 READINGS: dict[str, Callable[[Floats], Floats]] = {
     "is it in radians? Convert it to degrees": np.degrees,
     "does y run downwards, or heading_deg clockwise? Turn the sign of one of them": np.negative,
     "is heading_deg 0 where the robot looks along y? Subtract it from 90": lambda h: np.pi / 2 - h,
     "is heading_deg that of the axle? Turn it by 90": lambda h: h + np.pi / 2,
 }
-"""Mistakes by their cure, and the heading (rad) as it should have been read."""
+"""Mistakes, named by their cure, and the corrected heading (rad)."""
 
 
 def read_trials(path: str | Path) -> list[Trial]:
-    """All trials of a file or a folder, in its order.
+    """All trials of a file or a folder, in order.
 
     A CSV file has columns t_s, x_cm, y_cm, heading_deg (empty or NaN where the robot was lost) and may
     have start (separates several trials), unit (which robot) and quality (0: lost), as `realitygap
-    track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every such
-    file counts, its name is the start; folders in it are units. Of a trial of `realitygap transfer` the
-    situated track counts, its folder's name is the start.
+    track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every such file
+    is read and its name is the start; subfolders are units. From a trial of `realitygap transfer` the
+    situated track is read, and its folder's name is the start.
 
     Raises:
         TrackError: names the file, the line and the column.
@@ -73,7 +73,7 @@ def read_trials(path: str | Path) -> list[Trial]:
 
 
 def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
-    """The simulated and the situated trials of a folder that `realitygap transfer` made.
+    """The simulated and the situated trials of a folder made by `realitygap transfer`.
 
     Raises:
         TrackError: no such folder; names the file, the line and the column.
@@ -92,15 +92,15 @@ def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
 
 
 def doubts_of(trials: Iterable[Trial]) -> list[str]:
-    """What seems wrong with trials, each thing once."""
+    """Warnings about trials, each once."""
     return list(dict.fromkeys(trial.doubt for trial in trials if trial.doubt))
 
 
 def agreement(trials: Sequence[Trial]) -> tuple[float, float, str]:
-    """How well headings agree with ways: 1 along them, −1 across.
+    """Agreement of headings with movements: 1 along them, −1 across.
 
     Returns:
-        The agreement as it stands; that of the best other reading of the heading; and its cure.
+        The agreement; that of the best other reading of the heading; and its cure.
     """
     as_is, way = _agreement(trials, np.asarray)
     if way < ENOUGH_CM:
@@ -112,7 +112,7 @@ def agreement(trials: Sequence[Trial]) -> tuple[float, float, str]:
 
 
 def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
-    """What to ask where a tracker's own heading contradicts the way that it saw."""
+    """A question where a tracker's own heading contradicts the movement that it saw."""
     if agreement([trial])[0] >= CONTRADICTS:
         return ()
     return (
@@ -122,7 +122,7 @@ def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
 
 
 def _read_in(place: Path, file: Path) -> list[Trial]:
-    """A file's trials, named after where in a folder it is."""
+    """A file's trials, named after its place in the folder."""
     own = (file.parent / TRANSFER).exists()
     start, above = (file.parent.name, file.parent.parent) if own else (file.stem, file.parent)
     inside = above != place and above.is_relative_to(place)
@@ -132,14 +132,14 @@ def _read_in(place: Path, file: Path) -> list[Trial]:
 
 
 def _radius_cm(folder: Path) -> float:
-    """Of the body that a trial of `realitygap transfer` was made with, as its study's profile has it."""
+    """Body radius of a trial of `realitygap transfer`, from its study's profile, cm."""
     with suppress(ConfigError):
         return load_profile(folder.joinpath(*[".."] * 4, "profile.toml")).body.radius_cm
     return RADIUS_CM
 
 
 def _is_track(path: Path) -> bool:
-    """Whether a file is meant as a track; a broken one is, and is refused when it is read."""
+    """Whether a file is meant to be a track; a broken one is refused when it is read."""
     if path.suffix.lower() == ".json":
         told = _json(path)
         return told is None or (isinstance(told, dict) and all(name in told for name in COLUMNS))
@@ -172,7 +172,7 @@ def _from_json(path: Path, start: str, unit: str) -> Trial:
 
 
 def _json(path: Path) -> Any:
-    """What is in a file; None if it cannot be read."""
+    """A file's JSON; None if it cannot be read."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, ValueError, RecursionError):
@@ -189,10 +189,10 @@ def _head(path: Path) -> list[str]:
 
 
 def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
-    """The trials of one file, with a word about a heading that seems wrong.
+    """The trials of one file, with a warning if the heading seems wrong.
 
     Raises:
-        TrackError: the heading contradicts the way, and another reading of it does not.
+        TrackError: the heading contradicts the movement, and another reading of it does not.
     """
     as_is, best, cure = agreement(trials)
     told = f"{trials[0].source}: heading_deg contradicts the way from row to row"
@@ -204,7 +204,8 @@ def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _agreement(trials: Sequence[Trial], read: Callable[[Floats], Floats]) -> tuple[float, float]:
-    """Mean cosine of twice the angle between heading and way, weighted by the way; and the way, cm."""
+    """Mean cosine of twice the angle between heading and movement, weighted by distance; and the distance,
+    cm."""
     total = way = 0.0
     for trial in trials:
         dx, dy = trial.x[2:] - trial.x[:-2], trial.y[2:] - trial.y[:-2]

@@ -15,27 +15,27 @@ from realitygap.values import Floats
 __all__ = ["CALM", "EDGE", "PARTS", "Scale", "exemplar_scale", "scale_of"]
 
 PARTS = {"behaviour": 0.8, "layout": 0.2}
-"""What counts how much. Layout is the weaker witness: two behaviours may fill an arena alike."""
+"""Weights. Layout is the weaker evidence: two behaviours may cover an arena alike."""
 ENOUGH_STARTS = 8
-"""From so many starts on, a set's own trials make the floor."""
+"""From this number of starts on, a set's own trials determine the floor."""
 SPLITS = 60
 FLOOR_QUANTILE = 0.99
-"""The floor is what the same robot again hardly ever exceeds."""
+"""The floor is a distance that the same robot again hardly ever exceeds."""
 CALM = ", without jitter"
-"""Scales of that behaviour, beside the others."""
+"""Name of the scales of behaviour without jitter."""
 EDGE = 0.3
-"""What is left to tell within the floor and beyond the ceiling: 10 to 9.7, and 0.3 to 0.
+"""Range of scores within the floor and beyond the ceiling: 10 to 9.7, and 0.3 to 0.
 
-Within the floor a distance is mostly chance, beyond the ceiling the behaviour is another; but less is
-still less, and a score that stood still there could not tell bad from worse.
+Within the floor a distance is mostly chance, beyond the ceiling the behaviour is another. But smaller is
+still smaller, and a constant score could not distinguish bad from worse.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """Distances at the upper end (floor) and at the lower (ceiling), of each part, and where they come from.
+    """Distances at the upper end (floor) and at the lower (ceiling), of each part, and their source.
 
-    Give one and the same to all comparisons that are held against each other.
+    Use one scale for all comparisons that are compared with each other.
     """
 
     behaviour_floor: float
@@ -46,7 +46,7 @@ class Scale:
     ceiling_from: str
 
     def part(self, name: str, distance: float) -> float:
-        """A part's score, 0 to 10: a straight line from floor to ceiling, and a little beyond both."""
+        """A part's score, 0 to 10: linear from floor to ceiling, and a little beyond both."""
         floor: float = getattr(self, f"{name}_floor")
         ceiling: float = getattr(self, f"{name}_ceiling")
         if distance <= floor:
@@ -58,8 +58,8 @@ class Scale:
     def score(self, distances: dict[str, float]) -> float:
         """The correspondence score, 0 to 10: the mean of the parts, weighted by `PARTS`.
 
-        A layout counts for no more than the behaviour: two behaviours may fill an arena alike, and that
-        is no likeness of theirs.
+        The layout's score is at most the behaviour's: two behaviours may cover an arena alike without being
+        similar.
         """
         behaviour, layout = (self.part(name, distances[name]) for name in ("behaviour", "layout"))
         return PARTS["behaviour"] * behaviour + PARTS["layout"] * min(behaviour, layout)
@@ -69,13 +69,13 @@ def scale_of(
     distances: Distances, *, task: str | None = None, ceiling: Sequence[Trial] | None = None,
     whole: bool = True,
 ) -> Scale:  # fmt: skip
-    """The scale for two sets of trials: from themselves where they allow it, else from exemplars.
+    """The scale for two sets of trials: from the trials themselves if possible, else from exemplars.
 
     Args:
         distances: of the two sets.
-        task: the paper's task whose exemplars serve; None: those of both, by their motion alone.
+        task: the paper's task whose exemplars are used; None: those of both, by motion alone.
         ceiling: trials of another behaviour.
-        whole: the trials are whole, not pieces, so that their own parts can make a floor.
+        whole: whether the trials are whole, not pieces, so that their own parts can give a floor.
     """
     starts = [len({t.start for t in trials}) for trials in (distances.a, distances.b)]
     scale = exemplar_scale(task, *starts, matched=distances.matched, jitter=distances.jitter)
@@ -88,11 +88,11 @@ def scale_of(
 def exemplar_scale(
     task: str | None, starts_a: int, starts_b: int, *, matched: bool = True, jitter: bool = True
 ) -> Scale:
-    """The scale of the project's own exemplars, for so many starts in the two sets, pairs or not.
+    """The scale of the package's exemplars, for a number of starts in each set, matched or not.
 
     Args:
         task: whose exemplars; None: of both tasks.
-        starts_a, starts_b: how many trials are in either set.
+        starts_a, starts_b: number of trials in each set.
         matched: whether trials of the two sets share their starts.
         jitter: whether jitter counts as behaviour.
     """
@@ -107,10 +107,10 @@ def exemplar_scale(
 
 
 def _own_floor(scale: Scale, distances: Distances) -> Scale:
-    """Parts of a set against each other, brought to the size of the whole sets.
+    """Distances between parts of a set, scaled to the size of the whole sets.
 
-    Starts in pairs: a set with several trials of each start is parted start by start, so that its
-    parts are pairs too. Else: a set with many starts is parted into halves of them.
+    Matched starts: a set with several trials of each start is divided start by start, so that its parts match
+    too. Otherwise a set with many starts is divided into halves of them.
     """
     sizes = [len({t.start for t in trials}) for trials in (distances.a, distances.b)]
     found: dict[str, list[float]] = {name: [] for name in PARTS}
@@ -132,7 +132,7 @@ def _own_floor(scale: Scale, distances: Distances) -> Scale:
 
 
 def _own_ceiling(scale: Scale, distances: Distances, ceiling: Sequence[Trial]) -> Scale:
-    """How far both sets are from the other behaviour that was given."""
+    """Distances of both sets to the given other behaviour."""
     other = partial(Distances, b=ceiling, arena=distances.arena, jitter=distances.jitter)
     far = [other(a=trials) for trials in (distances.a, distances.b)]
     means = [np.mean([getattr(between, part)() for between in far]) for part in PARTS]

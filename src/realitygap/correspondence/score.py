@@ -1,4 +1,4 @@
-"""The two scores: how alike two sets of trials are, with what is said beside it; and how good they are."""
+"""The two scores: similarity of two sets of trials, with figures beside it; and quality of behaviour."""
 
 import math
 from collections.abc import Sequence
@@ -22,29 +22,30 @@ from realitygap.world.profile import Profile
 __all__ = ["Comparison", "behaviour_score", "comparable", "compare", "ends_of"]
 
 NEARLY = 0.9
-"""From this ratio on, two rates of rows count as equal."""
+"""Rates of rows count as equal if their ratio is at least this."""
 PIECES = 4
-"""Pieces into which a lone trial is cut, to show how much it varies."""
+"""Pieces into which a single trial is cut, to show its variation."""
 RESAMPLES = 1000
-"""Of the bootstrap: the ends of an interval are then sure to a tenth or two."""
+"""Of the bootstrap: ends of an interval are then certain to a tenth or two."""
 LEAST_STARTS = 3
-"""For an interval: of two starts every other resample would hold one only, and nothing to compare."""
+"""Starts needed for an interval: with two, every other resample would have only one, and nothing to compare.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """A comparison's results. Scores 0 (another behaviour) to 10 (the same robot again).
+    """Results of a comparison. Scores are 0 (another behaviour) to 10 (the same robot again).
 
     Attributes:
         behaviour, layout: the two parts; score: their weighted mean.
         interval: of the score, 95 %, by bootstrap over starts and units; None with one start or two.
-        differences: what b is beside a, in the paper's words.
+        differences: of b from a, in the paper's words.
         noisiness, responsiveness: log2 ratios, b to a; looping: a difference of shares of time.
-        matched: whether the starts are pairs; parting_s: the median time at which pairs have parted
-            (None: half of them or more never did, or no pairs); transferability: of pairs.
+        matched: whether the starts are pairs; parting_s: the median time at which pairs part (None: at least
+            half never do, or no pairs); transferability: of pairs.
         p: of the two-sample test.
-        distances: of both parts; scale: their floor and ceiling and where these come from.
-        notes: what was done to the tracks.
+        distances: of both parts; scale: their floor, ceiling and source.
+        notes: on changes to the tracks.
     """
 
     behaviour: float
@@ -80,7 +81,7 @@ def compare(
         a, b: trials, at least one of each.
         setting: where they were (`setting_of`).
         ceiling: trials of another behaviour, for the scale's lower end.
-        scale: a scale that other comparisons have too; by default each makes its own.
+        scale: a common scale for several comparisons; by default each has its own.
         resamples: of the bootstrap.
 
     Raises:
@@ -93,7 +94,7 @@ def compare(
     cut, notes = comparable(given)
     pairs, lone = matched_starts(cut[0], cut[1]), min(map(len, given)) < 2
     ours, theirs = (_partners(trials, pairs, notes) for trials in cut[:2])
-    swapped = _order(theirs) < _order(ours)  # no figure depends on which of the two is named first
+    swapped = _order(theirs) < _order(ours)  # no figure depends on the order of the two
     first, second = (theirs, ours) if swapped else (ours, theirs)
     between = Distances(a=first, b=second, arena=setting.arena, matched=bool(pairs), jitter=setting.jitter)
     ends = scale or scale_of(
@@ -113,7 +114,7 @@ def compare(
 
 
 def comparable(sets: Sequence[Sequence[Trial]]) -> tuple[list[list[Trial]], list[str]]:
-    """Sets of trials made comparable: of one length, at least two trials in each; and what was done.
+    """Sets of trials made comparable: of one length, at least two trials in each; and notes on changes.
 
     Raises:
         TrackError: a set without trials, or trials too short for that.
@@ -150,7 +151,7 @@ def comparable(sets: Sequence[Sequence[Trial]]) -> tuple[list[list[Trial]], list
 
 
 def _partners(trials: list[Trial], pairs: frozenset[str], notes: list[str]) -> list[Trial]:
-    """A set without the starts that have no partner in the other, if starts are pairs."""
+    """A set without the starts that have no partner in the other, if starts are matched."""
     if not pairs:
         return trials
     alone = dict.fromkeys(t.start for t in trials if t.start not in pairs)
@@ -186,16 +187,16 @@ def _median(times: Sequence[float | None]) -> float | None:
 
 
 def behaviour_score(scores: Sequence[float] | NDArray[np.float64], ends: tuple[float, float]) -> float:
-    """How near to the best possible, 0 to 10: the mean share of the way from worst to best.
+    """How close to the best possible, 0 to 10: the mean position between worst and best.
 
     The paper's judges marked "how close they came to the ideal strategy", "on the grounds of how robust
     and optimal they proved to be in simulation after repeated testing" (§6, §7.1).
 
-    Each trial counts for itself and within the ends, so that a robot that often fails cannot make up
-    for it by luck.
+    Each trial counts by itself and is clipped to the ends, so that lucky trials cannot compensate for
+    failures.
 
     Args:
-        scores: of many trials, at the noise that the controller was evolved with.
+        scores: of many trials, at the noise level that the controller evolved under.
         ends: the score of doing nothing, and of the ideal (`ends_of`).
     """
     values = np.asarray(scores, np.float64).ravel()
@@ -208,11 +209,11 @@ def behaviour_score(scores: Sequence[float] | NDArray[np.float64], ends: tuple[f
 def ends_of(task: Task, profile: Profile) -> tuple[float, float]:
     """The scores of a robot that stands still and of an ideal one, for a task with the paper's scores.
 
-    The ideal drives at top speed all the time: straight to the lamp and stays there (light), or
-    straight for ever (obstacles; no arena allows it, so that nobody reaches 10).
+    The ideal drives at top speed all the time: straight to the lamp, where it stays (light), or straight on
+        (obstacles; no arena allows it, so nobody reaches 10).
 
     Raises:
-        UsageError: another task; give its ends yourself.
+        UsageError: another task, whose ends you must give.
     """
     room, n = task.room(profile), task.steps
     if task.plain_name == "obstacle-avoidance":

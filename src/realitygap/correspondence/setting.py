@@ -1,4 +1,4 @@
-"""Where trials took place: the arena, what is around a robot in it, and the exemplars that apply."""
+"""Where trials took place: the arena, the surroundings of a robot in it, and the exemplars that apply."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,20 +17,20 @@ from realitygap.world.arena import Arena
 __all__ = ["Around", "Setting", "around", "fits", "setting_of"]
 
 NEARLY_CM = 0.25
-"""A body nearly as wide as the exemplars' is described with theirs: four times the difference can
-just be noticed, and scores stay comparable with all that were kept."""
+"""A body nearly as wide as the exemplars' is described with theirs: a quarter of the just noticeable
+difference, and scores stay comparable with earlier ones."""
 OUTSIDE_CM = 1.0
-"""How far a track's centre may seem to be inside something: a camera's error."""
+"""How far a track's centre may appear inside an obstacle: a camera's error."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """An arena and the paper's task that is most like what happens in it.
+    """An arena and the most similar task of the paper.
 
     Attributes:
-        name: for people.
-        arena: None: unknown; then only the tracks' own motion is compared.
-        exemplars: a paper's task: obstacle avoidance where no lamp is, else light seeking; None: both.
+        name: for display.
+        arena: None: unknown, only the tracks' own motion is compared.
+        exemplars: a task of the paper: obstacle avoidance without a lamp, else light seeking; None: both.
         jitter: whether jitter counts as behaviour.
     """
 
@@ -41,7 +41,7 @@ class Setting:
 
 
 def setting_of(trials: Sequence[Trial], task: Task | str | PathLike[str] | None = None) -> Setting:
-    """Where trials took place: in a task's arena, or in the paper's arena that they fit in.
+    """The setting of trials: a task's arena, or the paper's arena in which they fit.
 
     Raises:
         TrackError: a track that leaves the task's arena.
@@ -77,26 +77,25 @@ def _require_inside(trials: Sequence[Trial], task: Task) -> None:
 
 
 class Around(NamedTuple):
-    """Arrays [n] of one trial; angles relative to the heading, rad, counter-clockwise."""
+    """Surroundings along one trial, arrays [n]; angles relative to the heading, rad, counter-clockwise."""
 
     clearance: Floats
     """From the body's edge to the nearest surface, cm."""
     surface: Floats
-    """Where that surface is."""
+    """Direction of that surface."""
     lamp_distance: Floats | None
     """To the nearest lamp's centre, cm; None in a room without one."""
     lamp: Floats | None
-    """Where the lamp is."""
+    """Direction of the lamp."""
 
 
 def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Floats | float) -> Around:
-    """What is around a robot at places x, y [n] (cm) that faces along `heading` (rad); its radius is one,
-    or [n].
+    """The surroundings of a robot at positions x, y [n] (cm) with headings `heading` [n] (rad).
 
     Args:
-        arena: where it is.
-        x, y, heading: its poses.
-        radius_cm: its body's, one or [n].
+        arena: the room.
+        x, y, heading: the poses.
+        radius_cm: of the body, one or [n].
     """
     dx, dy, gap = _nearest_surface(arena, x, y)
     clearance = gap - _told(radius_cm)
@@ -113,11 +112,11 @@ def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Float
 
 
 def fits(arena: Arena, x: Floats, y: Floats, radius_cm: float) -> bool:
-    """Whether a robot whose body is so wide could have been at all places x, y [n] (cm).
+    """Whether a robot of this radius could have been at all positions x, y [n] (cm).
 
     Args:
         arena: the room.
-        x, y: [n] places, cm.
+        x, y: [n] positions, cm.
         radius_cm: of the body.
     """
     return bool((_nearest_surface(arena, x, y)[2] > _told(radius_cm) - OUTSIDE_CM).all())
@@ -128,7 +127,7 @@ def _told(radius_cm: Floats | float) -> Floats:
 
 
 def _nearest_surface(arena: Arena, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-    """Direction (dx, dy) and distance of the nearest surface from a centre; below 0 outside the room."""
+    """Direction (dx, dy) and distance of the surface nearest to a centre; negative outside the room."""
     zero = np.zeros_like(x)
     width, depth = arena.size_cm
     found = [

@@ -1,4 +1,4 @@
-"""How sure a comparison is, and what is reported beside it."""
+"""Uncertainty of a comparison, and further statistics."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,7 +20,7 @@ NEIGHBOURS = 3
 
 
 class Correlation(NamedTuple):
-    """Of two figures over controllers: Pearson's r, Spearman's rho, and r's interval (95 %)."""
+    """Correlation of two figures over controllers: Pearson's r, Spearman's rho, and r's interval (95 %)."""
 
     r: float
     rho: float
@@ -50,11 +50,11 @@ def resampled_weights(distances: Distances, draw: np.random.Generator) -> tuple[
 
 
 def two_sample_p(distances: Distances, *, permutations: int = 199, seed: int = 0) -> float:
-    """Permutation p of a classifier two-sample test: can a neighbour tell which set a trial is of?
+    """Permutation p of a classifier two-sample test: do nearest neighbours reveal a trial's set?
 
-    Yes or no only, never a scale: it saturates. Matched starts are swapped within their pair, others
-    change sides with all their trials, and a trial's neighbours are never of its own start.
-    (Lopez-Paz and Oquab, ICLR 2017.)
+    A test only, not a scale, since it saturates. Matched starts are swapped within their pair, others change
+    sides with all their trials, and a trial's neighbours never have its own start. (Lopez-Paz and Oquab, ICLR
+    2017.)
     """
     far = np.where(distances.counts, distances._between, np.inf)
     order = np.argsort(far, axis=1)[:, :NEIGHBOURS]
@@ -62,7 +62,7 @@ def two_sample_p(distances: Distances, *, permutations: int = 199, seed: int = 0
     draw = np.random.default_rng(seed)
 
     def right(labels: NDArray[np.bool_]) -> Floats:
-        """Share of right guesses under each row of labels."""
+        """Share of correct guesses under each row of labels."""
         return np.asarray((labels[:, order] == labels[:, :, None]).mean(axis=(1, 2)))
 
     starts = distances.starts
@@ -71,14 +71,15 @@ def two_sample_p(distances: Distances, *, permutations: int = 199, seed: int = 0
         labels = truth ^ swapped[:, starts]
     else:
         side = np.zeros(starts.max() + 1, dtype=bool)
-        side[starts] = truth  # trials of one start are alike: they change sides together
+        side[starts] = truth  # trials of one start are correlated: they change sides together
         labels = draw.permuted(np.tile(side, (permutations, 1)), axis=1)[:, starts]
     at_least = int((right(labels) >= right(truth[None]) - 1e-12).sum())
     return (1 + at_least) / (1 + permutations)
 
 
 def parting_s(a: Sequence[Trial], b: Sequence[Trial]) -> list[float | None]:
-    """When each pair of trials of one start was a body's radius apart, s; None: never while both lasted."""
+    """The time at which each pair of trials of one start was a body's radius apart, s; None: never while both
+    lasted."""
     found: list[float | None] = []
     for one, other in _pairs(a, b):
         n = min(len(one), len(other))
@@ -90,8 +91,8 @@ def parting_s(a: Sequence[Trial], b: Sequence[Trial]) -> list[float | None]:
 def transferability(simulated: Sequence[Trial], situated: Sequence[Trial]) -> float:
     """Minus the disparity of paired trajectories: 0 is perfect (Koos, Mouret and Doncieux 2013).
 
-    The disparity is the mean squared distance between robots that set out together, over the mean
-    square of how far both went from their start. −1: as far from each other as from the start.
+    The disparity is the mean squared distance between robots with a common start, over the mean squared
+    distance of both from it. −1: as far from each other as from the start.
 
     Raises:
         UsageError: no start in common.

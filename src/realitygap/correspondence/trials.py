@@ -1,4 +1,4 @@
-"""A trial as it is compared: where the robot was, ten times a second, however it was watched."""
+"""A trial prepared for comparison: the robot's poses at 10 Hz, from any source."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from realitygap.values import Floats
 __all__ = ["RADIUS_CM", "SHORTEST_S", "STEP_S", "Trial", "require_trials", "resampled", "trial_of"]
 
 RADIUS_CM = 2.9
-"""A Khepera's body (§3.1), as of the scale's exemplars."""
+"""A Khepera's body (§3.1), as for the scale's exemplars."""
 RATE_HZ = 10.0
-"""Every track is brought to the simulation's own rate."""
+"""Every track is resampled to the simulation's rate."""
 STEP_S = 1.0 / RATE_HZ
 SHORTEST_S = 2.0
 """Shorter tracks show too little behaviour to compare."""
 LONGEST_GAP_S = 1.0
-"""A robot that was lost for longer may have done anything."""
+"""After a longer loss the robot may have done anything in between."""
 FARTHEST_CM = 1e5
-"""No robot is so far from its arena's corner: such a track is in other units."""
+"""No robot is this far from its arena's corner: such a track is in other units."""
 SLOWEST_HZ = 4.5
-"""Tracks with fewer rows a second do not show a turn."""
+"""Tracks with fewer rows a second do not resolve turns."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
     """One trial at 10 Hz, arrays [n]; x and y in cm, heading in rad, unwrapped.
 
-    No Track: it has neither times nor gaps, but a name by which it is laid beside others row by row.
+    Not a Track: it has neither times nor gaps, and a name to compare it with others row by row.
 
     Attributes:
-        start: which start it is; trials of two sets with the same name and pose are a pair.
-        unit: which robot unit it was, "" if unknown.
+        start: name of its start; trials of two sets with the same name and pose are a pair.
+        unit: the robot unit, "" if unknown.
         radius_cm: of its body, a Khepera's if unknown.
         source: the file, for messages.
-        bridged_s: how much of it was lost and bridged.
-        rate_hz: rows a second that it was made of, 10 where there were more.
-        doubt: what seems wrong with it, in words; "" if nothing.
+        bridged_s: time lost and interpolated.
+        rate_hz: rows a second of its source, at most 10.
+        doubt: a warning; "" for none.
     """
 
     x: Floats
@@ -62,7 +62,7 @@ class Trial:
 
     @property
     def seconds(self) -> float:
-        """From its first row to its last."""
+        """Time from the first row to the last."""
         return (len(self) - 1) * STEP_S
 
     def cut(self, seconds: float) -> Trial:
@@ -83,7 +83,7 @@ class Trial:
 def trial_of(
     trajectory: Trajectory, *, start: str = "1", unit: str = "", radius_cm: float = RADIUS_CM
 ) -> Trial:
-    """A simulated trajectory as a trial of a start, a robot's unit and a body, its last pose included.
+    """A simulated trajectory as a trial, its last pose included.
 
     Args:
         trajectory: of the simulation.
@@ -105,12 +105,12 @@ def resampled(
 ) -> Trial:
     """A track of any rate as a trial.
 
-    Short losses inside are bridged; rows before it was first and after it was last seen are dropped.
+    Short losses are interpolated; rows before the robot was first and after it was last seen are dropped.
 
     Args:
         track: NaN where the robot was lost.
         start, unit: its names.
-        source: for messages, by default whoever saw it.
+        source: for messages, by default the track's source.
         radius_cm: the body's.
 
     Raises:
@@ -143,7 +143,7 @@ def resampled(
 
 
 def _require_seen(t: Floats, where: str) -> None:
-    """Refuse what shows too little."""
+    """Refuse tracks with too few rows."""
     seconds = float(t[-1] - t[0]) if len(t) > 1 else 0.0
     if seconds < SHORTEST_S - 1e-6:
         raise TrackError(
@@ -171,10 +171,10 @@ def _require_seen(t: Floats, where: str) -> None:
 
 
 def require_trials(trials: object) -> None:
-    """Refuse what is not a list of trials.
+    """Refuse anything but a list of trials.
 
     Raises:
-        UsageError: says what came.
+        UsageError: names what came.
     """
     must_be(trials, Sequence, "trials", "read_trials(path) reads them.")
     for one in trials:  # type: ignore[attr-defined]

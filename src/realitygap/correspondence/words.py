@@ -1,4 +1,4 @@
-"""The column "differences": what a judge would say, from signed numbers (tables 1 and 2)."""
+"""The column "differences": a judge's words, from signed numbers (tables 1 and 2)."""
 
 import math
 from collections.abc import Sequence
@@ -14,15 +14,15 @@ Told = dict[str, Floats]
 """Descriptors of a set's trials, by name (`describe_all`)."""
 
 QUIET_DEG_S = 2.0
-"""Jitter that nobody sees; added to both, so that a robot without noise can be compared."""
+"""Invisible jitter; added to both sides, so that a robot without noise can be compared."""
 CLOSE_CM, ASKEW_DEG = 0.5, 10.0
-"""Distance and angle that nobody sees; added likewise."""
+"""Invisible distance and angle; added likewise."""
 NOISE_STEPS, RESPONSE_STEPS = (0.4, 1.0, 1.6), (0.06, 0.2, 0.5)
-"""|log2 ratio| from which a difference is little, plain, much."""
+"""|log2 ratio| from which a difference is small, clear, large."""
 LOOPS = 0.15
-"""Share of time from which more or less looping is seen."""
+"""Difference in the share of time from which more or less looping is visible."""
 ALIKE = ((9.7, "observably identical"), (8.8, "very similar"))
-"""Scores from which no difference is worth a word."""
+"""Scores from which no difference is mentioned."""
 ANOTHER = "another behaviour"
 
 _NOISE = {
@@ -36,16 +36,16 @@ _RESPONSE = {
 
 
 def noisiness(a: Sequence[Trial], b: Sequence[Trial]) -> float:
-    """log2 of how much more jitter the turning of b has than that of a."""
+    """log2 of the ratio of b's jitter in turning to a's."""
     return signed(describe_all(a, None), describe_all(b, None))[0]
 
 
 def signed(a: Told, b: Told) -> tuple[float, float | None, float]:
-    """Noisiness, responsiveness and looping of b beside a, from the descriptors of both sets' trials.
+    """Noisiness, responsiveness and looping of b relative to a, from both sets' descriptors.
 
-    Responsiveness is the log2 of how much sooner b answers to what it meets: how far from a surface
-    ahead it turns; with a lamp how squarely it faces that; None without an arena. Looping is how much
-    larger a share of its time b goes round in loops.
+    Responsiveness is the log2 ratio of how early b responds: the distance at which it turns from a surface
+        ahead, or with a lamp how directly it faces the lamp; None without an arena. Looping is the difference
+        in the share of time spent going round in loops.
     """
     response = None
     if "light bearing" in a:
@@ -57,9 +57,9 @@ def signed(a: Told, b: Told) -> tuple[float, float | None, float]:
 
 
 def differences(score: float, behaviour: float, noisy: float, responsive: float | None, loops: float) -> str:
-    """What b is beside a, in the paper's words, the largest difference first.
+    """Differences of b from a in the paper's words, the largest first.
 
-    A behaviour beyond the scale's ceiling is another, whatever else differs.
+    A behaviour beyond the scale's ceiling is another one, whatever else differs.
 
     Args:
         score, behaviour: 0 to 10.
@@ -82,7 +82,7 @@ def differences(score: float, behaviour: float, noisy: float, responsive: float 
 def _word(
     value: float | None, phrases: dict[int, tuple[str, str, str]], steps: tuple[float, float, float]
 ) -> tuple[float, str] | None:
-    """How large a difference is beside its first step, and its phrase; None where nobody would see it."""
+    """Size of a difference relative to its first step, and its phrase; None if it is not noticeable."""
     if value is None or abs(value) < steps[0]:
         return None
     size = sum(abs(value) >= step for step in steps) - 1

@@ -21,8 +21,7 @@ Words = tuple[str, Mapping[str, bytes]]
 
 
 class Home(Closing):
-    """The folder that a worker reads a study from: the study's own, or a temporary one (`close` deletes it).
-    """
+    """The folder that a worker reads a study from: its own, or a temporary one that `close` removes."""
 
     def __init__(self, folder: Path, made: temporary.Folder | None = None) -> None:
         self.folder, self._made = folder, made
