@@ -146,12 +146,7 @@ def _lost(rows: Rows, fit: Fit, simpler: Fit) -> bool:
 
 
 def solve_form(
-    rows: Rows,
-    problem: Problem,
-    noise: float,
-    *,
-    start: Values | None = None,
-    intervals: bool,
+    rows: Rows, problem: Problem, noise: float, *, start: Values | None = None, intervals: bool
 ) -> Fit:
     """Fit a form by least squares.
 

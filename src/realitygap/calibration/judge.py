@@ -25,12 +25,7 @@ from realitygap.calibration.forward import (
 )
 from realitygap.calibration.light_forms import AMBIENT_COUNTS
 from realitygap.calibration.misfit import LIMITS, Misfit, Yardstick, lit_ratio, measure_noise, misfits, within
-from realitygap.calibration.recordings.recording import (
-    Recording,
-    SensorRecording,
-    WheelRecording,
-    count_unit,
-)
+from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording, count_unit
 from realitygap.calibration.rows import PROXIMITY_COUNTS
 from realitygap.calibration.series import set_up
 from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd

@@ -18,13 +18,7 @@ from realitygap.calibration.solve import Free, Values
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
-__all__ = [
-    "LIGHT_FORMS",
-    "as_bright_as_the_paper",
-    "light_frees",
-    "light_model",
-    "with_light",
-]
+__all__ = ["LIGHT_FORMS", "as_bright_as_the_paper", "light_frees", "light_model", "with_light"]
 
 Scenes = Sequence[tuple[str, Scene]]
 

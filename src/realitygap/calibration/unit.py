@@ -92,12 +92,7 @@ def calibrated_unit(
 
 
 def calibrated_again(
-    folder: str | Path,
-    *,
-    of: Path,
-    share: float = 1.0,
-    form: str | None = None,
-    workers: Workers = 1,
+    folder: str | Path, *, of: Path, share: float = 1.0, form: str | None = None, workers: Workers = 1
 ) -> Path:
     """Another profile of a unit from its recordings, or from a share of their places (`share.py`).
 

@@ -24,12 +24,7 @@ __all__ = ["simulate"]
 @option.picture
 @option.as_json
 def simulate(
-    controller: str,
-    seed: int,
-    seconds: float | None,
-    picture: Path | None,
-    json_output: bool,
-    **where: Any,
+    controller: str, seed: int, seconds: float | None, picture: Path | None, json_output: bool, **where: Any
 ) -> None:
     """Simulate one trial of TASK.
 

@@ -38,15 +38,7 @@ from realitygap.controller.layout import (
 )
 from realitygap.kernels.jit import routine, step
 from realitygap.kernels.rng import below, substream, uniform
-from realitygap.streams import (
-    ADD_LINK,
-    ADD_NEURON,
-    CROSSOVER,
-    DELETE_LINK,
-    DELETE_NEURON,
-    MUTATION,
-    START,
-)
+from realitygap.streams import ADD_LINK, ADD_NEURON, CROSSOVER, DELETE_LINK, DELETE_NEURON, MUTATION, START
 
 __all__ = ["Rates", "crosses", "offspring", "random_genes"]
 

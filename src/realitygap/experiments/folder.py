@@ -1,4 +1,4 @@
-"""An experiment's folder: its settings, made once and only continued with the same; its files and tables."""
+"""An experiment's folder: its fixed settings, its files and tables."""
 
 import json
 import math
@@ -26,23 +26,23 @@ T = TypeVar("T")
 S = TypeVar("S", bound="Settings")
 
 RESULTS = "results"
-"""Folder of the resulting tables: all that a report needs."""
+"""Folder of the resulting tables: everything that a report needs."""
 ADDED = ("versions", "plan")
-"""What a settings file holds besides these."""
+"""What a settings file contains besides the settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(Value):
-    """An experiment's settings: all that its results depend on.
+    """An experiment's settings: everything that its results depend on.
 
-    A kind of experiment says FILE, where its settings are in its folder; WHAT messages call it; the COMMAND
-    that makes it; FACTS, the file of its results that comes last, if it has one.
+    A kind of experiment defines FILE, its settings' file; WHAT, its name in messages; the COMMAND that makes
+    it; FACTS, the last file of its results, if any.
     """
 
     FILE = COMMAND = WHAT = FACTS = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """The settings, keys as in their file; what is None is left out."""
+        """The settings with the file's keys; None is left out."""
         return {key: value for key, value in super().to_dict().items() if value is not None}
 
     @property
@@ -56,12 +56,12 @@ class Settings(Value):
 
     @classmethod
     def from_dict(cls, table: Mapping[str, Any]) -> Self:
-        """From a dictionary with a file's keys, what an experiment adds to them left out."""
+        """From a dictionary with a file's keys, ignoring what an experiment adds."""
         return build(cls, {key: value for key, value in table.items() if key not in ADDED})
 
     @classmethod
     def from_folder(cls, folder: Path) -> Self:
-        """The settings that the experiment in a folder was made with.
+        """The settings of the experiment in a folder.
 
         Raises:
             StudyError: no such experiment there.
@@ -78,21 +78,21 @@ class Settings(Value):
 
     @classmethod
     def begun(cls, folder: Path, *, resume: bool) -> Self:
-        """The usual settings; those of a folder that is to be continued, if it holds any."""
+        """The default settings; or, to resume, those of the experiment in a folder, if there is one."""
         return cls.from_folder(folder) if resume and (folder / cls.FILE).is_file() else cls()
 
 
 def open_folder(
     folder: Path, kind: type[S], requested: S | None, *, resume: bool, facts: Mapping[str, Any] | None = None
 ) -> S:
-    """Make the requested experiment in the folder, or open the one that is there; the lock is held.
+    """Create the requested experiment in the folder, or open the one there; the lock is held.
 
     Args:
         folder: the experiment's.
         kind: of experiment.
-        requested: the settings; None: to continue what is there.
-        resume: continue it.
-        facts: what is written beside new settings.
+        requested: the settings; None: those in the folder.
+        resume: whether to continue one.
+        facts: written with new settings.
 
     Raises:
         StudyError: there is one but `resume` is not set, or it was made with other settings, or
@@ -110,7 +110,7 @@ def open_folder(
             whole.write(folder / kind.FILE, f"{header}{again}\n{text}")
         return requested
     there = kind.from_folder(folder)
-    if (folder / _copy(kind)).is_file():  # older ones keep none
+    if (folder / _copy(kind)).is_file():  # older ones have none
         made = read_toml(folder / _copy(kind), StudyError, "", broken="Restore it from a copy.")
         refuse_edited_settings(folder / kind.FILE, kind.from_dict(made).to_dict(), there.to_dict())
     if not resume:
@@ -124,51 +124,50 @@ def open_folder(
 
 
 def _copy(kind: type[Settings]) -> str:
-    """The file of the settings once more: a person may have edited those that are shown."""
+    """The file of a copy of the settings: a person may have edited the visible ones."""
     return f".{kind.FILE}"
 
 
 def missing(files: Mapping[T, Path]) -> list[T]:
-    """Whose file is not there yet; files appear as a whole or not at all."""
+    """Keys whose file does not exist yet; files appear complete or not at all."""
     return [one for one, file in files.items() if not file.is_file()]
 
 
 @contextmanager
 def kept(file: Path, what: str) -> Iterator[None]:
-    """Read a file that a phase left; anything wrong with it ends in one line.
+    """Read a file of an earlier phase; any fault is reported in one line.
 
     Raises:
-        StudyError: it is not there, or broken.
+        StudyError: it is missing or broken.
     """
     try:
         yield
-    except Exception:  # a broken archive has a dozen ways to say so
+    except Exception:  # a broken archive raises a dozen kinds of errors
         cure = "Delete it and resume: it is made again."
         raise StudyError(f"{file}: expected {what}. {cure}") from None
 
 
 class Seconds:
-    """How long each phase took, over all sessions, kept in the experiment's folder."""
+    """Duration of each phase over all sessions, kept in the experiment's folder."""
 
     def __init__(self, folder: Path) -> None:
         self._file = folder / "seconds.json"
 
     def read(self) -> dict[str, float]:
-        """Seconds by phase; a file that cannot be read tells nothing, and no result hangs on it."""
+        """Seconds by phase; an unreadable file counts as empty, since no result depends on it."""
         try:
             return {str(key): float(value) for key, value in json.loads(self._file.read_text()).items()}
         except (OSError, ValueError, AttributeError, TypeError, ArithmeticError, RecursionError):
             return {}
 
     def add(self, phase: str, seconds: float) -> None:
-        """So much more."""
         table = self.read()
         table[phase] = round(table.get(phase, 0.0) + seconds, 1)
         whole.write(self._file, json.dumps(table, indent=1) + "\n")
 
 
 def write_table(file: Path, head: Iterable[str], rows: Iterable[Sequence[object]]) -> None:
-    """A CSV file of five digits; what is not known is empty."""
+    """Write a CSV file with five digits; unknown values are empty."""
     whole.write(file, to_csv([list(head), *([_text(value) for value in row] for row in rows)]))
 
 

@@ -1,6 +1,6 @@
-"""Phases of an experiment: calibrate, evolve, let controllers drive; each leaves files that the next reads.
+"""Phases of an experiment: calibrate, evolve, drive; each writes files that the next reads.
 
-A file appears whole or not at all and a finished one is never made again, which is all there is to resuming.
+A file appears complete or not at all and a finished one is never made again: this is all that resuming needs.
 """
 
 import time
@@ -27,7 +27,7 @@ __all__ = ["Made", "Phase", "Phases", "Recorded", "session"]
 FIRST_GUESS_S = 2.0
 """The time left is estimated once this much time has been spent on finished work."""
 KEEP_S = 10.0
-"""How often the time that a phase has taken is saved."""
+"""Interval at which a phase's duration is saved."""
 
 Recorded = Callable[[str, int, int], None]
 """Called with a calibration's part, how much of it is done, and of how much."""
@@ -35,7 +35,7 @@ Recorded = Callable[[str, int, int], None]
 
 @contextmanager
 def session(folder: Path, workers: Workers) -> Iterator[Pool]:
-    """Hold a folder and a pool for a while.
+    """Lock a folder and open a pool for a session.
 
     Raises:
         StudyInterruptedError: Ctrl-C; finished work is kept.
@@ -49,15 +49,15 @@ def session(folder: Path, workers: Workers) -> Iterator[Pool]:
 
 
 class Phase(NamedTuple):
-    """What is to be done.
+    """A phase of the work.
 
     Attributes:
         key: its name in files.
-        title: for people.
-        what: its things are.
-        total: how many there are, those of earlier sessions included.
+        title: for display.
+        what: its items are called.
+        total: number of items, with those of earlier sessions.
         left: to do.
-        cost: about how long one takes on one core, s: a hint for the time that is left, nothing else.
+        cost: approximate time of one on one core, s: only used to estimate the time left.
     """
 
     key: str
@@ -69,18 +69,18 @@ class Phase(NamedTuple):
 
 
 class Made(NamedTuple):
-    """The result of a job: a file, by its name from the experiment's folder. Shares of it come before."""
+    """The result of a job: a file, named relative to the experiment's folder. Shares of it come before."""
 
     file: str
     content: bytes
 
 
 class Phases:
-    """Does what is left to do, phase by phase, and says how far it is.
+    """Does the remaining work, phase by phase, and reports progress.
 
     Args:
         folder: the experiment's.
-        pool: who does the work.
+        pool: of workers.
         phases: all of them, in order.
         on_progress: called with progress.
     """
@@ -95,13 +95,13 @@ class Phases:
     def calibrate(
         self, phase: Phase, units: Iterable[int], record: Callable[[int, Recorded], None], steps: int
     ) -> None:
-        """Record and fit units that lack a profile, one after the other; each has `steps` parts.
+        """Record and fit units without a profile, one after the other.
 
         Args:
             phase: this one.
-            units: that lack a profile.
-            record: makes it, and tells of its parts.
-            steps: how many parts a unit has.
+            units: without a profile.
+            record: makes one, and reports its parts.
+            steps: number of a unit's parts.
         """
         with self._timed(phase, phase.total - phase.left):
             for unit in units:
@@ -122,7 +122,7 @@ class Phases:
     def evolve(
         self, phase: Phase, studies: Iterable[tuple[Path, StudyConfig, int]], **options: Any
     ) -> list[Study]:
-        """Carry out studies, one after the other: a folder, what evolves there, and how many runs that is;
+        """Carry out studies one after the other: each a folder, a configuration and the number of its runs;
         `options` are those of `run_study`."""
         made, before = [], 0
         with self._timed(phase, 0):
@@ -145,9 +145,9 @@ class Phases:
         return heard
 
     def drive(self, phase: Phase, setup: Callable[[], Setup], jobs: Iterable[Any]) -> None:
-        """Have jobs done, of which each tells shares of itself and then what it made.
+        """Have jobs done, each of which sends shares of its work and then its result.
 
-        `setup`, which a worker starts with, is called if there is something to do.
+        `setup`, for starting workers, is called if there is something to do.
         """
 
         def heard(message: float | Made) -> None:
@@ -176,7 +176,7 @@ class Phases:
         self._reporter.end()
 
     def _keep_time(self, every_s: float = 0.0) -> None:
-        """Write down what the phase took; now and then as it goes, so that no kill makes it look quick."""
+        """Save the phase's duration, also now and then during it, so that it survives a kill."""
         now = time.monotonic()
         if now - self._since >= every_s:
             Seconds(self._folder).add(self._key, now - self._since)

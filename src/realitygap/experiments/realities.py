@@ -1,4 +1,4 @@
-"""The whole loop on several realities: each is an experiment of noise in a folder of its own.
+"""The whole loop on several realities: each is a noise experiment in a folder of its own.
 
 from realitygap.experiments.realities import Realities, carry_out
 
@@ -30,7 +30,7 @@ ASKED = "realities.toml"
 TASK = "obstacle-avoidance"
 """The one task for which every reality has sensors: Enki has no ambient light."""
 LARGE, WIDE = "obstacle-avoidance-large", ("enki:thymio2",)
-"""The arena of robots that are too large for the paper's, and which these are."""
+"""The arena for robots that are too large for the paper's, and which these are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,10 +38,10 @@ class Realities(Settings):
     """The settings, the same on each reality.
 
     Attributes:
-        robots: addresses that must be there: "twin", "stranger", "enki:MODEL", or a robot of your own that
-            places itself, "file.py:Class".
-        only: leave out what is not among `robots`; else all that are available are tried.
-        base: the rough profile of your own robots.
+        robots: required addresses: "twin", "stranger", "enki:MODEL", or a robot of your own that places
+            itself, "file.py:Class".
+        only: try only `robots`; else all available realities.
+        base: the approximate profile of your own robots.
         levels: of noise: controllers evolve at each, and are compared with the simulation at each.
         runs: controllers of each level; starts: trials of each; evaluations: of each run.
         seconds: length of a trial; 0 for the task's own.
@@ -73,11 +73,11 @@ class Realities(Settings):
         )
         named = (self.study(robot).robot or "twin" for robot in self.robots)
         object.__setattr__(self, "robots", tuple(dict.fromkeys(named)))
-        self.study(AT_HAND[0])  # which checks all the rest
+        self.study(AT_HAND[0])  # checks all other settings
 
     @property
     def every(self) -> tuple[str, ...]:
-        """The robots that are tried, each once, available ones first."""
+        """All robots to try, each once, available ones first."""
         known = () if self.only else AT_HAND
         return tuple(dict.fromkeys((*known, *self.robots)))
 
@@ -88,7 +88,7 @@ class Realities(Settings):
 
     @property
     def named(self) -> str:
-        """All robots, where one of them is a program."""
+        """Options for all robots, if one of them is a program."""
         return "".join(f" --robot {shlex.quote(robot)}" for robot in self.robots if self.programs)
 
     def study(self, robot: str) -> NoiseConfig:
@@ -104,7 +104,7 @@ class Realities(Settings):
 
 
 class Place(NamedTuple):
-    """A reality and the folder of its experiment; or, in words, why it was left out."""
+    """A reality and the folder of its experiment; or the reason why it was left out."""
 
     robot: str
     folder: Path
@@ -119,27 +119,27 @@ def carry_out(
     resume: bool = False,
     on_progress: OnProgress | None = None,
 ) -> list[Place]:
-    """Record, calibrate, evolve, drive and compare on one reality after the other; or continue that.
+    """Record, calibrate, evolve, drive and compare on one reality after the other; or continue.
 
-    Neither `workers` nor an interruption changes a bit of what comes out.
+    Neither `workers` nor interruptions change a bit of the results.
 
     Args:
-        folder: made if it does not exist.
-        requested: what to do; None to resume with the saved settings.
+        folder: created if it does not exist.
+        requested: the settings; None to resume with the saved ones.
         workers: processes, one a core if None; or a pool.
-        resume: continue what is in the folder.
+        resume: continue the experiment in the folder.
         on_progress: called a few times a second.
 
     Returns:
-        All realities; those that were left out say why.
+        All realities, with the reason for those left out.
 
     Raises:
-        UsageError: a reality that was named is not there, wrong settings, a folder that cannot be used.
+        UsageError: a named reality is not available, wrong settings, a folder that cannot be used.
         StudyInterruptedError: Ctrl-C; finished work is kept.
     """
     folder = Path(folder)
     if requested is not None:
-        list(_places(folder, requested))  # whoever is named and missing is told before a folder is made
+        list(_places(folder, requested))  # missing named ones are reported before a folder is created
     with lock(folder):
         asked = open_folder(folder, Realities, requested, resume=resume)
         places = list(_places(folder, asked))
@@ -150,7 +150,7 @@ def carry_out(
 
 
 def _named(robot: str, on_progress: OnProgress | None) -> OnProgress:
-    """Says of which reality it is told."""
+    """Adds the reality's name to its progress."""
 
     def heard(event: Progress) -> None:
         if on_progress is not None:
@@ -160,7 +160,7 @@ def _named(robot: str, on_progress: OnProgress | None) -> OnProgress:
 
 
 def _places(folder: Path, asked: Realities) -> Iterator[Place]:
-    """Each reality; of one that is not there, and was not named, why it is left out."""
+    """Each reality; with a reason for those that are neither available nor named."""
     for robot in asked.every:
         config, why = asked.study(robot), ""
         try:

@@ -1,6 +1,6 @@
 """The paper's whole experiment in one folder: calibrate on a unit, evolve, transfer to it (§3.2.1, §6).
 
-The settings are saved first, so that `--resume` needs no options at any of these phases.
+The settings are saved first, so that `--resume` needs no options in any phase.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ __all__ = [
 ]  # fmt: skip
 
 UNIT = 1
-"""The twin's unit that is measured, and that the evolved controllers then drive."""
+"""The twin's unit that is measured and then driven."""
 STARTS = 8
 """Trials of each champion on the unit: enough for a mean and an interval."""
 
@@ -51,7 +51,7 @@ class Reproduction(Value):
 
     Attributes:
         runs, evaluations, seed: as a study's.
-        profile: the robot; "" for one that is calibrated to unit 1 of the twin.
+        profile: the robot; "" for one calibrated to unit 1 of the twin.
         starts: trials of each champion on the unit; more may be requested later.
     """
 
@@ -68,13 +68,13 @@ class Reproduction(Value):
         whole("starts", self.starts, 1, 10**6)
 
     def study(self, profile: str) -> StudyConfig:
-        """The paper's study with these numbers and a robot."""
+        """The paper's study with these settings and a robot."""
         plain = StudyConfig.reproduction(runs=self.runs, evaluations=self.evaluations, seed=self.seed)
         return replace(plain, profile=profile)
 
     @classmethod
     def from_toml(cls, path: Path) -> Self:
-        """From the file that a reproduction begins with.
+        """From the settings' file of a reproduction.
 
         Raises:
             ConfigError: names the file and what is wrong with it.
@@ -88,7 +88,7 @@ class Reproduction(Value):
 
 
 def begun(folder: Path) -> Reproduction | None:
-    """The settings of the reproduction in a folder, however far it is; None where there is none."""
+    """The settings of the reproduction in a folder, finished or not; None if there is none."""
     asked = Reproduction.from_toml(folder / ASKED) if (folder / ASKED).is_file() else None
     if not exists(folder):
         return asked
@@ -106,12 +106,12 @@ def configured(
     workers: Workers,
     on_progress: Calibrating | None = None,
 ) -> StudyConfig:
-    """The requested study in its folder, its robot calibrated first where no profile is named.
+    """The requested study in its folder, with its robot calibrated first if no profile is named.
 
     Args:
         folder: the study's.
         requested: the settings.
-        resume: continue what is there.
+        resume: continue the one there.
         workers: processes; one a core if None.
         on_progress: called with the calibration's progress.
 
@@ -143,7 +143,7 @@ def configured(
 def transferred(
     study: Study, *, starts: int, workers: Workers, on_progress: OnProgress | None
 ) -> list[Transferred]:
-    """Every champion on the unit from each start; the first trials of those that figures show are filmed.
+    """Every champion on the unit from each start; the first trials of those in figures are filmed.
 
     Args:
         study: with its runs finished.
@@ -157,7 +157,7 @@ def transferred(
 
 
 def again(study: Study) -> str:
-    """The options with which `realitygap reproduce` makes a study again; "" where it makes another."""
+    """The options of `realitygap reproduce` that make a study again; "" if it would make another."""
     config, asked = study.config, study.folder / ASKED
     plain = StudyConfig.reproduction(runs=config.runs, evaluations=config.evaluations, seed=config.seed)
     free = {key: getattr(plain, key) for key in ("title", "checkpoint_every", "profile", "arenas")}
@@ -180,14 +180,14 @@ def again(study: Study) -> str:
 
 
 def meanwhile(workers: Workers) -> list[Callable[[], None]]:
-    """What workers do while others record the robot: compile what comes after, if it is not on file."""
+    """Work for workers while others record the robot: compiling what comes next, if it is not on disk."""
     from realitygap.kernels.jit import SHELF
 
     return [] if workers == 1 or SHELF.holds("run_trials") else [compile_ahead]
 
 
 def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:
-    """Write down what is requested, or check that it is what was requested before."""
+    """Save the requested settings, or check that they equal the saved ones."""
     path = folder / ASKED
     if not path.is_file():
         open_to_begin(folder)

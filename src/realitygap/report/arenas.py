@@ -25,11 +25,10 @@ AMBIENT_RAYS_CM = 15.0
 def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = False) -> None:
     """Floor, walls, inner walls, cylinders and lamps of an arena, to scale; the axes become cm.
 
-    With `labels` they have ticks, otherwise there is nothing but the picture; with `names` lamps have theirs.
 
     Args:
-        ax: where; its axes become cm.
-        arena: as the kernels see it.
+        ax: where to draw.
+        arena: in the kernels' form.
         labels: axes with ticks in cm; otherwise nothing but the picture.
         names: write "lamp" at the lamps.
     """
@@ -55,7 +54,7 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
 
 
 def _name_surfaces(ax: Axes, arena: Arena) -> None:
-    """How much more than usual surfaces throw back, where that is said of them."""
+    """Write the reflectance on surfaces that state one, relative to usual ones."""
     words: dict[str, Any] = {"color": style.INK, "fontsize": 6, "zorder": 1.5}
     walls, posts = arena.reflectance[:1], zip(arena.cylinders, arena.reflectance[1:], strict=False)
     for (x, y, _), value in posts:
@@ -66,7 +65,7 @@ def _name_surfaces(ax: Axes, arena: Arena) -> None:
 
 
 def _ticks(length: float) -> list[float]:
-    """Round places from 0 to `length`, at most seven."""
+    """Round values from 0 to `length`, at most seven."""
     gap = next(g for g in (1, 2, 5, 10, 20, 50, 100, 200, 500, math.inf) if length / g <= 6)
     return [k * gap for k in range(int(length / gap) + 1)] if gap < math.inf else [0.0, length]
 
@@ -106,7 +105,7 @@ def draw_start(ax: Axes, start: np.ndarray) -> None:
 
 
 def cast(arena: Arena, origin: F, direction: F) -> F:
-    """Distance in cm from each origin [N, 2] along each unit vector [N, 2] to the nearest thing."""
+    """Distance in cm from each origin [N, 2] along each unit vector [N, 2] to the nearest surface."""
     width, depth = arena.size
     walls = np.array(
         [[0, 0, width, 0], [width, 0, width, depth], [width, depth, 0, depth], [0, depth, 0, 0]], dtype=float
@@ -132,12 +131,12 @@ def cast(arena: Arena, origin: F, direction: F) -> F:
 
 
 def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float], reach: F | float) -> F:
-    """Where the rays of all sensors start and end, [S · RAYS, 2 ends, 2] in cm.
+    """Ends of the rays of all sensors, [S · RAYS, 2 ends, 2] in cm.
 
     Args:
         place, ray: [S, 2] cm, [S, 2, lanes] unit vectors; both in the robot's frame.
         pose: x, y (cm), heading (rad).
-        reach: [S] cm: bounds each sensor's rays.
+        reach: [S] cm: maximum length of each sensor's rays.
     """
     x, y, heading = pose
     turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
@@ -149,16 +148,15 @@ def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float]
 
 
 def _draw_rays(ax: Axes, robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> None:
-    """The rays that a task's robot senses with."""
+    """Draw the rays of the sensors that a task feeds."""
     rays = rays_of(robot, arena, feeds, pose)
     ax.add_collection(LineCollection(list(rays), colors=style.RAY, linewidths=0.45, zorder=3))
     ax.plot(*rays[::RAYS, 0].T, "o", color=style.RAY, markersize=1.8, zorder=6)
 
 
 def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> F:
-    """The rays of what is fed to a network, to what they meet or as far as they matter: [rays, 2 ends, 2] cm.
+    """Rays of the fed sensors, to the first surface or their range: [rays, 2 ends, 2] cm.
 
-    The pose is x, y (cm), heading (rad); `feeds` as in a task.
 
     Args:
         robot: the robot.
@@ -177,7 +175,7 @@ def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, fl
 
 
 def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[float, float, float]:
-    """Where the robot of figure 1 stands: at its start, or beside an obstacle where starts are a region."""
+    """Pose of the robot in figure 1: its start, or beside an obstacle where starts are a region."""
     x, y, region = (float(v) for v in start[:3])
     heading = float(start[3]) if start[4] - start[3] < 6.28 else 0.0
     radius = float(robot.radius)
@@ -195,9 +193,8 @@ def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[
 
 
 def arena_figure(room: world.Arena, profile: Profile, feeds: str, start: np.ndarray) -> Figure:
-    """Figure 1 or 2: a task's arena, with a robot that senses by what is fed to it, to scale.
+    """Figure 1 or 2: a task's arena to scale, with a robot and the rays of its fed sensors.
 
-    `feeds` is "proximity", "ambient" or "proximity+ambient"; `start` as for `draw_start`.
 
     Args:
         room: the task's arena.

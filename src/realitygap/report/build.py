@@ -1,4 +1,4 @@
-"""Make a study's report: `index.html`, every figure as PNG and SVG, every table as CSV."""
+"""Writes a study's report: `index.html`, every figure as PNG and SVG, every table as CSV."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -35,7 +35,7 @@ def build_report(
 
     Args:
         study_path: the study's folder; it may be unfinished.
-        workers: who draws the figures: processes (None: one a core), or a pool; changes no byte.
+        workers: processes that draw the figures (None: one a core), or a pool; does not affect the result.
         on_progress: called with figures done, figures in all, and the name of the next one.
 
     Raises:
@@ -71,7 +71,7 @@ def figures_of(study: Study) -> Figures:
 def _gathered(
     study: Study, parts: Sequence[TaskPart], folder: Path, figures: Figures
 ) -> tuple[Sections, dict[str, object]]:
-    """What made the sections of a page, its figures and its tables with it; and what the page shows."""
+    """The sections of a page with all its figures and tables; and the page's values."""
     maker = Sections(
         study=study, folder=folder, figures=figures, tables={}, pairs=pairs_of(study, parts),
         marks=marks_of(study), paper=is_paper(study, parts),
@@ -83,7 +83,7 @@ def _gathered(
 
 
 def _told(study: Study, parts: Sequence[TaskPart]) -> dict[str, object]:
-    """What the page says of the study, and of how it was made."""
+    """The page's values on the study and how it was made."""
     settings = study.folder / "study.toml"
     levels = sorted({c.level: c.name for part in parts for c in part.conditions}.items())
     return {
@@ -113,7 +113,7 @@ def scripts() -> str:
 
 
 def _stand_in(sections: Sequence[dict[str, Any]]) -> dict[str, str]:
-    """What the evolved networks drove besides the simulation: "twin", "robot", "both" or nothing; and that
+    """What the evolved networks drove besides the simulation ("twin", "robot", "both" or nothing), and that
     in words."""
     driven = {group.kind for s in sections if s["situated"] for group in s["situated"].groups}
     kinds = {name == ROBOT for name in driven}

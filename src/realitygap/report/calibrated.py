@@ -1,4 +1,4 @@
-"""What a study's page says of the calibration behind its simulation (§3.2.1)."""
+"""The section of a study's page on the calibration behind its simulation (§3.2.1)."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ __all__ = ["calibrated_part"]
 CHANNELS = {"infrared": "infrared proximity", "ambient": "ambient light", "wheels": "wheels"}
 UNITS = {"infrared": "counts", "ambient": "counts", "wheels": "cm/s"}
 BINS = 12
-"""Parts of a wheel's speeds, in each of which the model's error is averaged."""
+"""Number of ranges of a wheel's speed in which the model's error is averaged."""
 FEWEST = 20
-"""Steps that make a part's average worth drawing."""
+"""Steps needed in a range for its average to be drawn."""
 
 
 def calibrated_part(study: Study, figures: Figures) -> dict[str, object] | None:
-    """The section for a study's page: where from, how well, and a figure if the recordings are there.
+    """The section for a study's page: source, accuracy, and a figure if the recordings are available.
 
-    None where the robot's profile was not fitted to recordings.
+    None if the robot's profile was not fitted to recordings.
     """
     from realitygap.calibration.judge import LIMITS
 
@@ -71,7 +71,7 @@ def calibrated_part(study: Study, figures: Figures) -> dict[str, object] | None:
 
 
 def _real(profile: Profile) -> str:
-    """How near such a fit comes to a real robot; nothing beside that robot's own profile."""
+    """How accurate such a fit is for a real robot; nothing beside that robot's own profile."""
     judged = any(fit.ratio_over_all for fit in profile.provenance.fits)
     ratios = " and ".join(f"{m.ratio:.2f} in {CHANNELS[m.channel]}" for m in real_misfits(judged=judged))
     beside = f"On the tables of a real Khepera (profile khepera) the error over noise is {ratios}."
@@ -84,7 +84,7 @@ def _real(profile: Profile) -> str:
 
 
 def _said(study: Study, kept: bool) -> str:
-    """Where the constants come from."""
+    """The source of the constants, in words."""
     profile = study.profile
     where = profile.provenance
     unit = twin_unit(profile)
@@ -102,7 +102,7 @@ def _said(study: Study, kept: bool) -> str:
 
 
 def _judged(study: Study) -> list[Judgement]:
-    """The study's profile against its own recordings, where it keeps them."""
+    """The study's profile judged by its own recordings, if it has them."""
     from realitygap.calibration.judge import judge
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.errors import UsageError
@@ -147,7 +147,7 @@ def _errors_figure(found: Sequence[Judgement]) -> Figure:
 
 
 def _sensors(ax: Axes, here: Sequence[Judgement], limit: float) -> None:
-    """A dot a sensor and recording, under the line that it should stay below."""
+    """A dot for each sensor and recording, with the line that it should be below."""
     for one, look in zip(here, cycle("osD^"), strict=False):
         shown = [(m.sensor, m.lit_ratio) for m in one.per_sensor if np.isfinite(m.lit_ratio)]
         name = Path(one.source).name.rpartition("-")[2]
@@ -161,7 +161,7 @@ def _sensors(ax: Axes, here: Sequence[Judgement], limit: float) -> None:
 
 
 def _wheels(ax: Axes, one: Judgement) -> None:
-    """The mean error of each wheel in parts of its range of speed."""
+    """The mean error of each wheel in ranges of its speed."""
     ax.axhline(0, color=MUTED, lw=0.8)
     edges = np.linspace(one.model.min(), one.model.max(), BINS + 1)
     for wheel, (name, look) in enumerate((("left", "o"), ("right", "s"))):

@@ -121,13 +121,13 @@ def _forms(rmse: Mapping[str, float], fitted: str, unit: str, places: int) -> _T
 
 
 def beside_real(kind: str) -> str:
-    """The same on a real robot's tables: a twin is easier to model."""
+    """The same figure for a real robot's tables, since a twin is easier to model."""
     ratios = [f"{real.ratio:.2f}" for real in real_misfits() if real.channel == kind]
     return "".join(f"On the tables of a real Khepera (profile khepera) it is {ratio}. " for ratio in ratios)
 
 
 def _read(fit: ChannelFit) -> list[str]:
-    """What the numbers say, in words."""
+    """The numbers in words."""
     out = [
         f"The form “{fit.form}” has an RMSE of {fit.rmse:.1f} counts, and of {fit.held_out[fit.form]:.1f} "
         f"on places held out of the fit."

@@ -25,7 +25,7 @@ __all__ = ["curves_figure", "look_of", "maps_figure", "noise_figure", "slip_figu
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 MARKS = ("o", "s", "^", "D")
 LINES = ("-", "--", ":")
-"""Of the curves of the first recording, the second, the third."""
+"""For the curves of the first recording, the second, the third."""
 SHOWN = 4
 """Distances whose curves are shown."""
 
@@ -135,7 +135,7 @@ def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
 
 
 def slip_figure(fit: WheelFit) -> Figure:
-    """What the camera saw beyond the counters, over the way between two pictures."""
+    """The camera's excess over the counters, over the distance between two pictures."""
     assert fit.odometry is not None
     figure = new_figure(PAGE, 2.6, layout="constrained")
     axes = figure.subplots()
@@ -168,13 +168,13 @@ def _label(figure: Figure, x: str, y: str) -> None:
 
 
 def _live(fit: ChannelFit) -> list[int]:
-    """The sensors that told something."""
+    """The sensors that gave information."""
     return [k for k in range(len(fit.counts[0])) if k not in fit.dead]
 
 
 def look_of(fit: ChannelFit) -> Literal["bearing", "distance", "poses"]:
-    """What readings are drawn over: bearings, where the same were recorded at each of a few distances;
-    distance, where each sensor has one bearing; or nothing, all over a room."""
+    """What readings are drawn over: bearings, if the same were recorded at each of a few distances; distance,
+    if each sensor has one bearing; or nothing (poses all over a room)."""
     if not np.isfinite(fit.bearing_deg).all():
         return "poses"
     told = np.isfinite(fit.counts)
@@ -186,7 +186,7 @@ def look_of(fit: ChannelFit) -> Literal["bearing", "distance", "poses"]:
 
 
 def _by_recording(fit: ChannelFit) -> dict[str, NDArray[np.bool_]]:
-    """The rows of each recording by its name."""
+    """Rows of each recording by its name."""
     return {str(name): fit.name == name for name in dict.fromkeys(fit.name)}
 
 
@@ -211,8 +211,8 @@ def _curves_over_bearing(fit: ChannelFit, k: int, axes: Axes) -> None:
 
 
 def _over_distance(fit: ChannelFit, k: int, axes: Axes, *, left: bool) -> None:
-    """Readings and the model's curve, or what is `left` over, of each recording in which a sensor told
-    something."""
+    """Readings and the model's curve, or the residuals if `left`, of each recording with information from a
+    sensor."""
     told = np.isfinite(fit.counts[:, k])
     some = {name: rows & told for name, rows in _by_recording(fit).items() if (rows & told).any()}
     for (name, rows), colour, mark in zip(some.items(), cycle(COLOURS), cycle(MARKS)):
@@ -227,12 +227,11 @@ def _over_distance(fit: ChannelFit, k: int, axes: Axes, *, left: bool) -> None:
 
 
 def _dots(axes: Axes, x: Floats, counts: Floats, mark: str, colour: str, label: str) -> None:
-    """Single readings."""
     axes.plot(x, counts, mark, ms=1.6, mew=0, color=colour, alpha=0.7, rasterized=True, label=label)
 
 
 def _means(x: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Each x once, and the mean of the values there."""
+    """The distinct x, and the mean of the values at each."""
     found, i = np.unique(x, return_inverse=True)
     return found, np.bincount(i, values) / np.bincount(i)
 

@@ -16,7 +16,7 @@ __all__ = ["Curves", "curves_figure", "mean_curve"]
 def mean_curve(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Mean [n] over the runs and the half width [n] of its 95 % interval (nan for one run).
 
-    Runs of different lengths (an unfinished study) are averaged as far as all of them reach.
+    Runs of different lengths (an unfinished study) are averaged up to the shortest.
     """
     reach = min(len(run) for run in runs)
     rows = np.array([run[:reach] for run in runs], dtype=float)
@@ -28,13 +28,13 @@ def mean_curve(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True)
 class Curves:
-    """What figure 4 or 6 shows, by noise level; fitness unscaled.
+    """Data of figure 4 or 6, by noise level; fitness unscaled.
 
     Attributes:
         runs: the running best fitness of each run, from evaluation 1.
-        names: what each noise level is called.
+        names: of the noise levels.
         fresh: a mean on fresh trials, drawn as a mark behind the curve's end.
-        scale: what fitness is divided by; unit: what remains, shown on the axis.
+        scale: divisor of fitness; unit: the resulting unit, shown on the axis.
     """
 
     runs: Mapping[float, Sequence[np.ndarray]]
@@ -75,7 +75,7 @@ def curves_figure(curves: Curves) -> Figure:
 
 
 def _draw_one(ax: Axes, runs: Sequence[np.ndarray], name: str, look: NoiseStyle, scale: float) -> int:
-    """One noise level's curve and band; how many evaluations it reaches."""
+    """One noise level's curve and band; returns its number of evaluations."""
     mean, half = mean_curve(runs)
     at = np.arange(1, len(mean) + 1)
     if len(runs) > 1:

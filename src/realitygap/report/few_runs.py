@@ -1,4 +1,4 @@
-"""What a few runs at each level can and cannot show: their averages beside the paper's and a kept study's."""
+"""What few runs at each level can show: their averages beside the paper's and a kept study's."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -18,8 +18,8 @@ from realitygap.report.style import COLUMN, INK, MUTED, new_figure, noise_styles
 __all__ = ["KEPT_FILE", "few_figure", "few_sentences", "few_words", "kept_scores", "shows_few"]
 
 KEPT_FILE = Path(__file__).parent / "kept_scores.csv"
-"""Correspondence scores of `realitygap experiment noise`, the diagonal; docs/figures/kept_scores.py makes
-it."""
+"""Correspondence scores of `realitygap experiment noise`, the diagonal; made by docs/figures/kept_scores.py.
+"""
 
 Kept = Mapping[float, Sequence[float]]
 
@@ -28,11 +28,11 @@ DRAWS = 20_000
 NUMBERS = ("one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 HIGHEST = 10.0
 PLACES = {"paper": -0.3, "here": -0.08, "kept": 0.22}
-"""Where the three stand beside a level's place on the axis."""
+"""Offsets of the three from a level's position on the axis."""
 
 
 def kept_scores(task: str) -> Kept:
-    """By noise level the scores of the kept study's runs, over three units; {} for other tasks."""
+    """Scores of the kept study's runs by noise level, over three units; {} for other tasks."""
     found: dict[float, list[float]] = {}
     for row in csv.DictReader(KEPT_FILE.read_text("utf-8").splitlines()):
         if row["task"] == task:
@@ -41,13 +41,13 @@ def kept_scores(task: str) -> Kept:
 
 
 def shows_few(table: ScoreTable) -> bool:
-    """Whether the kept study can stand beside a table: of champions, on the twin as it is by default."""
+    """Whether the kept study is comparable with a table: of champions, on the twin with default noise."""
     return (table.kind, table.individual) == ("twin", "champion") and bool(_told(table))
 
 
 def few_figure(table: ScoreTable) -> Figure:
-    """The averages by noise level: a star for the paper's, a marker with dots for these runs', dots with a
-    bar for the kept study's."""
+    """Averages by noise level: a star for the paper's, a marker with dots for these runs', dots with a bar
+    for the kept study's."""
     figure = new_figure(COLUMN * 1.25, COLUMN * 0.85, layout="constrained")
     ax, classes, kept = figure.add_subplot(), _told(table), kept_scores(table.task)
     styles = noise_styles(one.level for one in classes)
@@ -81,7 +81,7 @@ def _draw_runs(ax: Axes, x: float, scores: Sequence[float], colour: str, marker:
 
 
 def _draw_kept(ax: Axes, x: float, scores: Sequence[float], colour: str) -> None:
-    """Dots side by side by their order, so that equal ones do not hide each other."""
+    """Dots side by side in order, so that equal ones do not hide each other."""
     ranked = np.sort(np.asarray(scores))
     aside = (np.arange(len(ranked)) * 5 % 9 - 4) / 4 * 0.1
     ax.plot(x + aside, ranked, ".", color=colour, markersize=3, alpha=0.55)
@@ -91,7 +91,7 @@ def _draw_kept(ax: Axes, x: float, scores: Sequence[float], colour: str) -> None
 
 
 def few_words(table: ScoreTable, evaluations: int) -> Words:
-    """Under the figure, and for those who cannot see it; `evaluations` are those of the table's runs."""
+    """Caption and text alternative of the figure; `evaluations` are those of the table's runs."""
     kept = kept_scores(table.task)
     said = []
     for one in _told(table):
@@ -112,7 +112,7 @@ def few_words(table: ScoreTable, evaluations: int) -> Words:
 
 
 def few_sentences(table: ScoreTable) -> list[str]:
-    """What so many runs at each level can and cannot show, by drawing as many from the kept study."""
+    """What this many runs at each level can and cannot show, by drawing as many from the kept study."""
     classes = _told(table)
     counts = [len(one.values("correspondence")) for one in classes]
     runs, kept = min(counts), kept_scores(table.task)
@@ -136,6 +136,6 @@ def few_sentences(table: ScoreTable) -> list[str]:
 
 
 def _told(table: ScoreTable) -> list[ScoreClass]:
-    """The levels at which these runs and the kept study have scores."""
+    """The levels at which both these runs and the kept study have scores."""
     kept = kept_scores(table.task)
     return [one for one in table.classes if one.level in kept and one.paper and one.values("correspondence")]

@@ -1,4 +1,4 @@
-"""What a report shows, taken out of a study: conditions, curves, tables, chosen runs, their paths."""
+"""Collects a report's data from a study: conditions, curves, tables, chosen runs, their paths."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["PER_CONDITION", "Paths", "best_so_far", "chosen", "individual", "parts_of", "path_of"]
 
 PER_CONDITION = 5
-"""Runs of a condition whose paths, networks and table rows a page shows, however many there are."""
+"""Runs of a condition whose paths, networks and table rows a page shows at most."""
 
 
 def parts_of(study: Study) -> list[TaskPart]:
@@ -47,13 +47,12 @@ def _part(task: Task, groups: dict[float, list[Row]]) -> TaskPart:
 
 
 def _row(run: Run) -> Row:
-    """A run as a table shows it."""
     means = {(who, noise_level(noise)): mean_of(scores) for (who, noise), scores in run.tests.items()}
     return Row(run=run, means={key: mean for key, mean in means.items() if mean is not None})
 
 
 def individual(run: Run) -> Genes:
-    """The genotype of slots that stands for a run in pictures: its champion's, or its fittest's so far."""
+    """The genotype of slots shown for a run: its champion's, or its fittest's so far."""
     genes = run.fittest if run.champion is None else run.champion
     assert genes is not None  # the run has begun
     return run.study.slots(run.task, genes)[0]
@@ -69,13 +68,13 @@ def best_so_far(study: Study, part: TaskPart) -> dict[float, list[np.ndarray]]:
 
 
 def chosen(condition: NoiseClass) -> Row | None:
-    """The run a figure shows: the study's median one of the condition."""
+    """The run shown in a figure: the condition's median one."""
     run = median_run(row.run for row in condition.begun)
     return next((row for row in condition.begun if row.run is run), None)
 
 
 class Paths:
-    """Simulates individuals of a study again, all of a task from the same start."""
+    """Simulates a study's individuals again, all of a task from the same start."""
 
     def __init__(self, study: Study) -> None:
         self._study = study
@@ -83,13 +82,13 @@ class Paths:
         self._simulations: dict[tuple[str, float], Simulation] = {}
 
     def panel(self, part: TaskPart, condition: NoiseClass, row: Row, title: str) -> PathPanel:
-        """One trial of a run's champion at the noise it evolved under; `title` may hold {score}.
+        """One trial of a run's champion at the noise it evolved under.
 
         Args:
             part: the task.
             condition: the noise it evolved under.
             row: the run.
-            title: may hold {score}.
+            title: may contain {score}.
         """
         from realitygap.controller.network import decode
         from realitygap.simulation.simulation import Simulation
@@ -106,7 +105,7 @@ class Paths:
 
 
 def path_of(names: Mapping[float, str], rows: Sequence[Sequence[PathPanel]]) -> str:
-    """What a picture of paths shows, for those who cannot see it."""
+    """Text alternative of a picture of paths."""
     paths = ((names[panel.noise], panel.trajectory) for row in rows for panel in row)
     return "; ".join(
         f"{name}: from ({path.x[0]:.0f}, {path.y[0]:.0f}) to ({path.end.x:.0f}, {path.end.y:.0f}) cm"

@@ -1,4 +1,4 @@
-"""How a study's page introduces itself: whose experiment it is, and what was simulated."""
+"""The introduction of a study's page: whose experiment it is, and what was simulated."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ FOUND = {
 
 
 NO_GAIN = 1e-3
-"""Below it the wheels' integral gain, printed as 800, does nothing: a fit ends beside its bound."""
+"""Below this the wheels' integral gain, printed as 800, has no effect: a fit ends near its bound."""
 
 
 def is_paper(study: Study, parts: Sequence[TaskPart]) -> bool:
@@ -41,7 +41,7 @@ def is_paper(study: Study, parts: Sequence[TaskPart]) -> bool:
 
 
 def lead(study: Study, parts: Sequence[TaskPart]) -> str:
-    """What was evolved, how, in the simulation of which robot, and under what noise: by the settings."""
+    """What was evolved, how, in the simulation of which robot, and under what noise, from the settings."""
     config = study.config
     name = config.evolution.algorithm
     found = FOUND.get(name, f"evolved by {Path(name).name}")
@@ -55,7 +55,7 @@ def lead(study: Study, parts: Sequence[TaskPart]) -> str:
 
 
 def departures(profile: Profile) -> str:
-    """Which of the paper's printed equations a calibrated simulation no longer has; "" where it has all."""
+    """The paper's printed equations that a calibrated simulation no longer has; "" if it has all."""
     forms = {fit.channel: fit.form for fit in profile.provenance.fits}
     other = [forms.get(channel, "paper") != "paper" for channel in ("infrared", "ambient")]
     sensors = {
@@ -73,7 +73,7 @@ def departures(profile: Profile) -> str:
 
 
 def twin_unit(profile: Profile) -> str:
-    """The number of the twin's unit that a profile was calibrated to, by its name; "" for other robots."""
+    """Number of the twin's unit that a profile was calibrated to, from its name; "" for other robots."""
     start, _, unit = profile.name.partition("-")
     return unit if start == "twin" and unit.isdecimal() else ""
 
@@ -84,14 +84,14 @@ def _other_rates(config: StudyConfig) -> bool:
 
 
 def _is_khepera(profile: Profile) -> bool:
-    """Whether its constants are a Khepera's: shipped, or fitted to recordings from such ones on."""
+    """Whether its constants are a Khepera's: shipped, or fitted to recordings starting from such."""
     if profile.name in shipped("profiles"):
         return profile == load_profile(profile.name)
     return bool(profile.provenance.fits) and profile.provenance.base in shipped("profiles")
 
 
 def _robot(profile: Profile) -> str:
-    """The robot in words: what is known of where its constants come from."""
+    """The robot and the source of its constants, in words."""
     name, unit = f"profile “{profile.name}”", twin_unit(profile)
     if profile.name in shipped("profiles"):
         constants = "the paper’s constants" if profile.name == "paper" else name

@@ -1,4 +1,4 @@
-"""A network in its places on the robot: neurons, links, weights, delays; as a picture, and for the player."""
+"""A network drawn on its robot: neurons, links, weights, delays; as a picture, and for the player."""
 
 import math
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ __all__ = ["draw_network", "network_drawing", "network_figure"]
 
 EXCITATORY = style.INK
 INSIDE = 0.72
-"""Where a proximity sensor's neuron stands beside an ambient sensor's, from the robot's middle."""
+"""Relative distance of a proximity sensor's neuron from the robot's middle, beside an ambient sensor's."""
 
 
 def draw_network(
@@ -46,7 +46,7 @@ def draw_network(
     number are the weight, "d2" is a delay of two network updates (20 ms); what cannot reach a motor is pale.
 
     Args:
-        ax: where; its axes become cm.
+        ax: where to draw; its axes become cm.
         genes: [slots, 2 + 4 · links] as in `realitygap.controller.genotype`.
         profile: the robot.
         feeds: "proximity", "ambient" or "proximity+ambient".
@@ -71,7 +71,7 @@ def draw_network(
 
 
 def _spots(robot: Robot, feeds: str) -> np.ndarray:
-    """Places [S, 2] of the sensors that are fed; of both kinds, which may share theirs, proximity inside."""
+    """Positions [S, 2] of the fed sensors; of two kinds at one position, proximity is inside."""
     both = {"proximity": robot.proximity_place, "ambient": robot.ambient_place}
     if "+" in feeds:
         both["proximity"] = INSIDE * robot.proximity_place
@@ -79,7 +79,7 @@ def _spots(robot: Robot, feeds: str) -> np.ndarray:
 
 
 def _unit(ax: Axes, radius: float) -> float:
-    """How many cm of robot a unit of drawing takes in these axes."""
+    """Size of a unit of drawing in these axes, cm of robot."""
     place = ax.get_position()
     width, height = ax.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
     inches = min(place.width * width, place.height * height)
@@ -144,12 +144,12 @@ def _draw_neurons(ax: Axes, wiring: Wiring, laid: Layout, sensors: Sequence[int]
 
 
 def _signed(number: int) -> str:
-    """A number with a true minus sign."""
+    """A number with a proper minus sign."""
     return f"−{-number}" if number < 0 else str(number)
 
 
 def _label(ax: Axes, link: Link, spot: np.ndarray, unit: float) -> None:
-    """Weight and, where there is one, delay of a link, on its curve."""
+    """Weight and delay of a link, on its curve."""
     words = ("+" if link.weight > 0 else "") + _signed(link.weight)
     words += f" d{link.delay}" if link.delay else ""
     wide, tall = (0.086 * len(words) + 0.03) * unit, 0.105 * unit
@@ -161,10 +161,10 @@ def _label(ax: Axes, link: Link, spot: np.ndarray, unit: float) -> None:
 def network_figure(
     genes: np.ndarray, profile: Profile, *, feeds: str, sensors: Sequence[int], title: str = ""
 ) -> Figure:
-    """A network's picture by itself, with its legend.
+    """A network's picture with its legend.
 
     Args:
-        genes: [slots, 2 + 4 · links], whose network it is.
+        genes: [slots, 2 + 4 · links] of the network.
         profile: the robot.
         feeds: "proximity", "ambient" or "proximity+ambient".
         sensors: which of their readings feeds each input.
@@ -199,7 +199,7 @@ def network_figure(
 def network_drawing(genes: Genes, task: Task, profile: Profile) -> tuple[dict[str, object], list[int]]:
     """Neurons and links in cm on the robot, which faces up; y points down, as on a screen.
 
-    Beside them the slots of the neurons, in the order in which a track's outputs stand.
+    Also the slots of the neurons, in the order of a track's outputs.
     """
     robot = profile.to_kernel()
     spots = _spots(robot, task.feeds)

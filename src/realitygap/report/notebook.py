@@ -1,4 +1,4 @@
-"""What studies, runs, calibrations, robots, arenas and networks look like in a notebook."""
+"""Notebook displays of studies, runs, calibrations, robots, arenas and networks."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ __all__ = [
 ]  # fmt: skip
 
 MOST_ROWS = 30
-"""Runs that a study's table shows."""
+"""Runs shown in a study's table."""
 
 
 class Shown:
-    """A page in a notebook's cell, in a frame of its own that can reach nothing outside it.
+    """A page in a notebook's cell, in an isolated frame.
 
     Attributes:
-        html: the whole page, which fetches nothing.
+        html: the self-contained page.
         height: of the frame, in pixels; its corner can be dragged.
     """
 
@@ -74,7 +74,7 @@ class Gallery(Mapping[str, Figure]):
         self._figures = figures
 
     def __getitem__(self, name: str) -> Figure:
-        if "inline" in os.environ.get("MPLBACKEND", ""):  # a notebook's shows figures once it is loaded
+        if "inline" in os.environ.get("MPLBACKEND", ""):  # shows figures once it is loaded
             import matplotlib.pyplot
 
             matplotlib.pyplot.switch_backend(os.environ["MPLBACKEND"])
@@ -92,17 +92,15 @@ class Gallery(Mapping[str, Figure]):
 
 
 def of_study(study: Study) -> Gallery:
-    """The figures of a study's page."""
     return Gallery(figures_of(study))
 
 
 def of_calibration(made: Calibration) -> Gallery:
-    """The figures of a calibration's page."""
     return Gallery(calibration_figures(made))
 
 
 def shown_study(study: Study, height: int) -> Shown:
-    """The page's player: each run's simulated robot and, where it drove one, the situated one beside it.
+    """The page's player: each run's simulated robot, and the situated one if it drove a robot.
 
     Raises:
         StudyError: no run has started.
@@ -131,7 +129,7 @@ def replayed(
         run: whose controller.
         who: champion, fittest or an individual's number.
         noise: its level or name; None for the run's own.
-        pose: where it starts; None for where the seed says.
+        pose: where it starts; None: drawn with the seed.
         seed: of the noise.
         seconds: None for the task's own time.
         profile: None for the run's own.
@@ -146,14 +144,13 @@ def replayed(
 
 
 def shown_calibration(made: Calibration, height: int) -> Shown:
-    """The page of a calibration."""
     with temporary.Folder("page") as folder:
         page = write_calibration_page(made, Path(folder) / "page.html")
         return Shown(page.read_text("utf-8"), height)
 
 
 def study_html(study: Study) -> str:
-    """A study's runs, a row each."""
+    """A study's runs as a table."""
     rows = [
         (run.name, run.evaluations, _short(run.best_fitness), _short(run.champion_fitness),
          "finished" if run.finished else "unfinished")
@@ -206,7 +203,7 @@ def arena_html(arena: Arena) -> str:
 
 
 def network_html(controller: NetworkController) -> str:
-    """A network, its inputs where the first sensors of a Khepera are; where it has too few, in words."""
+    """A network on a Khepera's first sensors; in words if it has too many inputs."""
     inputs, profile = controller.layout.inputs, load_profile("paper")
     said = f"{inputs} inputs, {len(controller.neurons)} neurons"
     if inputs > len(profile.infrared.sensors):
@@ -221,7 +218,7 @@ def _player(data: Mapping[str, object], title: str, height: int) -> Shown:
 
 
 def _picture(figure: Figure, alt: str) -> str:
-    """A figure as an image that has no names in common with others of a notebook."""
+    """A figure as an image whose ids are unique in a notebook."""
     with styled():
         svg = base64.b64encode(save_figure(figure, None, "figure").encode()).decode()
     return f'<img alt="{html.escape(alt)}" style="background: white" src="data:image/svg+xml;base64,{svg}">'

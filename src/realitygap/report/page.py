@@ -1,4 +1,4 @@
-"""How every page is made: from a list of its figures, its tables and a template, as one file."""
+"""Makes a page from a list of figures, its tables and a template, as one file."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -23,13 +23,13 @@ OnProgress = Callable[[int, int, str], None]
 """Called with parts done, parts in all, and the name of the next one."""
 
 FEW = 12
-"""Up to this many figures, drawing takes less time than loading matplotlib in other processes."""
+"""Up to this number of figures, drawing takes less time than loading Matplotlib in other processes."""
 
 GLYPHS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 
 
 class Words(NamedTuple):
-    """A figure's text for those who cannot see it, and its caption."""
+    """A figure's text alternative and its caption."""
 
     alt: str
     caption: str
@@ -37,12 +37,12 @@ class Words(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A figure that is to be drawn: whichever process draws it needs nothing else.
+    """A figure to be drawn, with everything that a process needs to draw it.
 
     Attributes:
-        name: of its files, figures/NAME.png and .svg, and of its place on the page.
-        draw: makes it; a `functools.partial` of a function and its data, so that it can be sent.
-        words: its text for those who cannot see it, and its caption.
+        name: of its files, figures/NAME.png and .svg, and of its anchor on the page.
+        draw: draws it; a `functools.partial` of a function and its data, so that it can be sent.
+        words: its text alternative and its caption.
         label: what the paper calls it, such as "Figure 3".
     """
 
@@ -53,11 +53,10 @@ class Picture:
 
     @property
     def caption(self) -> str:
-        """Its caption."""
         return self.words.caption
 
     def save(self, folder: Path | None, dpi: int = 200) -> str:
-        """Draw it, write it into a folder, if there is one, as PNG and SVG; its SVG."""
+        """Draw it, and write it into a folder, if given, as PNG and SVG; returns the SVG."""
         with styled():
             return save_figure(self.draw(), folder, self.name, dpi=dpi)
 
@@ -66,19 +65,19 @@ class Figures(dict[str, Picture]):
     """The figures of a page by name, in the order in which they were added.
 
     Attributes:
-        workers: who draws them.
+        workers: processes or a pool to draw them.
     """
 
     def __init__(self, workers: Workers = 1) -> None:
         self.workers = workers
 
     def add(self, name: str, draw: Callable[[], Figure], words: Words, label: str = "") -> Picture:
-        """Another figure, to be drawn with all the others: see Picture.
+        """Add a figure, to be drawn with the others: see Picture.
 
         Args:
             name: of its files.
-            draw: makes it, perhaps in another process.
-            words: its text for those who do not see it, and its caption.
+            draw: draws it, perhaps in another process.
+            words: its text alternative and its caption.
             label: what the paper calls it.
         """
         self[name] = Picture(name=name, draw=draw, words=words, label=label)
@@ -86,13 +85,13 @@ class Figures(dict[str, Picture]):
 
 
 class Drawing:
-    """Draws pictures into a folder, if there is one."""
+    """Draws pictures into a folder, if given."""
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
 
     def carry_out(self, job: Picture, tell: Tell) -> None:
-        """One picture: its name and its SVG."""
+        """Draw one picture; sends its name and its SVG."""
         tell((job.name, job.save(self._folder)))
 
     def close(self) -> None:
@@ -100,7 +99,7 @@ class Drawing:
 
 
 class Steps:
-    """Counts the parts of a page, and tells of each before it is made."""
+    """Counts the parts of a page, and reports each before it is made."""
 
     def __init__(self, tell: OnProgress | None, total: int) -> None:
         self._tell, self._done, self._total = tell, 0, total
@@ -112,10 +111,10 @@ class Steps:
 
 
 def report_folder(study: Path) -> Path:
-    """The folder of a study's report, with room for figures and tables.
+    """The folder of a study's report, with folders for figures and tables.
 
     Raises:
-        StudyError: a link stands where it would be written.
+        StudyError: a link is in its place.
     """
     folder = study / "report"
     refuse_links(folder)
@@ -125,7 +124,7 @@ def report_folder(study: Path) -> Path:
 
 
 def draw_all(figures: Figures, folder: Path | None, step: Steps) -> dict[str, str]:
-    """Draw every figure, into `folder` if there is one; SVGs by name."""
+    """Draw every figure, into `folder` if given; SVGs by name."""
     drawn: dict[str, str] = {}
 
     def heard(message: tuple[str, str]) -> None:
@@ -146,13 +145,13 @@ def write_page(
     *,
     tables: Mapping[str, str] | None = None,
 ) -> Path:
-    """Make a page: draw its figures, write its tables, then itself, whole.
+    """Write a page: draw its figures, write its tables, then the page, as a whole.
 
     Args:
         target: the page's path.
-        template: of the folder `templates`; `figure(picture)` in it shows one of the figures.
-        figures: all that it shows.
-        facts: the template's values, by name; or a function that gives them, called when all is drawn.
+        template: from the folder `templates`; `figure(picture)` in it shows a figure.
+        figures: all its figures.
+        facts: the template's values by name; or a function that returns them, called after drawing.
         step: called with each figure, then with the page.
         tables: CSV texts by name; None for a page that stands alone, with no files beside it.
 
@@ -172,7 +171,7 @@ def write_page(
 
 
 def rendered(template: str, facts: Mapping[str, object]) -> str:
-    """The HTML of a page: one of the folder `templates`, filled in."""
+    """The HTML of a page from a template in the folder `templates`."""
     from jinja2 import Environment, FileSystemLoader
 
     loader = FileSystemLoader(Path(__file__).parent / "templates")

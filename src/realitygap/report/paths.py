@@ -35,13 +35,12 @@ class Scene(NamedTuple):
 
     @classmethod
     def of(cls, task: Task, profile: Profile) -> Scene:
-        """A task's."""
         return cls(task.arena.to_kernel(), profile.to_kernel())
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathPanel:
-    """One path to be drawn: its noise level, what stands above it, the path, its look."""
+    """One path to be drawn: noise level, title, path and look."""
 
     noise: float
     title: str
@@ -67,7 +66,7 @@ def draw_path(
     look: Look = SIMULATED,
     labels: bool = True,
 ) -> None:
-    """A trajectory in its arena: the tail, a cross where it began, the robot where it ended.
+    """A trajectory in its arena: the tail, a cross at the start, the robot at the end.
 
     Args:
         ax: where to draw.
@@ -115,7 +114,7 @@ def _grid(
     labels: bool,
     heads: Sequence[str] = (),
 ) -> Figure:
-    """Panels in rows; every arena at the same scale, laid out by hand (cheap and deterministic)."""
+    """Panels in rows; all arenas at the same scale, laid out by hand (cheap and deterministic)."""
     styles = noise_styles(panel.noise for row in rows for panel in row if panel)
     columns = max(len(row) for row in rows)
     left, bottom, gap, head = (0.46, 0.42, 0.14, 0.27) if labels else (0.06, 0.06, 0.1, 0.2)
@@ -143,7 +142,7 @@ def _grid(
 
 
 def _spare_labels(ax: Axes, *, inner: bool, upper: bool) -> None:
-    """Panels that have a neighbour to the left or below need not say their cm again."""
+    """Omit the cm labels of panels with a neighbour to the left or below."""
     if inner:
         ax.set_ylabel("")
         ax.set_yticklabels([])

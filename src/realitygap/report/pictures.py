@@ -35,7 +35,7 @@ DPI = 100
 
 
 def checked_ending(path: str | Path, allowed: tuple[str, ...]) -> Path:
-    """The path, if its file ending is among those that can be written.
+    """The path, if its file ending is among the allowed ones.
 
     Raises:
         UsageError: it is not.
@@ -55,7 +55,7 @@ def save_picture(
     """Write a trajectory in its arena, with its tail, as PNG, SVG or PDF.
 
     Args:
-        path: its ending says the format.
+        path: its ending decides the format.
         task: whose arena is drawn.
         profile: the robot.
         trajectory: what is drawn.
@@ -89,7 +89,7 @@ def save_animation(
     """Write a trajectory as a GIF or an MP4, a frame for each step of `speed`-fold time.
 
     Args:
-        path: its ending says the format.
+        path: its ending decides the format.
         task: whose arena is drawn.
         profile: the robot.
         trajectory: what is shown.
@@ -146,7 +146,7 @@ def frames(task: Task, profile: Profile, trajectory: Trajectory, title: str = ""
 def _stage(
     task: Task, profile: Profile, trajectory: Trajectory, title: str
 ) -> tuple[Figure, Axes, list[Rectangle], Text]:
-    """The empty stage: a room for the path, axes with bars for readings and commands, a clock."""
+    """The empty picture: a room for the path, axes with bars for readings and commands, a clock."""
     width, depth = (float(v) for v in task.arena.to_kernel().size)
     tall = 4.0
     wide = min(7.0, (tall - 0.9) * width / depth + 0.8)
@@ -185,7 +185,7 @@ def _draw_bars(bars: list[Rectangle], trajectory: Trajectory, feeds: str, step: 
 
 
 def _save_gif(path: Path, pictures: Iterator[np.ndarray], seconds: float) -> None:
-    """All frames in one palette, so that nothing flickers."""
+    """Write all frames with one palette, to avoid flicker."""
     from PIL import Image
 
     images = [Image.fromarray(picture) for picture in pictures]

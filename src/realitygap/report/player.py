@@ -1,7 +1,7 @@
-"""The page's player: all that it can show of a study, as one JSON document.
+"""The page's player: everything that it can show of a study, as one JSON document.
 
-Tasks hold noise levels, those hold runs, those trials; a trial is a simulated drive and, where the run
-drove a robot or a twin, the situated one from the same pose.
+Tasks contain noise levels, those contain runs, those contain trials; a trial is a simulated drive and, if the
+run drove a robot or a twin, the situated one from the same pose.
 """
 
 import json
@@ -38,18 +38,18 @@ __all__ = ["MOST_RUNS", "MOST_TRIALS", "player_data", "player_json", "replay_dat
 Json = dict[str, object]
 
 MOST_RUNS = 2 * PER_CONDITION
-"""Runs of a condition that the page holds: as many as its tables show."""
+"""Runs of a condition on the page: as many as in its tables."""
 MOST_TRIALS = 2
-"""Trials of a run that the page holds."""
+"""Trials of a run on the page."""
 LIT_RAYS_CM = 15.0
-"""Only walls end the ambient sensors' rays: the page draws this much of them."""
+"""Only walls end the ambient sensors' rays: the length that the page draws."""
 FINEST_CM = 0.01
 LARGEST = 32_000
-"""A room's longer side in units of packed places, at most: they are int16."""
+"""Maximum length of a room's longer side in units of packed positions, which are int16."""
 
 
 def player_json(data: Json) -> str:
-    """The document as it may stand inside a script element: no "<" ends it."""
+    """The document as text for a script element: "<" is escaped."""
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")
 
@@ -57,7 +57,7 @@ def player_json(data: Json) -> str:
 def player_data(
     study: Study, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
 ) -> Json | None:
-    """All that the player knows, with transfers by task; None where no run has started.
+    """The player's data, with transfers by task; None if no run has started.
 
     Args:
         study: the study.
@@ -73,14 +73,13 @@ def player_data(
 
 
 def replay_data(simulation: Simulation, genes: Genes, lived: tuple[Trajectory, float], name: str) -> Json:
-    """What the player knows of one simulated trial `lived`, with its score, by the network of `genes` of
-    slots; `name` says whose it is.
+    """The player's data of one simulated trial.
 
     Args:
-        simulation: that it was lived in.
-        genes: of slots, whose network drove.
+        simulation: of the trial.
+        genes: the genotype of slots whose network drove.
         lived: the trial and its score.
-        name: whose, for people.
+        name: of the individual, for display.
     """
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genes, task, profile)
@@ -95,7 +94,7 @@ def replay_data(simulation: Simulation, genes: Genes, lived: tuple[Trajectory, f
 
 
 def _document(profile: Profile, tasks: Sequence[Json]) -> Json:
-    """Everything, under the robot's step and shape."""
+    """The whole document: the robot's step and shape, and the tasks."""
     body = profile.to_kernel()
     robot = {
         "radius": float(body.radius), "front": front(body), "outline": body.outline[:, :2].tolist(),
@@ -114,29 +113,29 @@ def _scene(task: Task, profile: Profile) -> Json:
 
 @dataclass(frozen=True, kw_only=True)
 class _Cast:
-    """Whose drives are shown: a run's individual, and how its numbers are packed."""
+    """Whose drives are shown: a run's individual, and the packing of its numbers."""
 
     task: Task
     genes: Genes
     slots: Sequence[int]
-    """Neurons of the network, in the order in which their outputs are packed."""
+    """Neurons of the network, in the order of their packed outputs."""
     unit_cm: float
 
     def drive(
         self, who: str, score: str, path: Track, kept: Trajectory | Recording | None, drove: Genes | None
     ) -> Json:
-        """A drive on a path, with what was `kept` of it; `drove` is the genotype that did, if known."""
+        """A drive along a path, with its recorded data `kept`; `drove` is the driving genotype, if known."""
         if kept is None:
             return track(who, score, poses_of(path), self.unit_cm)
         readings, outputs = fed(kept, self.task.feeds), None
         same = drove is not None and np.array_equal(self.genes, drove)
-        if same and kept.inputs.shape[1] == len(self.task.sensors):  # the network that is drawn drove
+        if same and kept.inputs.shape[1] == len(self.task.sensors):  # the drawn network is the one that drove
             outputs = activity(self.genes, kept.inputs, kept.commands, self.slots)
         return track(who, score, poses_of(path), self.unit_cm, Inside(readings, kept.commands, outputs))
 
 
 class _Gather:
-    """Takes runs and transfers of one study apart into what a page can show."""
+    """Collects runs and transfers of one study for a page."""
 
     def __init__(self, study: Study, paths: Paths, levels: set[float]) -> None:
         self.study, self.paths = study, paths
@@ -149,7 +148,7 @@ class _Gather:
         return {**_scene(part.task, self.study.profile), "noises": noises}
 
     def noise(self, part: TaskPart, condition: NoiseClass, pairs: Sequence[Pair]) -> Json:
-        """A noise level's runs; `shown` is the one that the figures show."""
+        """A noise level's runs; `shown` is the one in the figures."""
         shown, runs = chosen(condition), list(condition.begun[:MOST_RUNS])
         if shown is not None and shown not in runs:
             runs.append(shown)
@@ -163,7 +162,7 @@ class _Gather:
         }
 
     def run(self, part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair]) -> Json:
-        """A run: its network and its trials, transferred ones where there are any."""
+        """A run: its network and its trials, transferred ones if there are any."""
         run, genes, task = row.run, individual(row.run), part.task
         drawing, slots = network_drawing(genes, task, self.study.profile)
         cast = _Cast(task=task, genes=genes, slots=slots, unit_cm=_unit_cm(task))
@@ -178,7 +177,7 @@ class _Gather:
         return {"name": name, "link": run.name, "network": drawing, "trials": trials}
 
     def alone(self, part: TaskPart, condition: NoiseClass, row: Row, cast: _Cast) -> Json:
-        """A run that drove no robot: its trial in the simulation, as the figures of paths show it."""
+        """A run that drove no robot: its simulated trial, as in the figures of paths."""
         panel = self.paths.panel(part, condition, row, "{score}")
         assert isinstance(panel.trajectory, Trajectory)
         one = panel.trajectory
@@ -201,12 +200,12 @@ class _Gather:
 
 
 def _unit_cm(task: Task) -> float:
-    """What places are packed in: hundredths of a cm, coarser in a room too large for int16."""
+    """Unit of packed positions: hundredths of a cm, larger in a room too large for int16."""
     return float(max(FINEST_CM, max(task.arena.size_cm) / LARGEST))
 
 
 def _arena(arena: Arena) -> Json:
-    """As plain numbers in cm; a lamp is its middle and its points."""
+    """An arena as plain numbers in cm; a lamp has its middle and its points."""
     plain = arena.plain()
     plain["lamps"] = [
         {"x": lamp.x_cm, "y": lamp.y_cm, "points": [list(point) for point in lamp.points()]}
@@ -218,7 +217,7 @@ def _arena(arena: Arena) -> Json:
 def _sensors(task: Task, profile: Profile) -> Json:
     """The sensors that a task feeds: places in the robot's frame, rays, and the counts' range.
 
-    `dull` and `bright` are the counts at which a sensor's rays are drawn not at all, and strongest.
+    `dull` and `bright` are the counts at which a sensor's rays are invisible, and strongest.
     """
     near, light = profile.infrared, profile.ambient
     every = {

@@ -1,6 +1,6 @@
-"""What the page's player shows of one drive: poses, readings, commands and a network's outputs, packed.
+"""One drive in the page's player: poses, readings, commands and a network's outputs, packed.
 
-Numbers are packed as the little-endian bytes of int16 or int8, in base64: a tenth of their JSON.
+Numbers are packed as little-endian int16 or int8 in base64: a tenth of the size of JSON.
 """
 
 import base64
@@ -18,15 +18,15 @@ from realitygap.values import Floats
 __all__ = ["LOST", "Inside", "activity", "pack", "poses_of", "track"]
 
 LOST = -32768
-"""Stands for a missing number: the camera lost the robot."""
+"""A missing number: the camera lost the robot."""
 TURN = 100.0
 """Headings are packed in hundredths of a degree."""
 DIGITS = 9
-"""More than a file has, fewer than a heading loses on its way from degrees and back."""
+"""More digits than a file has, fewer than a heading loses in conversions from degrees and back."""
 
 
 def pack(values: ArrayLike, kind: str) -> str:
-    """Whole numbers as base64: `kind` is "<i2" or "i1"; a NaN is LOST; what is too large is clipped."""
+    """Whole numbers as base64: `kind` is "<i2" or "i1"; NaN becomes LOST; larger values are clipped."""
     numbers = np.asarray(values, np.float64)
     limits = np.iinfo(np.dtype(kind))
     lowest = limits.min + 1 if kind == "<i2" else limits.min
@@ -36,20 +36,20 @@ def pack(values: ArrayLike, kind: str) -> str:
 
 
 def poses_of(track: Track) -> Floats:
-    """Poses [n, 3]: cm, cm, degrees; of those on file the very digits, NaN where the robot was lost."""
+    """Poses [n, 3] in cm, cm, degrees, with exactly a file's digits; NaN where the robot was lost."""
     return np.stack([track.x, track.y, track.heading_deg.round(DIGITS)], axis=1)
 
 
 def activity(
     genes: Genes, inputs: NDArray[np.int64], commands: NDArray[np.int64], slots: Sequence[int]
 ) -> NDArray[np.int64] | None:
-    """Outputs [n, slots] of a network's neurons at the end of each step of a drive, by living it again.
+    """Outputs [n, slots] of a network's neurons at the end of each step, by replaying a drive.
 
     Args:
         genes: whose network it is.
-        inputs: what it was fed [n, I].
-        commands: what it decided [n, 2]; where the network decides something else it is not the one
-            that drove, and there is nothing to show: None.
+        inputs: its inputs [n, I].
+        commands: the commands [n, 2]; if the network's differ, it is not the one that drove, and the result
+            is None.
         slots: the neurons.
     """
     controller = NetworkController(genes, Layout.of(genes, inputs=inputs.shape[1]))
@@ -64,7 +64,7 @@ def activity(
 
 
 class Inside(NamedTuple):
-    """What went on inside a robot, a row a step, as far as it is known.
+    """Internal data of a robot, a row a step, as far as known.
 
     Attributes:
         readings: [n, S] counts of the sensors that the task feeds.
@@ -81,15 +81,14 @@ NOTHING = Inside()
 
 
 def track(who: str, score: str, poses: Floats, unit_cm: float, inside: Inside = NOTHING) -> dict[str, object]:
-    """One drive for the page: poses [n + 1, 3] in cm, cm, degrees, places packed in units of `unit_cm`;
-    rows of what went on inside belong to the first n.
+    """One drive for the page; rows of internal data belong to the first n poses.
 
     Args:
-        who: drove, in words.
-        score: as the tables write it.
+        who: the driver, in words.
+        score: as in the tables.
         poses: [n + 1, 3] cm, cm, degrees.
-        unit_cm: places are packed in such units.
-        inside: what is known besides.
+        unit_cm: unit of packed positions.
+        inside: internal data.
     """
     steps = len(poses) - 1
     packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}

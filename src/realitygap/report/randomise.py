@@ -1,4 +1,4 @@
-"""The picture of an experiment of measuring or randomising: hours of work against what they buy."""
+"""The picture of an experiment on measuring or randomising: outcomes over hours of work."""
 
 import math
 from collections.abc import Sequence
@@ -17,12 +17,12 @@ __all__ = ["draw_outcomes", "outcomes_figure"]
 
 PICTURE = "outcomes"
 LABELS = {"correspondence": ("correspondence", 10.5), "fitness_situated": ("situated fitness", 1.0)}
-"""Words at the axis, and how high it goes: no outcome goes higher, though an interval of few units may."""
+"""Axis labels, and upper limits: no outcome exceeds them, though intervals of few units may."""
 NOISE_APART, RANDOMISED_APART = 0.32, 0.16
 
 
 def draw_outcomes(results: Path) -> Path:
-    """Draw each condition's outcomes, beside the tables; the SVG of the picture (a PNG lies beside it)."""
+    """Draw each condition's outcomes into the tables' folder, as SVG and PNG; returns the SVG's path."""
     with styled():
         save_figure(outcomes_figure(compared_in(results)[0]), results, PICTURE)
     return results / f"{PICTURE}.svg"
@@ -42,7 +42,8 @@ def outcomes_figure(found: Sequence[Outcome]) -> Figure:
 
 
 def _draw(ax: Axes, found: Sequence[Outcome]) -> None:
-    """One outcome, a column a state of knowledge: colour and shape tell the noise, hollow is randomised."""
+    """One outcome, a column for each state of knowledge: colour and shape show the noise, hollow is
+    randomised."""
     styles, places = noise_styles(NOISES), list(KNOWN)
     for i, noise in enumerate(NOISES):
         for randomised in (False, True):

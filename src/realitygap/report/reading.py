@@ -1,4 +1,4 @@
-"""What the tables say, in plain words computed from them: nothing here expects an outcome."""
+"""The tables in plain words, computed from them: nothing here expects an outcome."""
 
 from collections.abc import Iterator, Sequence
 
@@ -14,7 +14,7 @@ __all__ = ["read_scores", "read_table", "read_transfers"]
 
 
 def read_table(table: TaskPart) -> list[str]:
-    """A few sentences on a table; fewer where an unfinished study leaves it empty."""
+    """A few sentences on a table; fewer if an unfinished study leaves it empty."""
     sentences = [_overrating(table), _order(table), _champions(table), *_robustness(table)]
     return [sentence for sentence in sentences if sentence]
 
@@ -26,7 +26,7 @@ def _pairs(table: TaskPart, who: str) -> list[tuple[float, float]]:
 
 
 def _overrating(table: TaskPart) -> str:
-    """How far the stored fitness of the fittest is from what it scores again."""
+    """Difference of the fittest's stored fitness from its score on fresh trials."""
     pairs = np.array(_pairs(table, "fittest"))
     if not len(pairs):
         return ""
@@ -48,7 +48,7 @@ def _overrating(table: TaskPart) -> str:
 
 
 def _order(table: TaskPart) -> str:
-    """Which noise class does best where the robot's own noise is, and whether the runs can tell."""
+    """Which noise class does best at the robot's own noise, and whether the runs can show it."""
     level = 1.0 if 1.0 in table.levels else next(iter(table.levels), None)
     if level is None:
         return ""
@@ -94,7 +94,7 @@ def _champions(table: TaskPart) -> str:
 
 
 def _robustness(table: TaskPart) -> list[str]:
-    """How each class fares from the least to the most noise it was tested at."""
+    """Scores of each class from the least to the most noise it was tested at."""
     if len(table.levels) < 2:
         return []
     low, high = min(table.levels), max(table.levels)
@@ -109,7 +109,7 @@ def _robustness(table: TaskPart) -> list[str]:
 
 
 def read_scores(table: ScoreTable) -> list[str]:
-    """How both scores change with the noise level; nothing where there are none."""
+    """Change of both scores with the noise level; empty if there are none."""
     where = f" on the {table.kind}" if table.kind else ""
     told = [
         *_told_scores(table, "behaviour", "The behaviour score averages"),
@@ -130,7 +130,7 @@ def _told_scores(table: ScoreTable, of: str, begins: str) -> Iterator[str]:
 
 
 def _best(known: list[tuple[float, ScoreClass]], of: str) -> str:
-    """Whether the runs tell the highest from the others, one by one."""
+    """Whether the runs distinguish the highest from each of the others."""
     if len(known) < 2:
         return ""
     ranked = sorted(known, key=lambda pair: -pair[0])
@@ -147,7 +147,7 @@ def _best(known: list[tuple[float, ScoreClass]], of: str) -> str:
 
 
 def read_transfers(table: TaskPart, groups: Sequence[Group], kind: str) -> str:
-    """How simulated and situated scores compare on one kind of robot, by noise level."""
+    """Comparison of simulated and situated scores on one kind of robot, by noise level."""
     return " ".join(_told_transfers(table, [group for group in groups if group.kind == kind], kind))
 
 

@@ -1,4 +1,4 @@
-"""The matrix of realities: how near each calibrated simulation is, and how controllers do there."""
+"""The matrix of realities: accuracy of each calibrated simulation, and controllers' scores there."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,7 @@ BY_LEVEL = (
 
 FIGURES = {"error_over_noise": ("error / noise", 1, 1.0), "error_over_full_scale": ("% of scale", 2, 0.01),
            "noise": ("noise", 1, 1.0), "own_noise": ("its own", 1, 1.0)}  # fmt: skip
-"""Of each channel: heading, decimal places and unit in the matrix."""
+"""For each channel: heading, decimals and unit in the matrix."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,7 +53,7 @@ class Reality:
     Attributes:
         robot: its address; folder: of its experiment.
         facts: scores by level.
-        channels: FIGURES of each that was recorded; noise in counts, `own_noise` only where it is stated.
+        channels: FIGURES of each recorded one; noise in counts, `own_noise` only if it is stated.
     """
 
     robot: str
@@ -63,12 +63,12 @@ class Reality:
 
     @property
     def name(self) -> str:
-        """As it is shown: of a robot of your own the file's name, without its folder."""
+        """The displayed name: for a robot of your own the file's name, without its folder."""
         return Path(self.robot).name if Address.parse(self.robot).kind == "own" else self.robot
 
     @property
     def zero(self) -> str:
-        """Where noisiness passes zero, in words: beyond the levels it is "< 0" or "> 2"."""
+        """The zero crossing of noisiness, in words: outside the levels it is "< 0" or "> 2"."""
         curve = self.facts.headline.noisiness
         if math.isfinite(curve.top.value):
             return str(Number(span=curve.top))
@@ -91,7 +91,7 @@ class Reality:
 
 
 def read_realities(places: Sequence[Place]) -> list[Reality]:
-    """The results of all that were tried.
+    """The results of all realities that were tried.
 
     Raises:
         StudyError: results are missing or broken.
@@ -113,7 +113,7 @@ def _read(robot: str, folder: Path) -> Reality:
 
 
 def _own_noise(robot: str) -> dict[str, float]:
-    """What is published of a simulated reality's noise, counts."""
+    """Published noise of a simulated reality, counts."""
     from realitygap.enki.unit import MODELS
     from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS
 
@@ -129,7 +129,7 @@ def _own_noise(robot: str) -> dict[str, float]:
 
 
 def matrix(realities: Sequence[Reality]) -> NoiseTable:
-    """All realities beside each other."""
+    """All realities side by side."""
     levels = [f"{level:g}" for level in realities[0].facts.data.levels]
     some = [channel for channel in CHANNELS if any(channel in one.channels for one in realities)]
     head = [f"{CHANNELS[channel]}: {title}" for channel in some for title, *_ in FIGURES.values()]
@@ -153,7 +153,7 @@ def _figures(one: Reality, channels: Sequence[str]) -> Row:
 
 
 def levels_figure(realities: Sequence[Reality]) -> Figure:
-    """A column a reality: correspondence above, noisiness below, by the level compared with."""
+    """A column for each reality: correspondence above, noisiness below, by comparison level."""
     figure = new_figure(PAGE, 4.4, layout="constrained")
     axes = figure.subplots(2, len(realities), squeeze=False, sharey="row")
     for (above, below), one in zip(axes.T, realities, strict=True):
@@ -178,7 +178,7 @@ def build_realities_report(
 
     Args:
         folder: the experiment's.
-        places: what was tried, and what was left out.
+        places: realities that were tried, and those left out.
         on_progress: called with parts done, parts in all, and the name of the next one.
 
     Raises:
@@ -207,6 +207,6 @@ def build_realities_report(
 
 
 def realities_summary(places: Sequence[Place]) -> dict[str, object]:
-    """What an experiment on realities found, ready for JSON."""
+    """Results of an experiment on realities, ready for JSON."""
     left = [{"robot": place.robot, "why": place.why} for place in places if place.why]
     return {"realities": [one.to_dict() for one in read_realities(places)], "left_out": left}

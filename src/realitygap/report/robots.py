@@ -20,20 +20,14 @@ __all__ = ["WHEEL_CM", "draw_robot", "front", "light_rays", "robot_figure"]
 F = NDArray[np.float64]
 
 WHEEL_CM = (1.9, 0.45)
-"""A wheel as it is drawn: length and width."""
+"""Length and width of a drawn wheel."""
 
 
 def draw_robot(
-    ax: Axes,
-    robot: Robot,
-    pose: tuple[float, float, float],
-    look: Look = SIMULATED,
-    *,
-    edge: str = style.INK,
+    ax: Axes, robot: Robot, pose: tuple[float, float, float], look: Look = SIMULATED, *, edge: str = style.INK
 ) -> list[Patch | Line2D]:
-    """A robot to scale at a pose (x, y in cm, heading in rad), its outline in the colour `edge`.
+    """Draw a robot to scale: body, wheels, and a line to its leading edge; returns its artists.
 
-    Body, wheels, and a line to its leading edge: its artists are returned.
 
     Args:
         ax: the axes, in cm.
@@ -61,7 +55,7 @@ def draw_robot(
 
 
 def front(robot: Robot) -> float:
-    """How far ahead of the axle's middle the body's edge is, cm."""
+    """Distance from the axle's middle to the body's edge ahead, cm."""
     x, y, nx, ny = robot.outline[robot.outline[:, 2] > 0].T
     return float(((nx * x + ny * y) / nx).min(initial=robot.radius))
 
@@ -89,7 +83,7 @@ def light_rays(robot: Robot) -> F:
 
 
 def _draw_sensor(ax: Axes, place: F, ray: F, name: str) -> None:
-    """A half disc that faces the sensor's way, an arrow and a number."""
+    """A half disc in the sensor's direction, an arrow and a number."""
     spot = np.array([-place[1], place[0]])
     facing = math.atan2(*ray[:, : ray.shape[1]].mean(axis=1)[::-1]) + math.pi / 2
     out, turn = np.array([math.cos(facing), math.sin(facing)]), math.degrees(facing)
@@ -102,7 +96,7 @@ def _draw_sensor(ax: Axes, place: F, ray: F, name: str) -> None:
 
 
 def _sensors(robot: Robot) -> Iterator[tuple[F, F, str]]:
-    """Place, rays and number of every sensor; an ambient one where a proximity one stands is it."""
+    """Position, rays and number of every sensor, except ambient ones at a proximity sensor's position."""
     taken = {tuple(np.round(place, 6)) for place in robot.proximity_place}
     for i, (place, ray) in enumerate(zip(robot.proximity_place, robot.proximity_ray, strict=True)):
         yield place, ray, str(i)

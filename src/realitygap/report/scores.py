@@ -22,7 +22,7 @@ __all__ = [
 
 
 class PaperRow(NamedTuple):
-    """A controller of the paper's, as its judges marked it: scores out of 10."""
+    """A controller of the paper, with its judges' scores out of 10."""
 
     type: str
     behaviour: int
@@ -41,24 +41,23 @@ def _paper_rows() -> dict[str, dict[float, tuple[PaperRow, ...]]]:
 
 
 PAPER_ROWS: Mapping[str, Mapping[float, tuple[PaperRow, ...]]] = _paper_rows()
-"""By task and level of noise."""
+"""By task and noise level."""
 
 PAPER_AVERAGES: Mapping[str, Mapping[float, tuple[float, float]]] = {
     "obstacle-avoidance": {0.0: (4.0, 6.2), 1.0: (6.0, 8.0), 2.0: (4.8, 6.8)},
     "light-seeking": {0.0: (6.4, 5.6), 1.0: (6.8, 7.8), 2.0: (5.8, 5.4)},
 }
-"""Behaviour and correspondence score, as the tables print them."""
+"""Behaviour and correspondence score, as printed in the tables."""
 
 
 SCORES = ("behaviour", "correspondence")
 SHOWN = 10
-"""Rows of a noise level that a page shows."""
+"""Rows of a noise level shown on a page."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreClass:
-    """The score rows of the runs evolved at one noise level, and the paper's of that level, if it has
-    some."""
+    """The score rows of the runs evolved at one noise level, and the paper's of that level, if any."""
 
     level: float
     name: str
@@ -71,17 +70,17 @@ class ScoreClass:
         return mean_of(self.values(of))
 
     def values(self, of: str) -> list[float]:
-        """Each run's score, where it has one."""
+        """Each run's score, if it has one."""
         return [value for mark in self.marks if (value := getattr(mark, of)) is not None]
 
     def rows(self) -> list[tuple[ScoreRow | None, PaperRow | None]]:
-        """What a page shows: ours and the paper's, side by side."""
+        """Our rows and the paper's, side by side."""
         return list(zip_longest(self.marks[:SHOWN], self.paper))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreTable:
-    """Table 1 or 2: one task's individuals, and how they did on one kind of robot ("": on none yet)."""
+    """Table 1 or 2: one task's individuals and their scores on one kind of robot ("": on none yet)."""
 
     task: str
     kind: str
@@ -90,23 +89,23 @@ class ScoreTable:
 
     @property
     def id(self) -> str:
-        """For links on the page and files."""
+        """Id for links and files."""
         words = [self.kind, "" if self.individual == "champion" else self.individual]
         return "-".join([self.task, "scores", *(w.replace(" ", "-") for w in words if w not in ("", "twin"))])
 
     @property
     def printed(self) -> bool:
-        """Whether the paper has score rows to set beside these."""
+        """Whether the paper has rows for comparison."""
         return any(one.paper for one in self.classes)
 
     @property
     def cut(self) -> bool:
-        """Whether the page leaves rows to the CSV."""
+        """Whether some rows are only in the CSV."""
         return any(len(one.marks) > SHOWN for one in self.classes)
 
     @property
     def starts(self) -> list[int]:
-        """From how many starts the correspondence scores are, each number once."""
+        """Numbers of starts behind the correspondence scores, each once."""
         return sorted({mark.starts for one in self.classes for mark in one.marks if mark.starts})
 
     @property

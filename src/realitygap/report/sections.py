@@ -29,12 +29,12 @@ PAPER = {
     "obstacle-avoidance": ("Figure 1", "Figure 4", "Figure 3", "Table 1"),
     "light-seeking": ("Figure 2", "Figure 6", "Figure 5", "Table 2"),
 }
-"""What the paper calls each task's arena, curves, paths and table."""
+"""The paper's names of each task's arena, curves, paths and table."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sections:
-    """Takes tasks of one study apart: pictures go to `figures`, CSV texts to `tables`."""
+    """Makes the tasks' sections: pictures go to `figures`, CSV texts to `tables`."""
 
     study: Study
     folder: Path
@@ -43,15 +43,14 @@ class Sections:
     pairs: Mapping[str, Sequence[Pair]]
     marks: Sequence[ScoreRow]
     paper: bool
-    """Whether it is the paper's study, so that a kept one may stand beside it."""
+    """Whether it is the paper's study, so that a kept one may be shown beside it."""
 
     @cached_property
     def paths(self) -> Paths:
-        """Of the study's individuals."""
         return Paths(self.study)
 
     def section(self, part: TaskPart) -> dict[str, Any]:
-        """What a page shows of one task; `networks` with whether each is of a run that the paths show."""
+        """A task's values for the page; `networks` with whether each is of a run in the figure of paths."""
         task = part.task
         usual = ("Arena", "Curves", "Paths", "")
         labels = PAPER.get(task.name, usual) if task.source is None else usual

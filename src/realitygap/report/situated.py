@@ -25,12 +25,12 @@ __all__ = ["SituatedPart", "make_situated"]
 FILM_PX = 720
 """Width of a film's last frame on the page."""
 ROWS = 2 * PER_CONDITION
-"""Rows of the table that a page shows of each noise level."""
+"""Rows of the table shown for each noise level."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SituatedPart:
-    """What a task's section shows of its transfers."""
+    """The part of a task's section on its transfers."""
 
     about: str
     shown: list[Pair]
@@ -42,7 +42,7 @@ class SituatedPart:
     total: int
 
     def stands_for(self, part: TaskPart) -> bool:
-        """Whether its figures show every run that a figure of simulated paths alone would show."""
+        """Whether its figures show every run that a figure of simulated paths would show."""
         runs = {pair.run for pair in self.shown}
         return all(row is None or row.run.id in runs for row in map(chosen, part.conditions))
 
@@ -53,7 +53,7 @@ class SituatedPart:
 
     @property
     def cut(self) -> bool:
-        """Whether the table leaves rows to its CSV."""
+        """Whether some rows are only in the CSV."""
         return any(len(group.pairs) > ROWS for group in self.groups)
 
     def rows(self, group: Group, table: TaskPart) -> list[dict[str, object]]:
@@ -73,17 +73,16 @@ class SituatedPart:
 def make_situated(
     part: TaskPart, pairs: Sequence[Pair], scene: Scene, label: str, listed: Figures, report: Path
 ) -> SituatedPart:
-    """All of it, of a task's transfers, of which there are some.
+    """The part of a section on a task's transfers.
 
-    Its figures are added to those `listed`, its films copied into the report's folder.
 
     Args:
         part: the task's runs.
         pairs: its transfers, at least one.
-        scene: the arena, and the robot that was simulated.
-        label: what the paper calls the figure.
-        listed: the page's figures, to which its own are added.
-        report: the report's folder, into which films are copied.
+        scene: the arena, and the simulated robot.
+        label: the paper's name of the figure.
+        listed: the page's figures, to which this part's are added.
+        report: the report's folder; films are copied into it.
     """
     groups = transfers.groups_of(part, pairs)
     figures, sheets, films, seen = list[Picture](), list[Picture](), list[dict[str, object]](), list[Pair]()
@@ -143,9 +142,9 @@ def _sheet(part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, listed
 
 
 def _film(part: TaskPart, pair: Pair, report: Path) -> dict[str, object] | None:
-    """A film's last frame under its track's tail (a data URI), if there is one; the film's link.
+    """A film's last frame under its track's tail (a data URI) and its link; None without a film.
 
-    It is copied into the report, so that its folder can be given away without the study's.
+    It is copied into the report, so that the report's folder is complete without the study's.
     """
     path = pair.folder / "tails.png"
     if not (pair.filmed and path.is_file()):
@@ -164,7 +163,7 @@ def _film(part: TaskPart, pair: Pair, report: Path) -> dict[str, object] | None:
 
 
 def _embedded(path: Path) -> tuple[str, tuple[int, int]]:
-    """A picture made small enough for a page, as a data URI, and its size in px."""
+    """A picture reduced for a page, as a data URI, and its size in px."""
     from PIL import Image
 
     with Image.open(path) as frame:

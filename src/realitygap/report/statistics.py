@@ -1,4 +1,4 @@
-"""The few statistics that the figures and tables need: means and their uncertainty."""
+"""Statistics for figures and tables: means and their uncertainty."""
 
 import math
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ def student(freedom: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Mean:
-    """A mean, the half width of its 95 % interval (nan for a single value), and of how many."""
+    """A mean, the half width of its 95 % interval (nan for a single value), and the number of values."""
 
     value: float
     half: float
@@ -35,7 +35,7 @@ class Mean:
 
 
 def mean_of(values: ArrayLike) -> Mean | None:
-    """The mean of some values, None where there are none."""
+    """The mean of some values, None without any."""
     array = np.asarray(values, dtype=float)
     if not array.size:
         return None
@@ -47,7 +47,7 @@ def mean_of(values: ArrayLike) -> Mean | None:
 
 
 def difference(first: ArrayLike, second: ArrayLike) -> Mean | None:
-    """How much higher the first mean is, with Welch's 95 % interval; None below two values each."""
+    """Excess of the first mean over the second, with Welch's 95 % interval; None below two values each."""
     a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
     if a.size < 2 or b.size < 2:
         return None
@@ -60,5 +60,5 @@ def difference(first: ArrayLike, second: ArrayLike) -> Mean | None:
 
 
 def running_best(fitness: ArrayLike) -> np.ndarray:
-    """The fittest so far at each evaluation."""
+    """The highest fitness so far at each evaluation."""
     return np.maximum.accumulate(np.asarray(fitness, dtype=float))

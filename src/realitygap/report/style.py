@@ -1,7 +1,7 @@
-"""One look for every figure: colours, line styles, sizes, and how a figure is saved.
+"""The style of all figures: colours, line styles, sizes, and how a figure is saved.
 
-Colours are Okabe and Ito's (https://jfly.uni-koeln.de/color/), which colour-blind readers tell
-apart; every colour comes with a line style, a marker or a shape, so nothing is shown by colour alone.
+Colours are Okabe and Ito's (https://jfly.uni-koeln.de/color/), suitable for colour-blind readers; every
+colour comes with a line style, a marker or a shape, so nothing is shown by colour alone.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _VARIABLES = {
     INK: "ink", MUTED: "muted", GRID: "grid", PAPER: "paper", FLOOR: "floor", WALL: "wall",
     CYLINDER: "cylinder", BODY: "body", RAY: "ray",
 }  # fmt: skip
-"""Colours that the page replaces by its own, so that figures follow light and dark."""
+"""Colours that the page replaces by its own, so that figures follow light and dark mode."""
 
 _RC: dict[RcKeyType, object] = {
     "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "font.size": 8,
@@ -67,7 +67,7 @@ _RC: dict[RcKeyType, object] = {
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseStyle:
-    """How a noise level looks in every figure."""
+    """Style of a noise level in every figure."""
 
     colour: str
     line: LineStyleType
@@ -76,7 +76,7 @@ class NoiseStyle:
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How a robot and its tail look: `simulated` or `situated` (on a robot, or a twin of one)."""
+    """Style of a robot and its tail: `simulated` or `situated` (on a robot, or a twin of one)."""
 
     line: LineStyleType
     tail_width: float
@@ -101,7 +101,7 @@ _OTHERS = (
 
 
 def noise_styles(levels: Iterable[float]) -> dict[float, NoiseStyle]:
-    """A style for each of a figure's noise levels; zero, observed and double never change theirs."""
+    """A style for each of a figure's noise levels; zero, observed and double always have the same."""
     levels = sorted(set(map(float, levels)))
     others = [level for level in levels if level not in _NAMED]
     spare = {level: _OTHERS[i % len(_OTHERS)] for i, level in enumerate(others)}
@@ -109,21 +109,20 @@ def noise_styles(levels: Iterable[float]) -> dict[float, NoiseStyle]:
 
 
 def styled() -> AbstractContextManager[None]:
-    """The context in which this project's figures are made and written."""
+    """The context in which figures are drawn and saved."""
     return matplotlib.rc_context(_RC)
 
 
 def new_figure(
     width: float, height: float, *, layout: Literal["constrained"] | None = None, dpi: float | None = None
 ) -> Figure:
-    """A figure of `width` × `height` inches that belongs to no global state.
+    """A figure without global state.
 
-    Without a `layout` nothing is laid out; without `dpi`, dots an inch, it has Matplotlib's.
 
     Args:
         width: inches.
         height: inches.
-        layout: how Matplotlib lays it out; None: not at all.
+        layout: Matplotlib's layout engine; None: none.
         dpi: dots an inch; None: Matplotlib's.
     """
     figure = Figure(figsize=(width, height), layout=layout, dpi=dpi)
@@ -132,13 +131,13 @@ def new_figure(
 
 
 def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 200) -> str:
-    """Write NAME.png and NAME.svg into a folder, if there is one; the SVG's text is returned.
+    """Write NAME.png and NAME.svg into a folder, if given; returns the SVG's text.
 
     The same figure gives the same bytes: no date, fixed ids.
 
     Args:
         figure: the figure.
-        folder: where; None: nowhere.
+        folder: where to write; None: nowhere.
         name: of both files.
         dpi: of the PNG.
     """
@@ -160,7 +159,7 @@ _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 
 
 def inline_svg(svg: str, name: str, alt: str) -> str:
-    """An SVG ready for a page: ids of its own, the page's colours, a text for the blind."""
+    """An SVG for a page: unique ids, the page's colours, a text alternative."""
     svg = _METADATA.sub("", _HEAD.sub("", svg, count=1))
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     svg = re.sub(r"url\(#", f"url(#{name}-", svg)

@@ -1,6 +1,6 @@
-"""Tables 1 and 2, simulation columns: how the evolved individuals do on fresh trials.
+"""Tables 1 and 2, simulation columns: scores of the evolved individuals on fresh trials.
 
-Behaviour names and correspondence scores need a situated robot; these columns need none.
+Behaviour names and correspondence scores need a situated robot; these columns do not.
 """
 
 import math
@@ -29,7 +29,7 @@ class Row:
 
     @property
     def stored(self) -> float | None:
-        """The stored fitness of its fittest; None before there is one."""
+        """The stored fitness of its fittest; None if there is none yet."""
         best = self.run.best_fitness
         return best if best is not None and math.isfinite(best) else None
 
@@ -48,7 +48,7 @@ class NoiseClass:
 
     @property
     def begun(self) -> tuple[Row, ...]:
-        """Runs that have an individual to show."""
+        """Runs with an individual to show."""
         return tuple(row for row in self.rows if row.stored is not None)
 
     def means(self, who: str, level: float) -> np.ndarray:
@@ -67,11 +67,11 @@ class NoiseClass:
 
 @dataclass(frozen=True, kw_only=True)
 class TaskPart:
-    """All that a study has of one task, as in table 1 or 2.
+    """A study's results for one task, as in table 1 or 2.
 
     Attributes:
         conditions: the runs by noise level, rising.
-        levels: the noise levels of the fresh trials, and what each is called.
+        levels: the noise levels of the fresh trials, with their names.
     """
 
     task: Task
@@ -80,12 +80,12 @@ class TaskPart:
 
     @property
     def names(self) -> dict[float, str]:
-        """Noise levels of evolution as a legend names them."""
+        """The noise levels of evolution, as in a legend."""
         return {c.level: f"{c.name} noise" for c in self.conditions}
 
     @property
     def tests(self) -> list[tuple[str, float]]:
-        """Whose fresh trials, at which noise level, in the order of the columns."""
+        """Individual and noise level of each fresh test, in the order of the columns."""
         return [(who, level) for who in WHO for level in self.levels]
 
     @property
@@ -95,12 +95,12 @@ class TaskPart:
         return decimals(max((abs(v) / self.task.fitness_scale for v in values), default=1.0))
 
     def show(self, mean: Mean | float | None) -> tuple[str, str]:
-        """A value and its ± as text, in the table's unit; a dash where there is none (or NaN)."""
+        """A value and its ± as text, in the table's unit; a dash for None or NaN."""
         value, half = (mean.value, mean.half) if isinstance(mean, Mean) else (mean, math.nan)
         return self.text(value), "" if math.isnan(half) else f"± {self.text(half)}"
 
     def text(self, value: float | None) -> str:
-        """A fitness in the table's unit; a dash where there is none (or NaN)."""
+        """A fitness in the table's unit; a dash for None or NaN."""
         if value is None or math.isnan(value):
             return "–"
         return number(value / self.task.fitness_scale, self.places)
@@ -119,15 +119,15 @@ def counted(count: int, thing: str) -> str:
 
 
 def number(value: float, places: int) -> str:
-    """A number with a true minus sign."""
+    """A number with a proper minus sign."""
     return f"{value:.{places}f}".replace("-", "−")
 
 
 def table_csv(table: TaskPart) -> str:
     """The table as CSV: a row a run and an average a noise class, fitness unscaled.
 
-    Columns `fittest_LEVEL_mean`, `_sd` and `_n` are over fresh trials; in an average's row they are
-    over the runs' means.
+    Columns `fittest_LEVEL_mean`, `_sd` and `_n` are over fresh trials; in an average's row over the runs'
+    means.
     """
     head = ["task", "noise", "row", "run", "name", "evaluations", "finished", "stored_fitness"]
     head += [
@@ -146,12 +146,12 @@ def table_csv(table: TaskPart) -> str:
 
 
 def _exact(value: float | None) -> str:
-    """All digits of a number; nothing where there is none."""
+    """All digits of a number; "" for None."""
     return "" if value is None or math.isnan(value) else repr(float(value))
 
 
 def _cells(table: TaskPart, of: Row | NoiseClass) -> list[str]:
-    """Mean, deviation and count of each test, empty where there is none."""
+    """Mean, deviation and count of each test, empty if there is none."""
     cells: list[str] = []
     for mean in (of.mean(*test) for test in table.tests):
         known = (None, None) if mean is None else (mean.value, mean.deviation)

@@ -20,20 +20,20 @@ from realitygap.transfer.load import Transferred, load_transfers
 __all__ = ["Group", "Pair", "groups_of", "kinds_of", "pairs_of", "robots_of", "shown_pair", "transfers_csv"]
 
 TAIL_S = 0.1
-"""Strokes of a tail are this far apart, whatever the film's rate: as the simulation's steps are."""
+"""Interval of a tail's strokes, independent of the film's rate: as in the simulation."""
 
 MAKES = {
     "khepera": "Khepera", "serial": "Khepera", "epuck": "e-puck", "epuck2": "e-puck2", "thymio": "Thymio II",
 }  # fmt: skip
-"""Robots by how their folders' names begin; a body of your own is called by its folder."""
+"""Makes of robots by the prefix of their folders' names; a body of your own is called by its folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pair(Transferred):
-    """One transfer, of a run that is `index` among those evolved at a noise level.
+    """One transfer of a run, which is number `index` among those evolved at its noise level.
 
     Attributes:
-        paths: simulated and situated, as their tails are drawn: thinned, without poses that were lost.
+        paths: simulated and situated, thinned for drawing tails, without lost poses.
     """
 
     level: float
@@ -42,17 +42,17 @@ class Pair(Transferred):
 
     @property
     def fitness(self) -> tuple[float, float]:
-        """Simulated and situated, unscaled; NaN where there is none."""
+        """Simulated and situated, unscaled; NaN if there is none."""
         return self.fitness_simulated, self.fitness_situated
 
     @property
     def stand_in(self) -> StandIn | None:
-        """Which simulated robot it is; None for a robot."""
+        """The simulated robot that it is; None for a robot."""
         return StandIn.of_folder(self.robot)
 
     @property
     def kind(self) -> str:
-        """What may be averaged: all robots, all units of a kind whose noise has one size."""
+        """The group for averages: all robots, or all units of a kind with the same noise scale."""
         return ROBOT if self.stand_in is None else self.stand_in.kind
 
     @property
@@ -65,7 +65,7 @@ class Pair(Transferred):
 
     @property
     def drop(self) -> float:
-        """How much lower it scores situated."""
+        """Loss of score from simulated to situated."""
         return self.fitness[0] - self.fitness[1]
 
 
@@ -79,7 +79,7 @@ class Group:
     pairs: tuple[Pair, ...]
 
     def values(self, of: str) -> list[float]:
-        """Each run's "simulated", "situated" or "drop": the mean of its transfers that have scores."""
+        """Each run's "simulated", "situated" or "drop": the mean of its transfers with scores."""
         runs: dict[int, list[float]] = {}
         for pair in self.pairs:
             value = {"simulated": pair.fitness[0], "situated": pair.fitness[1], "drop": pair.drop}[of]
@@ -106,7 +106,7 @@ def _pair(one: Transferred, level: float, index: int) -> Pair:
 
 
 def _drawn(track: Track) -> Track:
-    """Its rows about a tenth of a second apart, without those in which the robot was lost."""
+    """Rows about a tenth of a second apart, without those in which the robot was lost."""
     known = np.flatnonzero(track.found)
     steps = np.round(track.t[known] / TAIL_S)
     first = np.append(True, steps[1:] != steps[:-1]) if len(steps) else np.zeros(0, bool)
@@ -114,12 +114,12 @@ def _drawn(track: Track) -> Track:
 
 
 def kinds_of(pairs: Sequence[Pair]) -> list[str]:
-    """The kinds of situation there are: robots first."""
+    """The kinds of situation: robots first."""
     return sorted({pair.kind for pair in pairs}, key=lambda kind: (kind != ROBOT, len(kind), kind))
 
 
 def robots_of(pairs: Sequence[Pair]) -> list[str]:
-    """The robots a figure shows: of each kind the one with the most noise levels, films, then pairs."""
+    """The robots in a figure: of each kind the one with the most noise levels, films, then pairs."""
     found = []
     for kind in kinds_of(pairs):
         robots: dict[str, list[Pair]] = {}
@@ -135,7 +135,7 @@ def _worth(pairs: Sequence[Pair]) -> tuple[int, int, int]:
 
 
 def shown_pair(condition: NoiseClass, pairs: Sequence[Pair]) -> Pair | None:
-    """The pair a figure shows: of the run that the report shows, where there is one; filmed ones first."""
+    """The pair in a figure: of the run shown in the report, if there is one; filmed ones first."""
     row = chosen(condition)
     here = [pair for pair in pairs if pair.level == condition.level and len(pair.paths[1])]
     key = lambda p: (row is None or p.run != row.run.id, not p.filmed, p.run, p.start)  # noqa: E731
@@ -154,7 +154,7 @@ def groups_of(part: TaskPart, pairs: Sequence[Pair]) -> list[Group]:
 
 
 def transfers_csv(task: Task, groups: Sequence[Group], study: Path) -> str:
-    """The transfers as CSV: a row each, fitness unscaled; folders as seen from the study's."""
+    """The transfers as CSV: a row each, fitness unscaled; folders relative to the study's."""
     head = "task noise run name individual robot start path_from simulated situated drop folder"
     rows: list[list[object]] = [[*head.split()]]
     for group in groups:

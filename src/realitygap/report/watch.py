@@ -1,4 +1,4 @@
-"""The page of a study that is being evolved: curves as they grow, and the best robot so far as it drives.
+"""The page of a study in progress: growing curves, and the best robot so far.
 
 It is a file that reloads itself every few seconds. There is no server, and nothing is fetched.
 """
@@ -28,19 +28,19 @@ __all__ = ["PAGE", "Watch"]
 
 PAGE = "watch.html"
 EVERY_S = 5.0
-"""Time between two pages."""
+"""Time between two versions of the page."""
 SHARE = 0.05
-"""Largest share of the time that goes into making them."""
+"""Largest share of the time spent on making them."""
 POINTS = 400
-"""Of a curve."""
+"""Points of a curve."""
 
 
 class Watch:
-    """Keeps FOLDER/watch.html up to date while its context lasts; results do not depend on it.
+    """Keeps FOLDER/watch.html up to date within its context; results do not depend on it.
 
     Args:
         folder: the study's.
-        tell: called with each progress event, too.
+        tell: also called with each progress event.
     """
 
     def __init__(self, folder: Path, tell: Callable[[Progress], None]) -> None:
@@ -57,7 +57,7 @@ class Watch:
             self._write("stopped" if kind else "finished", ended=True)
 
     def show(self, event: Progress) -> None:
-        """Pass an event on; make the page when it is due."""
+        """Pass an event on; write the page when it is due."""
         self._tell(event)
         begun = time.monotonic()
         if begun >= self._next:
@@ -66,7 +66,7 @@ class Watch:
             self._next = time.monotonic() + max(EVERY_S, (time.monotonic() - begun) / SHARE)
 
     def _write(self, words: str, *, ended: bool) -> None:
-        """A page that cannot be made now is made later: nobody's evolution ends for it."""
+        """Write the page; if that fails it is tried again later, and evolution continues."""
         with suppress(RealityGapError, OSError):
             study = load_study(self._folder)
             parts = [self._part(study, part) for part in parts_of(study)]
@@ -93,7 +93,7 @@ class Watch:
         }  # fmt: skip
 
     def _drive(self, task: Task, run: Run) -> dict[str, Any]:
-        """The fittest robot on one trial, always the same one, at its own noise."""
+        """The fittest robot on one trial, always the same, at its own noise."""
         study = run.study
         kept = self._simulations.setdefault(run.name, Simulation(task, study.profile, run.noise))
         assert run.fittest is not None

@@ -1,7 +1,7 @@
-"""What a genotype's network consists of, and where each part of it is in a picture.
+"""The parts of a genotype's network, and their positions in a picture.
 
-Places are in cm in the robot's own frame as it is drawn: the robot faces up, so a place
-(forward, left) is drawn at (−left, forward).
+Positions are in cm in the robot's frame as drawn: the robot faces up, so a position (forward, left) is drawn
+at (−left, forward).
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,8 @@ SAMPLES = 18
 OUTPUTS = 2
 """Left and right wheel."""
 INPUT, OUTPUT, HIDDEN = 0.36, 0.4, 0.36
-"""Radius or half side of a neuron in units of drawing; one unit holds its text, whatever the robot's size."""
+"""Radius or half side of a neuron in units of drawing; one unit contains its text, whatever the robot's size.
+"""
 UNIT_INCHES = 0.55
 
 
@@ -39,21 +40,21 @@ class Link:
 
 @dataclass(frozen=True, kw_only=True)
 class Wiring:
-    """The live part of a genotype: inputs 0 .. inputs − 1, then outputs, then hidden slots."""
+    """The expressed part of a genotype: inputs 0 .. inputs − 1, then outputs, then hidden slots."""
 
     inputs: int
     hidden: tuple[int, ...]
     thresholds: dict[int, int]
     links: tuple[Link, ...]
     useful: frozenset[int]
-    """Slots from which some output can be reached over links of non-zero weight."""
+    """Slots from which an output can be reached over links of non-zero weight."""
 
     def kind(self, slot: int) -> str:
-        """What a slot is: "input", "output" or "hidden"."""
+        """The kind of a slot: "input", "output" or "hidden"."""
         return "input" if slot < self.inputs else "output" if slot < self.inputs + OUTPUTS else "hidden"
 
     def works(self, link: Link) -> bool:
-        """Whether a link has any effect on an output."""
+        """Whether a link affects an output."""
         return bool(link.weight) and link.target in self.useful
 
 
@@ -79,7 +80,7 @@ def read_wiring(genes: np.ndarray, *, inputs: int) -> Wiring:
 
 
 class Layout(NamedTuple):
-    """A network's picture: places and sizes (radius or half side) of neurons, a curve for each link; cm."""
+    """A network's picture: positions and sizes (radius or half side) of neurons, curves of links; cm."""
 
     places: dict[int, F]
     sizes: dict[int, float]
@@ -87,14 +88,14 @@ class Layout(NamedTuple):
 
 
 def lay_out(wiring: Wiring, robot: Robot, sensor_places: F, sensors: Sequence[int], unit: float) -> Layout:
-    """Where everything is drawn.
+    """The picture of a network.
 
     Args:
         wiring: the network.
-        robot: that it is drawn on.
-        sensor_places: [S, 2] cm, of the sensors that feed it, in the robot's frame.
-        sensors: which of these feeds each input.
-        unit: how many cm of robot one unit of drawing takes: a neuron's radius is 0.36 of it.
+        robot: to draw on.
+        sensor_places: [S, 2] cm, of the fed sensors, in the robot's frame.
+        sensors: the sensor of each input.
+        unit: size of a unit of drawing, cm of robot: a neuron's radius is 0.36 of it.
     """
     places = place_neurons(wiring, robot, sensor_places, sensors, unit)
     kinds = {"input": INPUT, "output": OUTPUT, "hidden": HIDDEN}
@@ -103,22 +104,15 @@ def lay_out(wiring: Wiring, robot: Robot, sensor_places: F, sensors: Sequence[in
 
 
 def width_inches(hidden: int) -> float:
-    """How wide a picture must be for this many hidden neurons."""
+    """Width that a picture needs for this many hidden neurons."""
     return 3.7 if hidden <= 3 else 4.6 if hidden <= 7 else 6.6
 
 
 def place_neurons(
     wiring: Wiring, robot: Robot, sensor_places: F, sensors: Sequence[int], unit: float
 ) -> dict[int, F]:
-    """Inputs at their sensors, outputs beside their wheels, hidden neurons near what they join.
-
-    Args:
-        wiring: the network.
-        robot: its body.
-        sensor_places: [S, 2] cm.
-        sensors: which sensor feeds each input.
-        unit: how many cm of robot one unit of drawing takes: a neuron's radius is 0.36 of it.
-    """
+    """Inputs at their sensors, outputs beside their wheels, hidden neurons near their neighbours; arguments
+    as of `lay_out`."""
     places: dict[int, F] = {}
     for i in range(wiring.inputs):
         sensor = sensors[i] if i < len(sensors) else -1
@@ -134,7 +128,7 @@ def place_neurons(
 
 
 def _place_hidden(wiring: Wiring, radius: float, places: dict[int, F], unit: float) -> None:
-    """Each hidden neuron takes the free place nearest to its neighbours, the best joined first."""
+    """Put each hidden neuron at the free position nearest to its neighbours, the best connected first."""
     count = len(wiring.hidden)
     gap = min(1.9 * unit, 1.5 * radius / (0.5 + count) ** 0.5)
     free = _free_places(gap, radius, places, unit)
@@ -153,7 +147,7 @@ def _place_hidden(wiring: Wiring, radius: float, places: dict[int, F], unit: flo
 
 
 def _free_places(gap: float, radius: float, places: dict[int, F], unit: float) -> list[F]:
-    """A honeycomb of places `gap` apart inside the body, clear of the neurons that have theirs."""
+    """A hexagonal grid of positions `gap` apart inside the body, clear of placed neurons."""
     reach = range(-16, 17)
     honeycomb = [np.array([(i + 0.5 * (j % 2)) * gap, (j - 0.3) * gap * 0.87]) for i in reach for j in reach]
     return [
@@ -165,14 +159,8 @@ def _free_places(gap: float, radius: float, places: dict[int, F], unit: float) -
 
 
 def bend_links(wiring: Wiring, places: dict[int, F], sizes: dict[int, float], unit: float) -> list[F]:
-    """The curve [SAMPLES, 2] of each link, ending at its neurons' rims, clear of other neurons.
-
-    Args:
-        wiring: the network.
-        places: [2] of each neuron.
-        sizes: their radii.
-        unit: of drawing.
-    """
+    """The curve [SAMPLES, 2] of each link, ending at its neurons' rims, clear of other neurons; positions [2]
+    and radii by neuron."""
     curves: list[F] = []
     loops: dict[int, int] = {}
     outside = max(float(np.hypot(*place)) for place in places.values()) + 0.45 * unit
@@ -212,12 +200,12 @@ def _bow(start: F, end: F, start_rim: tuple[float, bool], end_rim: tuple[float, 
 
 
 def _reach(direction: F, size: float, square: bool) -> float:
-    """How far a neuron's rim is from its middle in a direction."""
+    """Distance of a neuron's rim from its middle in a direction."""
     return size / float(np.abs(direction).max()) if square else size
 
 
 def _loop(place: F, size: float, turn: int) -> F:
-    """A recurrent self-link: a loop that leaves a neuron and comes back to it."""
+    """A recurrent self-link: a loop from a neuron back to it."""
     facing = -np.pi / 2 + turn * np.pi / 2.5 * (1 if place[0] >= 0 else -1)
     reach = size * 1.25
     middle = place + reach * np.array([np.cos(facing), np.sin(facing)])
@@ -226,7 +214,7 @@ def _loop(place: F, size: float, turn: int) -> F:
 
 
 def _crowding(curve: F, others: F, room: F, earlier: list[F], unit: float) -> float:
-    """How much a curve runs into neurons and along earlier curves."""
+    """A penalty for a curve's overlap with neurons and earlier curves."""
     cost = 0.0
     if len(others):
         gaps = _distances(curve, others) - room - 0.1 * unit
@@ -239,12 +227,11 @@ def _crowding(curve: F, others: F, room: F, earlier: list[F], unit: float) -> fl
 
 
 def label_places(curves: list[F], neurons: F, sizes: F, unit: float) -> list[F]:
-    """Where each link's number is drawn: at its curve [SAMPLES, 2], away from neurons (places [n, 2] and
-    radii [n]), curves and other numbers.
+    """Position of each link's number: at its curve, away from neurons, curves and other numbers.
 
     Args:
         curves: [SAMPLES, 2] of each link.
-        neurons: [n, 2] their places.
+        neurons: [n, 2] their positions.
         sizes: [n] their radii.
         unit: of drawing.
     """
@@ -267,5 +254,5 @@ def label_places(curves: list[F], neurons: F, sizes: F, unit: float) -> list[F]:
 
 
 def _distances(first: F, second: F) -> F:
-    """Distances [n, m] between two sets of places."""
+    """Distances [n, m] between two sets of positions."""
     return np.asarray(np.hypot(*(first[:, None] - second[None]).transpose(2, 0, 1)))

@@ -1,6 +1,6 @@
-"""Captions of the figures, and texts for those who cannot see them.
+"""Captions of the figures, and their text alternatives.
 
-"Real" and "reality" are kept for hardware; the twin is a stand-in, pseudo-reality.
+"Real" and "reality" are reserved for hardware; the twin is a stand-in, a pseudo-reality.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ __all__ = [
 
 
 def robot_words(profile: Profile) -> Words:
-    """Of the robot's picture."""
+    """Words for the robot's picture."""
     robot = profile.to_kernel()
     count = max(len(robot.proximity_place), len(robot.ambient_place))
     text = f"The robot from above, to scale: {count} sensors with their numbers and directions, two wheels."
@@ -29,7 +29,7 @@ def robot_words(profile: Profile) -> Words:
 
 
 def arena_words(part: TaskPart) -> Words:
-    """Of a task's arena."""
+    """Words for a task's arena."""
     arena = part.task.arena.to_kernel()
     width, depth = arena.size
     things = {"cylinder": arena.cylinders, "inner wall": arena.segments, "lamp": arena.lamp_centre}
@@ -49,7 +49,7 @@ def arena_words(part: TaskPart) -> Words:
 
 
 def curve_words(part: TaskPart, curves: Mapping[float, Sequence[np.ndarray]], fresh: bool) -> Words:
-    """Of the curves of evolution."""
+    """Words for the curves of evolution."""
     counts = sorted({len(runs) for runs in curves.values()})
     over = counted(counts[0], "run") if len(counts) == 1 else f"{counts[0]} to {counts[-1]} runs"
     many = counts[-1] > 1
@@ -68,7 +68,7 @@ def curve_words(part: TaskPart, curves: Mapping[float, Sequence[np.ndarray]], fr
 
 
 def path_words(part: TaskPart, seen: str) -> Words:
-    """Of the chosen runs' paths."""
+    """Words for the chosen runs' paths."""
     unit = f" (in {part.task.fitness_unit})" if part.task.fitness_unit else ""
     many = any(len(c.rows) > 1 for c in part.conditions)
     which = "For each noise level the run whose retested champion is the median one on fresh trials. " * many
@@ -81,7 +81,7 @@ def path_words(part: TaskPart, seen: str) -> Words:
 
 
 def sheet_words(part: TaskPart, seen: str) -> Words:
-    """Of the sheet with all runs' paths."""
+    """Words for the sheet of all runs' paths."""
     most = max(len(c.rows) for c in part.conditions)
     few = f"the first {PER_CONDITION} of {most} runs" if most > PER_CONDITION else "every run"
     return Words(
@@ -92,7 +92,7 @@ def sheet_words(part: TaskPart, seen: str) -> Words:
 
 
 def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool) -> Words:
-    """Of a network's picture; `title` says whose it is, `champion` whether it was retested.
+    """Words for a network's picture.
 
     Args:
         genes: its genotype.
@@ -118,7 +118,7 @@ SOURCES = {
     "speeds": "computed from the speeds that its motors measure, which do not see a wheel slip",
     "robot": "as reported by the robot itself",
 }
-"""Where a situated path comes from."""
+"""Sources of situated paths."""
 
 
 STAND_INS = {
@@ -135,7 +135,7 @@ STAND_INS = {
 
 
 def about(pairs: Sequence[Pair]) -> str:
-    """What "situated" means on this page."""
+    """The meaning of "situated" on this page."""
     kinds = {pair.kind.split()[0] for pair in pairs}
     places = [words for name, words in STAND_INS.items() if name in kinds]
     which = "; each row says which" if len(places) > 1 else ""
@@ -143,7 +143,7 @@ def about(pairs: Sequence[Pair]) -> str:
 
 
 def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
-    """The words of figure 3 or 5: the paths' ends for those who cannot see them, and its caption."""
+    """Words for figure 3 or 5: the paths' ends as text alternative, and the caption."""
     where, unit = shown[0].where, part.task.fitness_unit
     kind = "physics stand-in" if shown[0].kind.startswith(("twin", "stranger")) else "stand-in"
     stood_in = shown[0].stand_in is not None
@@ -172,7 +172,7 @@ def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
 
 
 def transfer_sheet_words(many: int, where: str, *, counted: bool) -> Words:
-    """Of the sheet with every transferred run's paths; `counted`: some are computed from its wheels."""
+    """Words for the sheet of all transferred runs' paths; `counted`: some are from wheel counters."""
     alt = f"Simulated and situated paths of {many} runs, each from its first start."
     caption = f"{alt} Simulated above, {where} below; the number is the path’s score."
     if counted:

@@ -1,4 +1,4 @@
-"""How far apart two trials are in what was read and done, and the field's other measures.
+"""Differences of two trials in readings and commands, and other published measures.
 
 These need no camera: Wasserstein distances of readings, commands and speeds; the error of replayed commands;
 fitness in pseudo-realities sampled round the profile (Ligot and Birattari 2020).
@@ -26,21 +26,21 @@ from realitygap.world.profile import TOP_INPUT, Profile
 __all__ = ["PSEUDO_REALITIES", "PSEUDO_SPREAD", "apart", "distances", "in_pseudo_realities"]
 
 PSEUDO_REALITIES, PSEUDO_SPREAD = 200, 0.1
-"""Trials of each controller, each in a robot whose constants are drawn anew within ±10 % of the profile's."""
+"""Trials of each controller, each with a robot whose constants are drawn within ±10 % of the profile's."""
 
 
 def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Task) -> dict[str, float]:
-    """How far apart two trials are in what was read and done: Wasserstein's first distance, column by column.
+    """Distances of two trials in readings and commands: Wasserstein's first distance, column by column.
 
-    Of each sensor's readings, of each wheel's commands and of its speeds the two distributions over the trial
-    are compared. Readings count in widths of the input range (what takes an input from −10 to
-    10), commands and speeds in top commands, so that 1 is much. NaN where one side has no such column.
+    The distributions over the trial are compared for each sensor's readings and each wheel's commands and
+    speeds. Readings are in widths of the input range, commands and speeds in top commands, so that 1 is much.
+    NaN where one side has no such column.
 
     Args:
         simulated: one trial.
         situated: the other.
         profile: of the robot: its input range and top command.
-        task: what it is fed.
+        task: for the fed sensors.
     """
     from scipy.stats import wasserstein_distance
 
@@ -63,11 +63,11 @@ def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Ta
 def distances(
     simulated: Trajectory, situated: Recording, track: Track, pose: Pose, quiet: Simulation
 ) -> dict[str, float]:
-    """All that tells a pair of trials apart without a camera: the parts of `apart`, their mean `distance`,
-    and `replay_cm`: how far the robot's path is from the simulation's under the robot's commands.
+    """All measures of a pair of trials without a camera: the parts of `apart`, their mean `distance`, and
+    `replay_cm`: distance of the robot's path from the simulation's under the robot's commands.
 
     Args:
-        simulated: what was read and done in simulation.
+        simulated: the trial in simulation.
         situated: the same on the robot.
         track: where the robot was.
         pose: where both began.
@@ -79,7 +79,7 @@ def distances(
 
 
 class _Replayer:
-    """Commands as a robot was given them, one a step, whatever is read."""
+    """Replays a robot's commands, one a step, whatever the inputs."""
 
     def __init__(self, commands: NDArray[np.int64], profile: Profile) -> None:
         self._outputs = np.rint(commands * (TOP_INPUT / profile.wheels.top_command)).astype(int)
@@ -100,7 +100,7 @@ def _replayed(simulation: Simulation, situated: Recording, track: Track, pose: P
     seconds = len(situated.t) * simulation.profile.period_s
     try:
         lived, _ = drive_simulated(simulation, replayer, pose=pose, seconds=seconds)
-    except UsageError:  # it began where the simulated robot has no room
+    except UsageError:  # it began where the simulated robot does not fit
         return math.nan
     path = lived.track
     if len(path) != len(track) or not track.found.any():
@@ -109,13 +109,13 @@ def _replayed(simulation: Simulation, situated: Recording, track: Track, pose: P
 
 
 def in_pseudo_realities(task: Task, profile: Profile, networks: Networks, stream: int | np.uint64) -> float:
-    """Mean fitness of a network in robots drawn round a profile, as noisy as it is: the same of a stream.
+    """Mean fitness of a network in robots drawn round a profile, with its noise; the same for each stream.
 
     Args:
         task: the task.
-        profile: the robot that others are drawn round.
+        profile: the centre of the drawn robots.
         networks: of one genotype.
-        stream: what random numbers follow from.
+        stream: random stream.
     """
     simulation = Simulation(task.under(PSEUDO_SPREAD), profile, 1.0)
     seed = int(substream(np.uint64(stream), np.uint64(PSEUDO)))

@@ -1,4 +1,4 @@
-"""Which runs of a study are driven, and which are shown."""
+"""Which runs of a study drive robots, and which are shown."""
 
 import math
 from collections.abc import Iterable
@@ -14,8 +14,7 @@ FINISH = "Finish the study (`realitygap … --resume`)."
 
 
 def chosen_runs(study: Study, options: Transfer) -> list[Run]:
-    """The named runs, all that are finished if none is named; for a controller of your own, which needs no
-    individual, one run of each task and noise.
+    """The named runs, or all finished ones; for a controller of your own, one run of each task and noise.
 
     Raises:
         UsageError: no such run or individual, or one that does not exist yet.
@@ -41,7 +40,7 @@ def chosen_runs(study: Study, options: Transfer) -> list[Run]:
 
 
 def number_of(run: Run, individual: str) -> int | None:
-    """The evaluation that found a run's champion or fittest; None: there is none yet."""
+    """Evaluation number of a run's champion or fittest; None: there is none yet."""
     return run.champion_number if individual == "champion" else run.fittest_number
 
 
@@ -55,14 +54,14 @@ def median_run(runs: Iterable[Run]) -> Run | None:
 
 
 def shown_runs(study: Study) -> list[Run]:
-    """One finished run of each condition, in the study's order: whom figures 3 and 5 show."""
+    """One finished run of each condition, in the study's order: those in figures 3 and 5."""
     conditions = dict.fromkeys((run.task, run.noise) for run in study.runs)
     chosen = (median_run(r for r in study.runs if (r.task, r.noise) == pair) for pair in conditions)
     return [run for run in chosen if run is not None and run.finished]
 
 
 def _worth(run: Run) -> float:
-    """How good a run's champion is, as far as is known."""
+    """Quality of a run's champion, as far as it is known."""
     fresh = run.tests.get(("champion", run.noise))
     if fresh is not None and fresh.size:
         return float(fresh.mean())

@@ -1,8 +1,8 @@
-"""Tables of decimal numbers as columns of whole numbers, which compress to half of what their text does.
+"""Tables of decimal numbers as columns of integers, which compress to half the size of their text.
 
-Each column is counted in its last decimal place and kept as it is, as differences, or as differences of
-those, whichever are smallest: the lowest byte of every row, then the next. What would not come back to the
-very same text is left alone.
+Each column is counted in its last decimal place and stored as it is, as differences, or as second
+differences, whichever are smallest: the lowest byte of every row, then the next. A table that would not
+convert back to exactly the same text is left as it is.
 """
 
 import json
@@ -13,17 +13,19 @@ from numpy.typing import NDArray
 __all__ = ["columns_of", "text_of"]
 
 GENERAL = -1
-"""In place of a number of decimals: each as short as it is, ten digits at most (`recording.Recorder`)."""
+"""Instead of a number of decimals: each number as short as possible, ten digits at most
+(`recording.Recorder`)."""
 LARGEST = 2.0**50
-"""Beyond that a float's last bit is no whole number's."""
+"""Beyond this a float has no exact last decimal."""
 Whole = NDArray[np.int64]
 
 
 def columns_of(text: bytes) -> bytes | None:
-    """A table [rows, columns] with a line of names; None where it is none, or would not come back as it is.
+    """A table [rows, columns] with a line of names, as columns; None if it is not one, or not exactly
+    reversible.
 
-    A line of JSON: the names, how many rows, and of each column its decimals, the power of ten that it is
-    counted in, how often differences were taken and how many bytes a number has. Then every column's bytes.
+    A line of JSON: the names, the number of rows, and of each column its decimals, its power of ten, the
+        order of differences and the bytes of a number. Then every column's bytes.
     """
     try:
         head, *lines = text.decode("ascii").split("\n")
@@ -66,7 +68,7 @@ def text_of(data: bytes) -> bytes:
 
 
 def _packed(column: tuple[str, ...]) -> tuple[tuple[int, int, int, int], bytes] | None:
-    """Of a column its facts and its bytes."""
+    """A column's description and bytes."""
     decimals = {len(word.partition(".")[2]) for word in column}
     power = max(decimals)
     counted = np.rint(np.array(column, np.float64) * 10.0**power)

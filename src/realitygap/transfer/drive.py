@@ -1,4 +1,4 @@
-"""Any controller on any body at a task: the resulting track, and the task's score."""
+"""Runs any controller on any body at a task: the track, and the task's score."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -36,9 +36,9 @@ class Drove:
     """The results of a drive.
 
     Attributes:
-        track: a row a step, the first one the start: as the body knows its place, else by its wheels.
+        track: a row a step from the start: as the body reports its pose, else by its wheels.
         score: the task's.
-        recording: what was read, decided and done, a row a step.
+        recording: readings, inputs and commands, a row a step.
     """
 
     track: Track
@@ -58,16 +58,16 @@ def drive(
     """Drive a body at a task with a controller, and score its track.
 
     Args:
-        body: the robot: a SimulatedBody, or any that keeps the contract of `robots/body.py`.
+        body: the robot: a SimulatedBody, or any with the protocol of `robots/body.py`.
         controller: a NetworkController, a function decide(inputs) → (left, right), a class or an object
             that has one, or `file.py:name`; −10 … 10 in and out.
         task: which sensors are fed, how long, and the score.
         profile: its input ranges and wheels.
-        start: where the body is put, or where somebody has put it; by default where it reports itself.
+        start: where the body is placed, or stands already; by default where it reports itself.
         seconds: length; the task's own if None.
 
     Raises:
-        UsageError: a body that does not know where it is, without `start`; an invalid controller.
+        UsageError: a body that does not report its pose, without `start`; an invalid controller.
         RobotError: the robot was lost; it was told to stop.
     """
     task, profile = load_task(task), load_profile(profile)
@@ -112,18 +112,18 @@ def pairs(
     seconds: float | None = None,
     folder: Path | None = None,
 ) -> Iterator[Pair]:
-    """Trials of a controller on a robot that places itself, each beside its simulation.
+    """Trials of a controller on a robot that places itself, each paired with its simulation.
 
     Args:
         simulation: task, profile, noise and arena.
         controller: drives both.
         robot: its address.
         starts: trials.
-        pose: where all begin; by default where the task draws it.
+        pose: where all begin; by default drawn by the task.
         seed: of starts and noise.
         twin_noise: noise scale of a twin or of Enki, 1 if None.
         seconds: length; the task's own if None.
-        folder: keeps each trial in start-1, start-2, …, as `realitygap score` reads them.
+        folder: where to save each trial in start-1, start-2, …, as `realitygap score` reads them.
 
     Raises:
         UsageError: a robot that does not place itself, or of another kind than the profile's.

@@ -1,4 +1,4 @@
-"""A controller drives a robot once: scaled as it was in the simulation, fed by its profile, logged."""
+"""One drive of a robot by a controller: scaled as in the simulation, fed by its profile, recorded."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,14 +19,14 @@ __all__ = ["Driven", "driven", "turned"]
 
 
 class Driven(NamedTuple):
-    """A drive on a robot: its recording, the wheels' counters at the steps, and its poses if it knows them,
+    """A drive on a robot: its recording, the wheels' counters at the steps, and its poses if it reports them,
     the end included.
 
     Attributes:
-        counters: [steps + 1, 2] pulses, NaN where nothing was counted; of wheels whose speeds are measured
-            instead, those times seconds.
-        cm_per_pulse: of the left wheel and the right one, if known.
-        poses: where it was; None for a robot that does not know.
+        counters: [steps + 1, 2] pulses, NaN where not counted; for wheels with measured speeds, speeds times
+            seconds.
+        cm_per_pulse: of the left and the right wheel, if known.
+        poses: as reported; None for a robot that does not.
         period_s: of a step.
         t: [steps + 1] s, when each was read.
     """
@@ -60,17 +60,15 @@ class Driven(NamedTuple):
 
 
 class Scaled:
-    """A controller whose outputs −10 … 10 become a robot's commands, up to its profile's top command."""
+    """A controller whose outputs −10 … 10 are scaled to a robot's commands, by its profile's top command."""
 
     def __init__(self, network: Controller, profile: Profile) -> None:
         self._network, self._wheels = network, profile.wheels
 
     def reset(self) -> None:
-        """Before a trial."""
         self._network.reset()
 
     def decide(self, inputs: Sequence[int]) -> Command:
-        """One step."""
         given = self._network.decide(inputs)
         return Command(left=self._wheels.command(given.left), right=self._wheels.command(given.right))
 
@@ -84,16 +82,15 @@ def driven(
     seconds: float,
     recorder: Recorder | None = None,
 ) -> Driven:
-    """Drive a robot with an evolved controller as it drove the simulation's: fed by `profile`'s input range,
-    commanding in its units. The robot is at its start; a recorder keeps the steps.
+    """Drive a robot with an evolved controller as in simulation: with `profile`'s input range and units.
 
     Args:
         body: the robot, at its start.
-        controller: who drives.
-        task: which sensors it is fed.
+        controller: the driver.
+        task: for the fed sensors.
         profile: the one it was evolved with.
         seconds: length of the trial.
-        recorder: keeps the steps.
+        recorder: records the steps.
     """
     poses: list[Pose] = []
     sensors = task.of(profile).sensors
@@ -115,7 +112,7 @@ def driven(
     last, unknown = odometry_of(body), (np.nan, np.nan)
     counters = np.vstack([made.counters, last.counters or unknown])
     speeds = np.vstack([made.speeds, last.speeds or unknown])
-    late = made.late[-1] if made.late[-1] <= body.period_s else 0.0  # as the loop's time-table has it
+    late = made.late[-1] if made.late[-1] <= body.period_s else 0.0  # as in the loop's schedule
     times = np.append(made.t, made.t[-1] - late + body.period_s)
     return Driven(made, *turned(body, profile, counters, speeds, times), tuple(poses), body.period_s, times)
 
@@ -123,13 +120,13 @@ def driven(
 def turned(
     body: Body, profile: Profile, counters: Floats, speeds: Floats, times: Floats
 ) -> tuple[Floats, tuple[float, float] | None]:
-    """What the wheels have turned, as in `Driven`: `counters`, and how long one of them is (cm).
+    """Rotation of the wheels, as in `Driven`: `counters`, and the length of one (cm).
 
     Args:
         body: whose wheels.
-        profile: what is known of them, before what the body itself says.
-        counters, speeds: [rows, 2] as read, in the body's units, NaN where they were not.
-        times: [rows] when, s.
+        profile: its values take precedence over the body's own.
+        counters, speeds: [rows, 2] as read, in the body's units, NaN where missing.
+        times: [rows] s.
     """
     if not body.counts_turns and isinstance(body, Paced):
         ways = np.cumsum((speeds[1:] + speeds[:-1]) / 2 * np.diff(times)[:, None], axis=0)

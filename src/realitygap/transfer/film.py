@@ -1,7 +1,7 @@
-"""The camera over a twin: it watches a trial, or films it, and the tracker sees what a real one would.
+"""The camera over a twin: it watches or films a trial for the tracker.
 
-Frames are rendered from the recorded states. They are tracked one after the other in memory, or put
-into a film that is tracked as a person's is.
+Frames are rendered from the recorded states. They are tracked one by one in memory, or written to a film that
+is tracked like any other.
 """
 
 from __future__ import annotations
@@ -51,32 +51,32 @@ FPS, WATCH_FPS = 25, 10
 """Frames a second of a film, and of a camera that only watches: one a step."""
 FILM, CAMERA, TRACK, TAILS = "film.mp4", "camera.json", "track.csv", "tails.png"
 DISK = "disk.toml"
-"""Beside a film, if it is not the shipped disk."""
+"""File beside a film, if the disk is not the shipped one."""
 
 LEAST_POSES, GRIDS = 16, range(4, 10)
-"""Poses that a camera is calibrated with, on the coarsest grid that has this many free places."""
+"""Poses for calibrating a camera, on the coarsest grid with this many free places."""
 
 GOLDEN_DEG = 222.4922
-"""Turn from one known pose to the next: headings all round, no two alike."""
+"""Turn from one known pose to the next: distinct headings in all directions."""
 
 WAIT_S = 300.0
-"""How long another process may take to calibrate a camera, which takes some seconds."""
+"""Time that another process may take to calibrate a camera, which takes some seconds."""
 
 MARGIN_CM = 0.5
 TOUCH_CM = 1e-6
-"""From the walls at which a known pose may be, and what its place may be off by rounding."""
+"""Distance of known poses from walls, and tolerance of positions for rounding."""
 
 QUALITY = 21
-"""H.264's rate factor: the pixels' noise is not kept to the last grain, which makes films far smaller."""
+"""H.264's rate factor: it drops some of the pixels' noise, which makes films far smaller."""
 
 FIRST = 10**6
-"""Numbers of calibration frames begin here: their pixels' noise is not the films'."""
+"""First number of calibration frames: their pixels' noise differs from the films'."""
 
 Tell = Callable[[float], None]
 
 
 def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
-    """Places all over the floor where the robot stands free, each at a heading of its own."""
+    """Free positions all over the floor, each with a heading of its own."""
     width, depth = arena.size_cm
     near = radius_cm + MARGIN_CM
     places: list[tuple[float, float]] = []
@@ -90,10 +90,10 @@ def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
 
 
 class Watcher:
-    """The camera over a unit's arena, which watches trials and keeps no film.
+    """The camera over a unit's arena, which watches trials without keeping a film.
 
-    Of each frame only what the tracker looks at is made: a window where it saw the robot last, or all of
-    it. The track is that of whole frames, to the last bit.
+    Only the part of a frame that the tracker looks at is drawn: a window where it last saw the robot, or all
+        of it. The track has the same bits as with whole frames.
 
     Args:
         file: keeps the camera's calibration.
@@ -122,9 +122,9 @@ class Watcher:
         self.camera = self._calibrated(file, known_poses(arena, radius_cm))
 
     def _calibrated(self, file: Path, poses: list[Pose]) -> CameraModel:
-        """As a person would do it; done once, and kept in `file`.
+        """The calibration by known poses, done once and kept in `file`.
 
-        The known frames are drawn: the lens is the renderer's too, and no result hangs on a GL library.
+        The known frames are drawn: the lens is the renderer's too, and results do not depend on a GL library.
 
         Raises:
             StudyError: another process has been calibrating it for too long.
@@ -163,9 +163,9 @@ class Watcher:
         return str(self.eye.metadata["view"])
 
     def track(self, states: States, stream: int) -> Track:
-        """The track of recorded states as the camera sees them, ten times a second.
+        """The track of recorded states as seen by the camera, ten times a second.
 
-        `stream` is the first frame's number, which names its pixels' noise.
+        `stream` is the first frame's number, which seeds its pixels' noise.
         """
         from realitygap.film.tracker import Tracker
 
@@ -195,15 +195,14 @@ def film_and_track(
 ) -> Track:
     """Film a trial's recorded states, then track the film: film, camera, track and tails into its folder.
 
-    `facts` is what else the film's metadata shall say; `tell` receives the share done since its last call.
 
     Args:
         folder: the trial's.
         states: from the trial's beginning to its end.
         watcher: has the camera's calibration, and what the robot wears.
         overhead: the camera that films.
-        facts: what else the film's metadata shall say.
-        tell: is given the share of this work that was done since the last time.
+        facts: further metadata of the film.
+        tell: called with the share of the work done since its last call.
     """
     from realitygap.film.video import FilmWriter
     from realitygap.twin.drawing import WHOLE
@@ -226,23 +225,19 @@ def film_and_track(
 
 
 def keep_film(
-    folder: Path,
-    camera: CameraModel,
-    marker: Marker,
-    tell: Callable[[int, int | None], None] | None = None,
+    folder: Path, camera: CameraModel, marker: Marker, tell: Callable[[int, int | None], None] | None = None
 ) -> Tracked:
     """Track the film in a trial's folder: camera, track, tails and a disk of your own.
 
-    `tell` receives frames done, and frames in all if known.
 
     Args:
         folder: the trial's.
-        camera: as it was calibrated.
+        camera: its calibration.
         marker: what the robot wears.
         tell: called with frames done, and frames in all if known.
 
     Raises:
-        FilmError: no film of this camera's, or no marker is seen in it.
+        FilmError: the film is not of this camera, or shows no marker.
     """
     from realitygap.film.tails import draw_tails, save_tails
     from realitygap.film.tracker import track_film
@@ -257,7 +252,7 @@ def keep_film(
 
 
 def _grey(frame: Any) -> Any:
-    """Brightness of a coloured picture, as a film's decoder gives it."""
+    """Brightness of a coloured picture, as decoded from a film."""
     import cv2
 
     return cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)

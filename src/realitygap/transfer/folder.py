@@ -1,4 +1,4 @@
-"""The folder of a trial: made beside the final one, which appears when everything is in it."""
+"""The folder of a trial: filled beside the final one, which appears when it is complete."""
 
 import shutil
 from collections.abc import Iterator, Mapping
@@ -14,10 +14,10 @@ __all__ = ["blamed", "files_in", "half_folder", "keep", "keep_camera", "made", "
 
 @contextmanager
 def made(final: Path, robot: Address) -> Iterator[Path]:
-    """The folder that a trial is made in; the final folder at the end.
+    """The folder to write a trial in; it becomes the final folder at the end.
 
     Raises:
-        RobotError, FilmError: those of the block, which then say what is kept where.
+        RobotError, FilmError: those of the block, with a note on what is kept where.
     """
     half = _begun(final, robot)
     with blamed(final, robot), whole.together(half):
@@ -27,13 +27,13 @@ def made(final: Path, robot: Address) -> Iterator[Path]:
 
 
 def keep(final: Path, robot: Address, files: Mapping[str, bytes], *, finished: bool) -> None:
-    """Save a trial that was made elsewhere, its files by their names; `finished`: that is all of it.
+    """Save a trial that was made elsewhere.
 
     Args:
         final: its folder.
-        robot: who drove.
+        robot: the robot.
         files: content by name.
-        finished: whether that is all of it.
+        finished: whether it is complete.
     """
     half = _begun(final, robot)
     for name, content in files.items():
@@ -57,7 +57,7 @@ def files_in(folder: Path) -> dict[str, bytes]:
 
 @contextmanager
 def blamed(final: Path, robot: Address) -> Iterator[None]:
-    """Errors of a trial as ones that say what is kept where."""
+    """Add to errors of a trial what is kept where."""
     half = half_folder(final)
     try:
         yield
@@ -72,7 +72,7 @@ def blamed(final: Path, robot: Address) -> Iterator[None]:
 
 
 def _begun(final: Path, robot: Address) -> Path:
-    """An empty folder to make a trial in."""
+    """An empty folder for a trial in progress."""
     half = half_folder(final)
     put_aside(half, robot, "stopped")
     half.mkdir(parents=True)
@@ -80,12 +80,12 @@ def _begun(final: Path, robot: Address) -> Path:
 
 
 def half_folder(final: Path) -> Path:
-    """Where a trial is while it is being made."""
+    """The folder of a trial in progress."""
     return final.with_name(f"{final.name}.half")
 
 
 def put_aside(folder: Path, robot: Address, word: str) -> None:
-    """Make room for another try; a real robot's recording is never deleted."""
+    """Make room for another attempt; a real robot's recording is never deleted."""
     if not folder.exists():
         return
     if robot.unit is not None:

@@ -1,4 +1,4 @@
-"""Finished transfers, read back from a study's folder."""
+"""Reads finished transfers from a study's folder."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -22,17 +22,17 @@ LOOSE = (
     "film", "view", "pose", "wished", "fitness", "situated_from", "late_steps", "missed_steps", "lost_steps",
     "film_lead_s", "trouble", "versions",
 )  # fmt: skip
-"""Keys of a trial's file that follow from the others, or are not compared."""
+"""Keys of a trial's file that follow from others, or are not compared."""
 
 PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
-"""Keys of a trial's file that are taken as they are."""
+"""Keys of a trial's file that are copied unchanged."""
 
 CURE = "Move its folder away."
 
 OF_ROBOT = (
     "evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk", "marker", "controller",
 )  # fmt: skip
-"""What else its result depends on."""
+"""Further keys that the result depends on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,15 +46,15 @@ class Transferred:
         twin_noise: the twin's noise scale, None for a robot.
         start: its number, from 1; pose: where both trials began.
         simulated, situated: the tracks, a row a step, the start first.
-        situated_from: "film" or "camera" (watched, no film kept), "robot" for its own,
-            or "counters" or "speeds" for the wheels'.
+        situated_from: "film" or "camera" (watched, no film kept), "robot" for its own poses, or "counters" or
+            "speeds" for the wheels'.
         filmed: whether the folder holds film.mp4, camera.json, track.csv and tails.png.
-        view: what made the camera's frames, None where no camera saw the robot.
+        view: the renderer of the camera's frames, None if no camera saw the robot.
         fitness_simulated, fitness_situated: the task's own score of each path, NaN if it has long gaps.
-        late_steps: how many of the drive's steps began more than 10 ms late.
-        missed_steps: how many had no answer in time, None for a robot whose line misses none.
-        lost_steps: how many of the situated path's rows have no pose.
-        trouble: what was wrong with a live camera's film, or why the robot was lost in it; None: nothing.
+        late_steps: steps that began more than 10 ms late.
+        missed_steps: steps without an answer in time, None for a robot whose line misses none.
+        lost_steps: rows of the situated path without a pose.
+        trouble: problems with a live camera's film, or why the robot was lost in it; None: none.
     """
 
     folder: Path
@@ -116,7 +116,7 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[Transferred]:
 
 
 def is_done(folder: Path, one: Situation) -> bool:
-    """Whether the trial is there, made as requested now, or from a better source; else it is made again.
+    """Whether the trial exists with the requested settings, or from a better source; else it is repeated.
 
     Raises:
         StudyError: it was made with other settings.
@@ -128,7 +128,7 @@ def is_done(folder: Path, one: Situation) -> bool:
     table = _read(file, data)
     there = {key: value for key, value in table.items() if key not in LOOSE}
     requested = {key: value for key, value in one.facts().items() if value is not None}
-    for key in ("disk", "baud"):  # no camera looked for it, or will; any rate will do
+    for key in ("disk", "baud"):  # no camera looked for it, or will; any rate is fine
         if key not in there or key not in requested:
             there.pop(key, None), requested.pop(key, None)
     cure = "Leave that as it was, or move the folder away."
@@ -168,7 +168,7 @@ def _transferred(file: Path, table: dict[str, Any]) -> Transferred:
 
 
 def read_trial(file: Path) -> dict[str, Any]:
-    """What a trial's file says.
+    """The content of a trial's file.
 
     Raises:
         StudyError: it cannot be read, or has a key that no trial has.

@@ -1,4 +1,4 @@
-"""Put the trials of a transfer's shards into the folder of the study that drove."""
+"""Merges the trials of a transfer's shards into the folder of the study."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -22,18 +22,18 @@ __all__ = ["merge_trials"]
 
 
 def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred]:
-    """Copy every trial to the study's folder; those that are there are kept.
+    """Copy every trial to the study's folder; existing ones are kept.
 
     Args:
         shards: their folders, as from `study.merge.all_shards`.
         folder: the study's.
 
     Returns:
-        The shards' trials, where they are now.
+        The shards' trials in the study's folder.
 
     Raises:
-        StudyError: shards of different transfers or of another study, or other trials are there, or in
-            another shard.
+        StudyError: shards of different transfers or of another study, or a different trial is in the folder
+            or another shard.
     """
     _refuse_other(shards, folder)
     with lock(folder), ExitStack() as opened:
@@ -63,7 +63,7 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
 
 
 def _copy_cameras(there: Path, here: Path) -> None:
-    """Take the calibrations that are missing."""
+    """Copy missing calibrations."""
     for camera in there.glob("camera-*.json"):
         keep_camera(here / camera.name, camera.read_bytes())
 
@@ -82,7 +82,7 @@ def _refuse_other(shards: Mapping[Shard, Path], folder: Path) -> None:
 
 
 def _refuse_overwriting(trial: Path, place: Path) -> None:
-    """Refuse to put a trial where another is."""
+    """Refuse to replace a different trial."""
     there = place.exists() or content(place / TRIAL) is not None
     if there and any(content(place / name) != content(trial / name) for name in (SIMULATED, SITUATED)):
         raise StudyError(

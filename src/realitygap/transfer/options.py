@@ -1,4 +1,4 @@
-"""What is transferred, to which robots, and how it is seen: the options of a transfer as one value."""
+"""The options of a transfer as one value: who drives which robots, and how they are seen."""
 
 import hashlib
 import re
@@ -20,18 +20,18 @@ __all__ = ["Named", "Transfer"]
 
 @dataclass(frozen=True)
 class Named:
-    """A controller that was not evolved, as a person names it (`named_controller`)."""
+    """A controller that was not evolved, named by a person (`named_controller`)."""
 
     text: str
 
     @cached_property
     def _file(self) -> tuple[Path, str]:
-        """Its file, and of `file.py:name` the name; no file of one that comes with the package."""
+        """Its file, and the name in `file.py:name`; no file for one that comes with the package."""
         return place_of(self.text) or (Path(self.text).expanduser(), "")
 
     @property
     def spec(self) -> str:
-        """The same in every working directory."""
+        """The same with an absolute path."""
         file, name = self._file
         return f"{file.resolve()}{':' if name else ''}{name}" if file.is_file() else self.text
 
@@ -52,33 +52,31 @@ class Named:
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
-    """All that the trials of a transfer depend on, besides the study.
+    """Everything that the trials of a transfer depend on, besides the study.
 
     Attributes:
         runs: ids or names; all finished ones if empty.
         robots: addresses, as in `robots/address.py`: "twin:UNIT", "khepera:PORT", "file.py:Class".
         starts: trials of each individual on each robot.
         individual: "champion" or "fittest".
-        controller: who drives in place of an individual, at the runs' tasks and noise: a network's file,
+        controller: the driver in place of an individual, at the runs' tasks and noise: a network's file,
             "constant:5,5", "braitenberg", or "file.py:name" of your own.
         film: film all trials, none, or those of the runs with these ids; (id, start) names a single one.
-        view: how a twin's film is made: "drawn", or by MuJoCo's renderer, "mujoco".
-        watch: take the paths of the others from the camera above too, without keeping a film; else,
-            and where no camera sees a robot, they are what it knows of its place, or computed from its
-            wheels' counters.
+        view: renderer of a twin's film: "drawn", or MuJoCo's, "mujoco".
+        watch: take the other paths from the camera too, without keeping a film; else, and without a camera,
+            they are reported by the robot, or computed from its wheels' counters.
         twin_noise: the twin's noise scale, 1 if None.
-        seed: starts and noise follow from it; the study's own if None.
+        seed: of starts and noise; the study's own if None.
         seconds: length of a trial; the task's own if None.
         baud: rate of the robots' lines; None tries them all on a port.
         camera: the calibration of the live camera over a real robot, or its file.
         eye: the live camera over a real robot: a camera's number, a video file, a stream.
-        disk: what a real robot wears, or its file; the shipped one if None.
-        marker: what the robots wear instead: a tag, or as `Tag.parse` reads it.
-        pack: keep trials on a twin that are not filmed in one file instead of a folder each; from a thousand
-            on if None.
+        disk: a real robot's disk, or its file; the shipped one if None.
+        marker: what the robots wear instead: a tag, or its text for `Tag.parse`.
+        pack: keep unfilmed trials on a twin in one file instead of a folder each; from a thousand on if None.
 
     Raises:
-        UsageError: invalid values, or values that do not go together.
+        UsageError: invalid values, or invalid combinations.
     """
 
     runs: Sequence[int | str] = ()
@@ -131,7 +129,7 @@ class Transfer:
 
     @cached_property
     def worn(self) -> Marker:
-        """What the robots wear: a twin the shipped disk, or the tag."""
+        """What the robots wear: the shipped disk for a twin, or the tag."""
         if isinstance(self.disk, Disk) and self.marker is None:
             return self.disk
         if isinstance(self.marker, Marker):
@@ -153,7 +151,7 @@ class Transfer:
         return self.film if isinstance(self.film, bool) else run in self.film or (run, start) in self.film
 
     def _check_view(self, twins: bool) -> None:
-        """Refuse a renderer that is none, has nothing to film, or cannot show what the robot wears."""
+        """Refuse an unknown renderer, one with nothing to film, or one that cannot show the marker."""
         if self.view == "drawn":
             return
         if self.view != "mujoco":
@@ -164,7 +162,7 @@ class Transfer:
             raise UsageError("view: expected drawn with a marker; MuJoCo's renderer shows a twin's disk.")
 
     def _check_eye(self, real: bool) -> None:
-        """Refuse a live camera without its calibration, a calibration or a disk without it."""
+        """Refuse a live camera without its calibration, and a calibration or a disk without a camera."""
         if self.disk is not None and not real:
             raise UsageError("disk: expected a robot that wears it; a twin has a disk of its own.")
         if self.camera is None and self.eye is not None:

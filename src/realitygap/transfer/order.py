@@ -1,4 +1,4 @@
-"""Whether two measures put controllers into the same order, with a bootstrap over units."""
+"""Whether two measures order controllers alike, with a bootstrap over units."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,22 +13,22 @@ from realitygap.values import Floats
 __all__ = ["SUBSTITUTE", "Order", "mean", "means", "order_of"]
 
 SUBSTITUTE = 0.8
-"""Spearman's rho above which one measure may stand for another (`docs/noise-level-2.md`)."""
+"""Spearman's rho above which one measure may replace another (`docs/noise-level-2.md`)."""
 RESAMPLES = 1000
 LEAST = 3
-"""Fewest controllers whose order means anything."""
+"""Smallest number of controllers whose order is meaningful."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """How measures agree on the order of controllers of one task, on one kind of robot.
+    """Agreement of measures on the order of one task's controllers on one kind of robot.
 
-    All correlations are Spearman's rho but `fitness`, with 1 for the same order throughout: a smaller
-    distance ranks with a higher score. NaN where there are too few controllers, or nothing to compare.
+    All correlations except `fitness` are Spearman's rho, with 1 for the same order: a smaller distance ranks
+    with a higher score. NaN with too few controllers, or nothing to compare.
 
     Attributes:
-        task, individual, kind: whose.
-        controllers, units: how many.
+        task, individual, kind: of the controllers.
+        controllers, units: their numbers.
         rho: of the distance without a camera with the camera's score; low, high: its 95 % interval.
         verdict: "a substitute" (low above 0.8), "no substitute" (high below it), or "open".
         readings, commands, speeds, replay: as rho, of each part alone and of the replayed commands' error.
@@ -65,11 +65,11 @@ def order_of(
 
     Args:
         names: task, individual, kind of robot.
-        distance: [controllers, units] without a camera, NaN where one did not drive.
-        score: [controllers, units] by the camera, NaN where none saw it.
+        distance: [controllers, units] without a camera, NaN without a drive.
+        score: [controllers, units] by the camera, NaN without a camera.
         columns: [controllers] of each other measure, by name.
-        home: [controllers] calibration units, where each has controllers of its own; None where all
-            controllers drove the same units.
+        home: [controllers] calibration units, if each has controllers of its own; None if all controllers
+            drove the same units.
     """
     low, high = _interval(distance, score) if home is None else _interval_by_home(distance, score, home)
     verdict = "a substitute" if low > SUBSTITUTE else "no substitute" if high < SUBSTITUTE else "open"
@@ -92,7 +92,7 @@ def order_of(
 
 
 def _rho(first: Floats, second: Floats) -> float:
-    """Spearman's, of the controllers that both know; NaN for too few."""
+    """Spearman's rho of the controllers known to both; NaN for too few."""
     both = np.isfinite(first) & np.isfinite(second)
     if both.sum() < LEAST:
         return math.nan
@@ -100,13 +100,13 @@ def _rho(first: Floats, second: Floats) -> float:
 
 
 def mean(values: Sequence[float]) -> float:
-    """Of those that are known; NaN for none."""
+    """Mean of the known values; NaN for none."""
     known = [value for value in values if math.isfinite(value)]
     return math.fsum(known) / len(known) if known else math.nan
 
 
 def means(values: Floats, weights: Floats | None = None) -> Floats:
-    """[controllers] over the units that each drove, NaN where that is none."""
+    """[controllers] means over the units that each drove, NaN for none."""
     weighed = np.isfinite(values) * (np.ones(values.shape[1]) if weights is None else weights)
     total = weighed.sum(axis=1)
     sums = (np.where(np.isfinite(values), values, 0.0) * weighed).sum(axis=1)
@@ -115,7 +115,7 @@ def means(values: Floats, weights: Floats | None = None) -> Floats:
 
 
 def _interval(distance: Floats, score: Floats) -> tuple[float, float]:
-    """95 % of rho: units, which all controllers drove, drawn with replacement, and controllers likewise."""
+    """95 % interval of rho: units, which all controllers drove, and controllers are resampled."""
     draw, made = np.random.default_rng(0), []
     controllers, units = distance.shape
     for _ in range(RESAMPLES):
@@ -126,10 +126,10 @@ def _interval(distance: Floats, score: Floats) -> tuple[float, float]:
 
 
 def _interval_by_home(distance: Floats, score: Floats, home: NDArray[np.int64]) -> tuple[float, float]:
-    """95 % of rho: calibration units drawn with replacement, each with its controllers.
+    """95 % interval of rho: calibration units are drawn with replacement, each with its controllers.
 
-    Those keep all units that they drove: to draw among a controller's few would blur its measures, and rho
-    with them.
+    These keep all units that they drove: resampling a controller's few would add noise to its measures and to
+        rho.
     """
     draw, own = np.random.default_rng(0), [np.flatnonzero(home == unit) for unit in np.unique(home)]
     far, near = -means(distance), means(score)
@@ -139,7 +139,7 @@ def _interval_by_home(distance: Floats, score: Floats, home: NDArray[np.int64]) 
 
 
 def _middle(made: list[float]) -> tuple[float, float]:
-    """The middle 95 % of what is known."""
+    """The middle 95 % of the known values."""
     known = np.array(made)[np.isfinite(made)]
     low, high = np.quantile(known, [0.025, 0.975]) if len(known) else (np.nan, np.nan)
     return float(low), float(high)

@@ -1,4 +1,4 @@
-"""The camera over a real robot: it reads the start pose, and films the drive for the tracker."""
+"""The camera over a real robot: it reads the start pose, and films the drive."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["Found", "Overhead"]
 
 Found = Callable[[Situation, Pose, Pose | None], bool]
-"""Gets the requested pose and the one that is seen (None: not seen), and says whether to start there;
-with none seen that is from the requested pose, on a person's word. If not, the camera looks again."""
+"""Gets the requested pose and the seen one (None: not seen), and returns whether to start there; if none is
+seen, from the requested pose, on a person's word. If False, the camera looks again."""
 
 
 @dataclass(kw_only=True)
@@ -40,10 +40,10 @@ class FilmOfDrive:
     filmed: Filmed | None = None
 
     def path(self, facts: dict[str, Any]) -> Track:
-        """The situated path, by the tracker; the film itself is kept only if that was requested.
+        """The situated path from the tracker; the film is kept only if requested.
 
         Raises:
-            FilmError: the robot is seen in no frame.
+            FilmError: the robot is not seen in any frame.
         """
         from realitygap.film.tracker import track_film
 
@@ -62,14 +62,14 @@ class FilmOfDrive:
 
 
 class Overhead(Closing):
-    """An open camera over a real robot's arena, calibrated. Use it in a `with`.
+    """An open, calibrated camera over a real robot's arena; a context manager.
 
     Args:
         source: a camera's number, a video file or a stream.
-        camera: as it was calibrated.
+        camera: its calibration.
         marker: what the robot wears.
         found: asks a person about the start; without one the robot must be seen.
-        says: called with why it is not seen, where known.
+        says: called with the reason why it is not seen, if known.
     """
 
     def __init__(
@@ -85,16 +85,15 @@ class Overhead(Closing):
 
         self.camera, self.marker, self._found, self._says = camera, marker, found, says
         self._new_tracker = lambda: Tracker(camera, marker)
-        self._new_tracker()  # a camera that cannot see this marker is refused now
+        self._new_tracker()  # refuses a camera that cannot see this marker
         self._live = LiveCamera(source, size=(camera.width_px, camera.height_px))
         self.source = self._live.source
 
     def close(self) -> None:
-        """Release the camera."""
         self._live.close()
 
     def start(self, one: Situation, requested: Pose) -> Pose:
-        """Where the robot stands: as it is seen, or the requested pose on the person's word."""
+        """The robot's pose: as seen, or the requested one on the person's word."""
         while True:
             picture = self._live.look()
             self.camera.check_size(picture.shape[1], picture.shape[0], f"live camera {self.source!r}")
@@ -102,7 +101,7 @@ class Overhead(Closing):
             seen = tracker.see(picture)
             pose = None if seen is None else seen[0]
             if self._found is None:
-                if pose is None:  # whoever cannot be asked
+                if pose is None:  # nobody can be asked
                     cure = "Check that it wears the marker and that the calibration is of this camera."
                     told = f"{one.name}, start {one.start}: the robot is not seen where it was carried."
                     raise FilmError(f"{told} {tracker.doubt or cure}")
@@ -114,7 +113,7 @@ class Overhead(Closing):
 
     @contextmanager
     def filming(self, one: Situation, folder: Path, period_s: float) -> Iterator[FilmOfDrive]:
-        """Film what happens in the block, which is the drive; its path, by the steps, is there afterwards."""
+        """Film the block, which is the drive; afterwards its path is available by steps."""
         self._live.film(folder / FILM)
         begun = time.monotonic()
         film = FilmOfDrive(overhead=self, situation=one, folder=folder, begun=begun, period_s=period_s)

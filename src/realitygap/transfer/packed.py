@@ -1,7 +1,7 @@
 """Trials in one file instead of a folder each: a SQLite archive.
 
-Thousands of trials are a hundred thousand small files otherwise. Trials are read through this module: the
-folder counts, or else what is packed under its name. Tables are members of another name, in columns.
+Thousands of trials would otherwise be a hundred thousand small files. Trials are read through this module: a
+folder takes precedence over packed files of its name. Tables are stored as columns, under another name.
 """
 
 import sqlite3
@@ -21,7 +21,7 @@ from realitygap.values import Closing
 __all__ = ["MANY", "PACKED", "Packed", "content", "every", "placed", "unpacked"]
 
 HOME, PACKED = "transfer", "trials.sqlar"
-"""A study's folder of transfers, and the file in it."""
+"""A study's folder of transfers, and the archive in it."""
 MANY = 1000
 """From this many trials on they are packed by default."""
 
@@ -29,12 +29,12 @@ DEPTH = 4
 """Parts of a file's name from the folder of transfers: robot, run, start, file."""
 
 COLUMNS = ".columns"
-"""Behind the name of a table that is kept in columns (`columns.py`)."""
+"""Suffix of the name of a table stored as columns (`columns.py`)."""
 
 _MODE = 0o100644
 _IN = "name >= ? AND name < ?"
 _TABLE = "CREATE TABLE IF NOT EXISTS sqlar(name TEXT PRIMARY KEY, mode INT, mtime INT, sz INT, data BLOB)"
-"""As SQLite's own archives are: `data` is zlib where that is shorter than `sz`."""
+"""As in SQLite's own archives: `data` is zlib if it is shorter than `sz`."""
 
 
 class Packed(Closing):
@@ -48,7 +48,7 @@ class Packed(Closing):
             self._database.execute(_TABLE)
 
     def keep(self, folder: str, files: Mapping[str, bytes]) -> None:
-        """A trial's files by their names, all or none; `folder` is its name from the folder of transfers."""
+        """Store a trial's files by name, all or none; `folder` is relative to the folder of transfers."""
         rows = []
         for name, text in files.items():
             columns = columns_of(text) if name.endswith(".csv") else None
@@ -61,12 +61,11 @@ class Packed(Closing):
             self._database.execute("COMMIT")
 
     def close(self) -> None:
-        """Close it."""
         self._database.close()
 
 
 def content(file: Path) -> bytes | None:
-    """What is in a trial's file; None where there is none.
+    """The content of a trial's file; None if there is none.
 
     Raises:
         StudyError: the archive is damaged.
@@ -83,7 +82,7 @@ def content(file: Path) -> bytes | None:
 
 @contextmanager
 def placed(folder: Path, *names: str) -> Iterator[Path]:
-    """A trial's folder, or one for a while with what is packed under its name: these files, or all."""
+    """A trial's folder, or a temporary one with the packed files of that name: these, or all."""
     if folder.is_dir():
         yield folder
         return
@@ -97,14 +96,14 @@ def placed(folder: Path, *names: str) -> Iterator[Path]:
 
 
 def every(home: Path, name: str) -> Iterator[tuple[Path, bytes]]:
-    """The file of this name of every trial that is packed in a folder of transfers, and its content."""
+    """The file of this name of every packed trial in a folder of transfers, and its content."""
     return _rows(home, "name LIKE ?", (f"%/{name}",))
 
 
 @contextmanager
 def unpacked(path: Path) -> Iterator[Path]:
-    """A study, its folder of transfers or a part of that, with the packed trials as folders too, for a while;
-    the path itself where nothing of it is packed."""
+    """A study, its folder of transfers or a part of that, with packed trials as folders too, temporarily; the
+    path itself if nothing in it is packed."""
     place = path.resolve()
     home = next((one for one in (place, *place.parents) if (one / PACKED).is_file()), place / HOME)
     inside = place.relative_to(home) if place.is_relative_to(home) else None  # None: the study itself
@@ -119,7 +118,7 @@ def unpacked(path: Path) -> Iterator[Path]:
             there = made / file.relative_to(home)
             there.parent.mkdir(parents=True, exist_ok=True)
             there.write_bytes(data)
-        if place.is_dir():  # a trial's folder counts, not what is packed under its name
+        if place.is_dir():  # a trial's folder takes precedence over packed files
             into, unread = made.parent if inside is None else made / inside, ignore_patterns("*.mp4", PACKED)
             copytree(place, into, dirs_exist_ok=True, ignore=unread)
         if (home.parent / "profile.toml").is_file():
@@ -150,5 +149,5 @@ def _rows(home: Path, which: str, values: tuple[str, ...]) -> Iterator[tuple[Pat
 
 
 def _in(folder: str) -> tuple[str, str]:
-    """What `_IN` compares with: "0" is next to "/"."""
+    """The range for `_IN`: "0" comes after "/"."""
     return f"{folder}/", f"{folder}0"

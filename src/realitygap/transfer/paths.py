@@ -1,6 +1,6 @@
-"""Tracks that can be laid side by side and scored: of a camera, of the wheels' counters, a row a step.
+"""Comparable tracks for scoring: from a camera or the wheels' counters, a row a step.
 
-The first row is the start. Where the robot was not seen there is no pose.
+The first row is the start. Rows where the robot was not seen have no pose.
 """
 
 import math
@@ -19,25 +19,25 @@ from realitygap.world.profile import Profile
 __all__ = ["of_counters", "of_poses", "of_track", "score"]
 
 TOUCH_CM = 0.1
-"""A body nearer than this to something touches it: as exactly as a film shows."""
+"""A body nearer than this to something touches it: the accuracy of a film."""
 
 SAME_S = 0.001
 APART_S = 0.25
-"""Frames nearer than the one to a step show that step; farther apart than the other they show none."""
+"""A frame nearer than the first to a step shows that step; frames farther apart than the second show none."""
 
 BRIDGED_STEPS = 5
-"""A score goes straight across a gap of this many steps at most."""
+"""A score interpolates a gap of this many steps at most."""
 
 
 def of_track(track: Track, steps: int, begin_s: float = 0.0, *, period_s: float = STEP_S) -> Track:
-    """A camera's track at the times of the steps, from `begin_s` on: between the two frames about each.
+    """A camera's track at the times of the steps, from `begin_s` on: interpolated between frames.
 
-    A step beside which the robot was lost, or nothing was filmed, is a gap: nothing is guessed.
+    A step next to which the robot was lost, or nothing was filmed, is a gap.
 
     Args:
         track: the camera's.
-        steps: how many.
-        begin_s: when the first begins, in the track's time.
+        steps: their number.
+        begin_s: beginning of the first, in the track's time.
         period_s: of a step.
     """
     found, t = track.found, track.t
@@ -63,17 +63,17 @@ def of_counters(
     period_s: float = STEP_S,
     t: Floats | None = None,
 ) -> Track:
-    """The track that the wheels' counters [steps + 1, 2] tell, from a known start (odometry).
+    """The track from the wheels' counters [steps + 1, 2] and a known start (odometry).
 
     A step's arc is driven at its mean heading; a row of NaN (nothing read) keeps the counters before.
 
     Args:
         counters: pulses, NaN where nothing was read.
         start: where it began.
-        cm_per_pulse: of the left wheel and the right one.
+        cm_per_pulse: of the left and the right wheel.
         axle_cm: from wheel to wheel.
         period_s: of a step.
-        t: [steps + 1] s, when each row was read; on time if None.
+        t: [steps + 1] s, the time of each row; on time if None.
     """
     pulses = counters.copy()
     for k in range(len(pulses)):
@@ -92,7 +92,7 @@ def of_counters(
 
 
 def of_poses(poses: Sequence[Pose], period_s: float = STEP_S, t: Floats | None = None) -> Track:
-    """The track that a robot itself reports, a pose a step, at `t` (s; on time if None)."""
+    """The track from poses reported by a robot, one a step, at `t` (s; on time if None)."""
     told = np.array([(one.x, one.y, one.heading) for one in poses], np.float64)
     if t is not None and _is_late(t, period_s):
         told = _on_time(np.column_stack([told[:, :2], np.unwrap(told[:, 2])]), t, period_s)
@@ -101,12 +101,12 @@ def of_poses(poses: Sequence[Pose], period_s: float = STEP_S, t: Floats | None =
 
 
 def _is_late(t: Floats, period_s: float) -> bool:
-    """Whether rows read at `t` show other moments than the steps'."""
+    """Whether rows read at `t` are of other moments than the steps'."""
     return bool(np.abs(t - t[0] - _times(len(t), period_s)).max() > SAME_S)
 
 
 def _on_time(columns: Floats, t: Floats, period_s: float) -> Floats:
-    """Columns [rows, n] that were read at `t`, as they were when each step was due."""
+    """Columns [rows, n] read at `t`, interpolated to the times when the steps were due."""
     due = _times(len(t), period_s)
     return np.stack([np.interp(due, t - t[0], column) for column in columns.T], axis=1)
 
@@ -114,8 +114,8 @@ def _on_time(columns: Floats, t: Floats, period_s: float) -> Floats:
 def score(path: Track, task: Task, profile: Profile) -> float:
     """The task's own score of a track: ground speeds from successive poses.
 
-    It touches where its body is nearer than a millimetre to something. NaN if the robot was lost for
-    more than half a second, or at its beginning or end.
+    It touches where its body is within a millimetre of something. NaN if the robot was lost for more than
+    half a second, or at the beginning or end.
     """
     bridged = _bridged(path)
     if bridged is None:
@@ -142,7 +142,7 @@ def score(path: Track, task: Task, profile: Profile) -> float:
 
 
 def _bridged(path: Track) -> tuple[Floats, Floats, Floats] | None:
-    """x, y and the unwrapped heading (rad) straight across short gaps; None where one is long."""
+    """x, y and the unwrapped heading (rad), interpolated across short gaps; None if one is long."""
     known = path.found
     rows = np.arange(len(known))
     there = rows[known]

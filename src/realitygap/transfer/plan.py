@@ -1,4 +1,4 @@
-"""Which trials a transfer has: who drives which robot from where, and the folder of each."""
+"""The trials of a transfer: who drives which robot from where, and the folder of each."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import closing
@@ -38,23 +38,23 @@ __all__ = [
 ]
 
 FOLDER = "transfer"
-"""In a study's folder."""
+"""The folder in a study's folder."""
 
 SOURCES = ("speeds", "counters", "robot", "camera", "film")
-"""What a situated path may come from, the most reliable last: speeds that motors measured, counters
-of wheels, what the robot itself knows of its place, a camera."""
+"""Sources of a situated path, the most reliable last: speeds measured by motors, counters of wheels, poses
+reported by the robot, a camera."""
 
 WHEELS = SOURCES[:2]
-"""Those that do not see a wheel slip."""
+"""Sources that do not see slip."""
 
 
 class Known(NamedTuple):
-    """What is known of a robot before it drives: of one on a port only once it is connected.
+    """Facts about a robot before it drives; for one on a port, once it is connected.
 
     Attributes:
-        placed: whether it puts itself down, and needs no person.
-        seen: whether it knows where it is.
-        counts: whether its wheels count.
+        placed: whether it places itself, without a person.
+        seen: whether it reports its pose.
+        counts: whether its wheels have counters.
         paced: whether its motors measure their speeds.
     """
 
@@ -65,7 +65,7 @@ class Known(NamedTuple):
 
     @classmethod
     def of(cls, robot: Address, study: Study, tasks: Iterable[str]) -> Self:
-        """Look at a robot; one of another kind than the study's is refused.
+        """Look at a robot; refuses one of another kind than the study's.
 
         Raises:
             UsageError: as of `check_body`, or it cannot be opened.
@@ -82,19 +82,18 @@ class Known(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Situation:
-    """One trial to be made: an individual of a run on a robot, from start number `start` (from 1).
+    """One trial to make: an individual of a run on a robot, from start number `start` (from 1).
 
     Attributes:
         evaluation: the individual's number; None for a controller of your own, which replaces it.
-        controller: that one.
-        baud: rate of the line; None for the first of all that a robot on a port answers at.
-        stream: the start and the simulated twin's noise follow from it, and so does the noise of a
-            twin unit.
-        source: what the situated path comes from, one of SOURCES.
-        view: how a twin's film is made, "drawn" or "mujoco".
-        placed: whether the robot puts itself down.
-        marker: what a camera over a robot looks for; None where there is none, and for a twin's disk.
-        folder: from the study's folder.
+        controller: the controller of your own.
+        baud: rate of the line; None for the first at which a robot on a port answers.
+        stream: of the start, and of the noise of the simulation and of a twin's unit.
+        source: of the situated path, one of SOURCES.
+        view: renderer of a twin's film, "drawn" or "mujoco".
+        placed: whether the robot places itself.
+        marker: what a camera over a robot looks for; None without one, and for a twin's disk.
+        folder: relative to the study's folder.
     """
 
     run: int
@@ -119,11 +118,11 @@ class Situation:
 
     @property
     def film(self) -> bool:
-        """Whether a film of it is kept."""
+        """Whether its film is kept."""
         return self.source == "film"
 
     def facts(self) -> dict[str, Any]:
-        """What the trial's result depends on, for its file."""
+        """Everything that the trial's result depends on, for its file."""
         own = {} if self.controller is None else {"controller": str(self.controller)}
         driver = ("run", "name", "task", "noise", "individual", "evaluation")
         return {
@@ -140,11 +139,12 @@ class Situation:
 
 
 SAME_SCALE = 0.01
-"""Full scales that differ by no larger share are one: of a Thymio's 4500 counts some sources make 4505."""
+"""Full scales that differ by at most this share are equal: a Thymio's 4500 counts are 4505 in some sources.
+"""
 
 
 def situations(study: Study, options: Transfer) -> Iterator[Situation]:
-    """All trials that are requested, robot by robot.
+    """All requested trials, robot by robot.
 
     Raises:
         UsageError: a study of another robot, or runs and individuals that do not exist.
@@ -152,7 +152,7 @@ def situations(study: Study, options: Transfer) -> Iterator[Situation]:
     runs = chosen_runs(study, options)
     if options.named is not None:
         for task in {run.task: None for run in runs}:
-            controller_for(study, task, options.named)  # one that is none is refused before anything is done
+            controller_for(study, task, options.named)  # refuses an invalid one before anything is done
     for robot in options.bodies:
         known = Known.of(robot, study, {run.task: None for run in runs})
         for run in runs:
@@ -196,24 +196,24 @@ def controller_for(study: Study, task: str, named: Named) -> OwnController | Net
     """A controller of your own at a task of a study.
 
     Raises:
-        UsageError: there is none such; says why.
+        UsageError: no such controller; says why.
     """
     facts = study.facts(task)
     return named_controller(named.spec, str(facts["feeds"]), Layout(inputs=len(facts["sensors"])))
 
 
 def _marker(options: Transfer, twin: bool) -> Marker | None:
-    """What a camera over the robot looks for, if it is to be told."""
+    """The marker for a camera over the robot, unless it is the default."""
     if twin:
         return options.worn if isinstance(options.worn, Tag) else None
     return None if options.eye is None else options.worn
 
 
 def _source(options: Transfer, robot: Address, known: Known, run: Run, start: int) -> str:
-    """What a trial's situated path will come from.
+    """The source of a trial's situated path.
 
     Raises:
-        UsageError: nothing tells where the robot is.
+        UsageError: there is no source of the robot's pose.
     """
     if robot.unit is not None or options.eye is not None:
         if options.films(run.id, start):
@@ -233,7 +233,7 @@ def _source(options: Transfer, robot: Address, known: Known, run: Run, start: in
 
 
 def transfer_stream(seed: int, run: Run, start: int) -> int:
-    """Where the randomness of a run's trial from start number `start` comes from."""
+    """The random stream of a run's trial from start number `start`."""
     stream = substream(run_stream(seed, run.task, run.noise, run.index), np.uint64(TRANSFER))
     return int(substream(np.uint64(stream), np.uint64(start)))
 
@@ -253,9 +253,9 @@ def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str) -
 
     Args:
         body: the robot.
-        profile: of those that fit.
-        kinds: of the sensors that matter.
-        wanted: begins the message, which continues with what the profile has.
+        profile: of the required kind of robot.
+        kinds: of sensors to check.
+        wanted: start of the message, which continues with the profile's values.
 
     Raises:
         UsageError: other sensors, a full scale that differs by more than a hundredth, or another period.

@@ -1,4 +1,4 @@
-"""A finished transfer replayed: what its simulated and its situated robot read and decided."""
+"""Replays finished transfers: readings and decisions of the simulated and the situated robot."""
 
 from functools import cache
 from pathlib import Path
@@ -20,11 +20,11 @@ from realitygap.transfer.trial import TRIAL
 __all__ = ["Replay", "Replays"]
 
 SAME_CM = 0.001
-"""A path that is farther from the one on file is not that trial's."""
+"""A path farther than this from the stored one is not that trial's."""
 
 
 class Replay(NamedTuple):
-    """Who drove, and what is known of both drives beside their paths; None where that is nothing."""
+    """The driving network, and what is known of both drives besides their paths; None if unknown."""
 
     genes: Genes | None
     simulated: Trajectory | None
@@ -41,8 +41,8 @@ class Replays:
     def of(self, folder: Path) -> Replay:
         """The transfer of a trial's folder.
 
-        A trial that another version made, so that it would take another path today, is not passed
-        off as the one on file: its readings are None.
+        A trial of another version whose path would differ today is not presented as the stored one: its
+            readings are None.
         """
         table = read_trial(folder / TRIAL)
         situated = _recording(folder)
@@ -50,7 +50,7 @@ class Replays:
             return Replay(None, None, situated)
         try:
             genes = self._study.genotype(table["run"], table["evaluation"])
-        except UsageError:  # the study was made anew since
+        except UsageError:  # the study was created again since
             return Replay(None, None, situated)
         simulated = self._simulated(folder, genes, int(table["seed"]))
         return Replay(self._study.slots(self._study.run(table["run"]).task, genes)[0], simulated, situated)
@@ -61,12 +61,12 @@ class Replays:
         stream = transfer_stream(seed, study.run(one.run), one.start)
         drawn = simulation.start(stream)
         apart = np.hypot(drawn.x - one.pose.x, drawn.y - one.pose.y)
-        # A file's degrees are not the last bit of the radians: where it stood as drawn, that is taken.
+        # A file's degrees do not give the last bit of the radians: the drawn pose is used where it agrees.
         pose = drawn if apart < SAME_CM and abs(drawn.heading_deg - one.pose.heading_deg) < 1e-6 else one.pose
         networks = study.networks(one.task, genes)
         try:
             trajectory, _ = simulation.trajectory(networks, stream=stream, pose=pose, seconds=one.seconds)
-        except UsageError:  # the arena's file was changed since: nothing stands there any more
+        except UsageError:  # the arena's file was changed since, and the pose is invalid
             return None
         track, path = trajectory.track, one.simulated
         if len(track) != len(path):

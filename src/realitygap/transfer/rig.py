@@ -3,8 +3,8 @@
     with Rig(load_task("avoidance"), profile, robot="twin:1", folder_for_camera="cameras") as rig:
         track, recording = rig.drive(controller, stream=5, pose=Pose(x=25, y=25, heading=0.5))
 
-A trial on the twin is a function of unit, noise, stream, pose and controller alone: before each the unit
-is switched off and a new one on, in one process that serves them all.
+A trial on the twin is a function of unit, noise, stream, pose and controller alone: before each the unit is
+switched off and on again, in one process for all trials.
 """
 
 from pathlib import Path
@@ -34,19 +34,19 @@ __all__ = ["Rig"]
 
 
 class Rig(Closing):
-    """One robot in one task's arena. As a context it is closed; the robot is opened with the first drive.
+    """One robot in one task's arena; a context manager. The robot is opened with the first drive.
 
     Args:
-        task: whose arena, sensors and length.
-        profile: the one that the controllers were evolved with: makes their inputs of counts.
-        robot: its address, of one that places itself.
+        task: for arena, sensors and length.
+        profile: the one that the controllers evolved with, for their inputs.
+        robot: address of a robot that places itself.
         twin_noise: the twin's noise scale.
-        folder_for_camera: keeps the camera's calibration, under a name of its own for each rig.
+        folder_for_camera: for the camera's calibration, under a name of its own for each rig.
         baud: of the line.
 
     Attributes:
-        camera_file: keeps the camera's calibration; another may be named before the first drive.
-        marker: what a twin wears, the shipped disk if None; another may be named before the first drive.
+        camera_file: the camera's calibration; may be changed before the first drive.
+        marker: what a twin wears, the shipped disk if None; may be changed before the first drive.
     """
 
     def __init__(
@@ -72,12 +72,12 @@ class Rig(Closing):
     def drive(
         self, controller: Controller, stream: int, pose: Pose, seconds: float | None = None
     ) -> tuple[Track, Recording]:
-        """A trial from a pose, seen by the camera, or as the robot knows it: a row a step, the first one
-        the start, and what was read and done.
+        """A trial from a pose: the track by the camera or as reported by the robot, a row a step from the
+        start, and the recording.
 
         Args:
-            controller: who drives.
-            stream: names all of the trial's noise, the camera's too.
+            controller: the driver.
+            stream: of all of the trial's noise, the camera's too.
             pose: where it begins.
             seconds: its length, the task's own if None.
 
@@ -107,15 +107,15 @@ class Rig(Closing):
         recorder: Recorder | None = None,
         sealed: Path | None = None,
     ) -> Driven:
-        """The drive alone; where a twin was goes into the file `sealed`, for the camera.
+        """The drive without the camera.
 
         Args:
-            controller: who drives.
-            stream: names the robot's noise.
+            controller: the driver.
+            stream: of the robot's noise.
             pose: where it begins.
             seconds: its length.
-            recorder: keeps the steps.
-            sealed: the file for the camera, if there is one.
+            recorder: records the steps.
+            sealed: file for a twin's true states, for the camera.
         """
         settings: dict[str, Any] = {"task": self.task, "profile": self.profile, "seconds": seconds}
         try:
@@ -128,19 +128,19 @@ class Rig(Closing):
             if sealed is not None and isinstance(body, Filmed):
                 body.film(None)
         except BaseException:
-            self._leave()  # nobody knows how it stands
+            self._leave()  # its state is unknown
             raise
         return made
 
     def states(self, sealed: Path, seconds: float) -> States:
-        """What the camera is shown of a drive: from its beginning for its length."""
+        """The states of a drive that the camera is shown: from the beginning, for its length."""
         states = States.from_file(sealed)
         in_time = states.time_ms <= states.time_ms[0] + round(seconds * 1000)
         return States(states.time_ms[in_time], states.pose[in_time])
 
     @property
     def watcher(self) -> Watcher:
-        """The camera above a twin, which is calibrated when it is first needed."""
+        """The camera above a twin, calibrated when it is first needed."""
         if self._watcher is None:
             assert self.robot.unit is not None
             self._watcher = Watcher(
@@ -161,7 +161,7 @@ class Rig(Closing):
         return self._body
 
     def _fresh(self, seed: int) -> Body:
-        """The robot in the arena, its noise of a seed: no trial leaves it a trace."""
+        """The robot in the arena with noise of a seed, unaffected by earlier trials."""
         if not isinstance(self.body, Placing):
             raise UsageError(f"robot {self.robot}: expected one that places itself, by `enter`.")
         self.body.enter(self._arena, seed, None)

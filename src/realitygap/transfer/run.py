@@ -1,4 +1,4 @@
-"""Carry out a transfer: evolved individuals on robots, each trial paired with a simulated one.
+"""Carries out a transfer: evolved individuals on robots, each trial paired with a simulated one.
 
 from realitygap.study.load import load_study
 from realitygap.transfer.options import Transfer
@@ -37,18 +37,18 @@ __all__ = [
 ]  # fmt: skip
 
 WORK = "transfer"
-"""Of whose trials a shard is a share."""
+"""The kind of work that a shard divides."""
 CONTROLLERS = "controllers"
-"""In a study's folder: trials of controllers of your own, a folder each; its report omits them."""
+"""In a study's folder: trials of controllers of your own, a folder each; the report omits them."""
 
 
 class Attendant(NamedTuple):
     """The person beside a real robot.
 
     Attributes:
-        carry: puts it at a start, and returns when it is there.
-        found: says whether it starts where the camera sees it; else it only has to be seen.
-        says: called with why the camera does not see it, where known.
+        carry: puts the robot at a start, and returns when it is there.
+        found: decides whether to start where the camera sees it; without it, being seen is enough.
+        says: called with the reason why the camera does not see it, if known.
     """
 
     carry: Carry
@@ -67,22 +67,22 @@ def run_transfer(
 ) -> list[Transferred]:
     """Drive robots with individuals of a study, each from the same poses as in simulation.
 
-    Trials that are there already are kept, so that an interrupted transfer continues.
+    Existing trials are kept, so that an interrupted transfer continues.
 
     Args:
-        study: its folder gets a folder `transfer`; or that folder.
-        options: what is driven where; without them all champions, once, on unit 1 of the twin.
+        study: the study or its folder, which gets a folder `transfer`.
+        options: who drives where; by default all champions, once, on unit 1 of the twin.
         workers: processes for trials on the twin, one a core if None; or a pool.
-        attendant: who carries a real robot; needed for one.
+        attendant: carries a real robot; required for one.
         shard: the share of the trials to make, in a folder of its own beside the study's.
         on_progress: called a few times a second.
 
     Returns:
-        All trials that were requested (for a shard its own), old and new.
+        All requested trials (for a shard its own), old and new.
 
     Raises:
         RobotError, FilmError: a robot or a camera fails; recordings are kept.
-        UsageError: something that cannot be done, or was done with other settings, by name.
+        UsageError: something is impossible, or was done with other settings; names it.
         StudyInterruptedError: Ctrl-C; finished trials are kept.
     """
     study, options = as_study(study), options or Transfer()
@@ -100,7 +100,7 @@ def run_transfer(
             raise UsageError(
                 "carry: expected a function that asks a person to carry the real robot to its starts."
             )
-        real, twins = _left(place, requested)  # what is refused leaves the mark as it is
+        real, twins = _left(place, requested)  # a refusal leaves the mark unchanged
         with told(place / FOLDER):
             (place / FOLDER).mkdir(exist_ok=True)
             if mark is not None:
@@ -116,18 +116,18 @@ def run_transfer(
 
 
 def place_of(study: Path, options: Transfer) -> Path:
-    """Whose folder `transfer` the trials go to: the study's, or that of a controller of your own."""
+    """The folder that gets a folder `transfer`: the study's, or that of a controller of your own."""
     return study if options.named is None else study / CONTROLLERS / options.named.name
 
 
 def shard_folder(study: Path, shard: Shard) -> Path:
-    """Where a shard of a study's transfer goes: beside it, and beside the shards that it was evolved in."""
+    """The folder of a shard of a study's transfer: beside the study's, and beside its shards."""
     study = study if study.name.strip(".") else study.resolve()
     return shard.folder(study.with_name(f"{study.name}-{WORK}"))
 
 
 def _facts(study: Study, options: Transfer, requested: Sequence[Situation]) -> dict[str, Any]:
-    """What all shards of a transfer have to share."""
+    """Facts that all shards of a transfer must share."""
     keys = ("starts", "individual", "watch", "twin_noise", "seed", "seconds")
     return {
         "study": study.digest(),
@@ -140,7 +140,7 @@ def _facts(study: Study, options: Transfer, requested: Sequence[Situation]) -> d
 
 
 def _left(place: Path, requested: Sequence[Situation]) -> tuple[list[Situation], list[Situation]]:
-    """What is to be done on robots that a person places, and on those that place themselves."""
+    """The trials left to do: on robots placed by a person, and on those that place themselves."""
     todo = [one for one in requested if not is_done(place, one)]
     real = [one for one in todo if not one.placed]
     return real, [one for one in todo if one.placed]
@@ -149,7 +149,7 @@ def _left(place: Path, requested: Sequence[Situation]) -> tuple[list[Situation],
 def _on_ports(
     study: Study, place: Path, todo: Sequence[Situation], options: Transfer, attendant: Attendant | None
 ) -> None:
-    """Trials on real robots, one robot after the other, under a camera if there is one."""
+    """Make trials on real robots, one robot after the other, with a camera if there is one."""
     if not todo:
         return
     assert attendant is not None
@@ -168,7 +168,7 @@ def _overhead(options: Transfer, attendant: Attendant) -> AbstractContextManager
 
 @contextmanager
 def _interrupted(folder: Path, *, real: bool) -> Iterator[None]:
-    """Ctrl-C as one message; who stops a real robot is told of that one."""
+    """Turn Ctrl-C into one message; stopping a real robot has a message of its own."""
     try:
         yield
     except (RobotStoppedError, KeyboardInterrupt) as stop:

@@ -1,7 +1,7 @@
-"""A score row: what the paper's judges wrote of one individual, in a row of table 1 or 2 (§6), computed.
+"""A score row: the judgement of one individual as in a row of table 1 or 2 (§6), computed.
 
-Type and behaviour score are of the simulation, "after repeated testing"; differences and
-correspondence are of its transfers, trial by trial from the same poses.
+Type and behaviour score are of the simulation, "after repeated testing"; differences and correspondence are
+of its transfers, trial by trial from the same poses.
 """
 
 import hashlib
@@ -34,7 +34,7 @@ from realitygap.transfer.packed import content
 __all__ = ["Bench", "Job", "ScoreRow"]
 
 TRIALS = 20
-"""Trials that name a behaviour: one does not always show its kind."""
+"""Trials for naming a behaviour: one does not always show its kind."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,11 +45,11 @@ class ScoreRow:
         run, name, task, noise, index: of the run; individual: champion or fittest.
         type: of behaviour, by the paper's names, over trials in simulation; share: of those trials.
         behaviour: score, 0 to 10, of its fresh trials at its own noise.
-        kind: of robot: "robot", "twin", "twin with 2 times its noise"; "" where there was none.
-        situated_type: what it is named on that robot.
-        differences: what it is on that robot beside what it is in simulation, in the paper's words.
+        kind: of robot: "robot", "twin", "twin with 2 times its noise"; "" without one.
+        situated_type: its type on that robot.
+        differences: of the robot's behaviour from the simulation's, in the paper's words.
         correspondence: score, 0 to 10; low, high: its 95 % interval, None with a single start.
-        starts, units: how much of the robot the score is from.
+        starts, units: numbers behind the score.
         why: what is missing, and why.
     """
 
@@ -79,7 +79,7 @@ class ScoreRow:
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """What the score rows of one task have in common, made when it is first needed."""
+    """Common parts of one task's score rows, created when first needed."""
 
     study: Study
     task: Task
@@ -101,7 +101,7 @@ class Bench:
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One score row to be made."""
+    """One score row to compute."""
 
     bench: Bench
     run: Run
@@ -111,7 +111,7 @@ class Job:
 
     @cached_property
     def key(self) -> str:
-        """A digest of all that the score row follows from, and of the rules that it is made by."""
+        """A digest of everything that the score row follows from, including the rules."""
         number = self.run.fittest_number if self.individual == "fittest" else self.run.champion_number
         scale = self.bench.scales.get((self.kind, self.individual))
         folder = self.bench.study.folder
@@ -176,7 +176,7 @@ class Job:
         return behaviour_score(scores, ends_of(self.bench.task, self.bench.study.profile))
 
     def _fresh(self) -> list[Trial]:
-        """Trials in simulation at its own noise, on streams of their own."""
+        """Trials in simulation at its own noise, on separate streams."""
         run, bench = self.run, self.bench
         if bench.task.seconds < SHORTEST_S:
             raise TrackError(f"trials of {bench.task.seconds:g} s show too little; {SHORTEST_S:g} s do.")
@@ -191,7 +191,7 @@ class Job:
         return [trial_of(trajectory, start=str(k), radius_cm=radius) for k, trajectory in enumerate(made)]
 
     def _type(self, trials: Sequence[Trial]) -> tuple[str, float]:
-        """The common name of some trials, and the share of them that bear it."""
+        """The most common name of some trials, and its share."""
         names = self.bench.namer.name(trials, self.bench.setting)
         name = common_name(names)
         return name, sum(one.name == name for one in names) / len(names)
@@ -208,7 +208,7 @@ class Job:
             except UsageError as error:
                 lost.append(f"{unit}, start {one.start}: {error}")
                 continue
-            place = (here.start, "" if one.unit is not None else unit)  # units of the twin start alike
+            place = (here.start, "" if one.unit is not None else unit)  # units share starts
             simulated.setdefault(place, here)
             situated.append(there)
         return list(simulated.values()), situated, lost
@@ -216,7 +216,7 @@ class Job:
     def _trial(self, track: Track, one: Transferred, unit: str) -> Trial:
         radius = self.bench.study.profile.body.radius_cm
         made = resampled(track, start=str(one.start), unit=unit, radius_cm=radius)
-        setting_of([made], self.bench.task)  # a path by counters may leave the arena
+        setting_of([made], self.bench.task)  # a path from counters may leave the arena
         return made
 
 
@@ -226,7 +226,7 @@ def _noted(mark: ScoreRow, *words: str) -> ScoreRow:
 
 @cache
 def _rules() -> bytes:
-    """The text of the room that names and scores, its exemplars included."""
+    """The source text of naming and scoring, with the exemplars."""
     found = hashlib.blake2b(digest_size=16)
     for room in ("realitygap.correspondence", "realitygap.correspondence.exemplars"):
         for entry in sorted(files(room).iterdir(), key=lambda entry: entry.name):

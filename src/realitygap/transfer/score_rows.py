@@ -1,4 +1,4 @@
-"""The score rows of a study: tables 1 and 2, a row for each run that is finished.
+"""The score rows of a study: tables 1 and 2, a row for each finished run.
 
     from realitygap.study.load import load_study
     from realitygap.transfer.score_rows import marks_of
@@ -6,8 +6,7 @@
     for one in marks_of(load_study("out/reproduce")):
         print(one.name, one.type, one.behaviour, one.differences, one.correspondence)
 
-A score row follows from the study and its transfers alone; what is in `marks.json` is not computed again,
-for as long as it holds.
+A score row follows from the study and its transfers alone; valid rows in `marks.json` are not computed again.
 """
 
 import contextlib
@@ -34,17 +33,17 @@ MARKS = "marks.json"
 OnProgress = Callable[[int, int], None]
 
 FEW = 4
-"""So many rows are made sooner than other processes have loaded what they need."""
+"""Up to this number rows are computed before other processes could load what they need."""
 
 
 def marks_of(
     study: Study | str | PathLike[str], *, workers: Workers = 1, on_progress: OnProgress | None = None
 ) -> list[ScoreRow]:
-    """A score row for each finished run, individual and kind of robot; the champion's where none drove one.
+    """A score row for each finished run, individual and kind of robot; the champion's if none drove a robot.
 
     Args:
-        study: with its transfers, as far as there are any; or its folder.
-        workers: who makes them: processes (None: one a core), or a pool; changes no bit.
+        study: with its transfers, if any; or its folder.
+        workers: processes (None: one a core), or a pool; does not affect the results.
         on_progress: called with score rows done and in all.
     """
     study = as_study(study)
@@ -68,7 +67,7 @@ def marks_of(
 
 
 def _read(file: Path) -> dict[str, dict[str, Any]]:
-    """Rows that were kept, by what they follow from; broken or edited ones are computed again."""
+    """Stored rows, by key; broken or edited ones are computed again."""
     with contextlib.suppress(OSError, ValueError, RecursionError):
         there = json.loads(file.read_text("utf-8"))
         if isinstance(there, dict):
@@ -77,7 +76,7 @@ def _read(file: Path) -> dict[str, dict[str, Any]]:
 
 
 def _is_sound(kept: object) -> bool:
-    """Whether this is a score row as it was kept, with its checksum."""
+    """Whether this is an unchanged stored row, by its checksum."""
     return (
         isinstance(kept, dict)
         and isinstance(kept.get("mark"), dict)
@@ -86,7 +85,7 @@ def _is_sound(kept: object) -> bool:
 
 
 def _write(file: Path, rows: Mapping[str, dict[str, Any]]) -> None:
-    """Keep rows, not through a link; a file that cannot be written is done without."""
+    """Store rows, but not through a link; a file that cannot be written is ignored."""
     kept = {key: {"mark": mark, "check": check_of(mark)} for key, mark in rows.items()}
     if not file.is_symlink():
         with contextlib.suppress(OSError):
@@ -94,7 +93,7 @@ def _write(file: Path, rows: Mapping[str, dict[str, Any]]) -> None:
 
 
 class _Scorer:
-    """Makes score rows; a job takes along all that its row follows from but the trials' files."""
+    """Computes score rows; a job contains everything that its row follows from except the trials' files."""
 
     def carry_out(self, job: tuple[int, Job], tell: Tell) -> None:
         """One row, with its number."""
@@ -105,13 +104,13 @@ class _Scorer:
 
 
 def kind_of(one: Transferred) -> str:
-    """The kind of robot: what may be judged together."""
+    """The kind of robot: trials of one kind are judged together."""
     stand_in = StandIn.of_folder(one.robot)
     return ROBOT if stand_in is None else stand_in.kind
 
 
 def jobs_of(study: Study) -> list[Job]:
-    """The score rows to be made, task by task, in the order of its runs; robots before twins."""
+    """The score rows to compute, task by task, in the order of its runs; robots before twins."""
     every, tasks = load_transfers(study.folder), dict.fromkeys(run.task for run in study.runs)
     return [job for task in tasks for job in _of_task(study, task, every)]
 

@@ -1,4 +1,4 @@
-"""One trial of a transfer: simulated, driven on a robot from the same pose, seen, and written down.
+"""One trial of a transfer: simulated, driven on a robot from the same pose, seen, and saved.
 
 A trial on the twin is a function of its situation alone.
 """
@@ -50,22 +50,22 @@ Tell = Callable[[float], None]
 
 
 class Stage:
-    """What trials of one study need, loaded once in a process; they go to `place` or the study's folder."""
+    """What trials of one study need, loaded once in a process; files go to `place` or the study's folder."""
 
     def __init__(self, study: Study, place: Path | None = None) -> None:
         self.study, self.place = study, place or study.folder
         self.simulation = cache(lambda task, noise: Simulation(study.task(task), study.profile, noise))
-        self._versions = cache(versions)  # a commit's name takes three programs
+        self._versions = cache(versions)  # finding the commit takes three programs
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
         self._camera: tuple[object, OverheadCamera] | None = None
 
     def camera_file(self, one: Situation) -> Path:
-        """Where the calibration of the camera over a unit's arena is kept."""
+        """The file of the calibration of the camera over a unit's arena."""
         worn = "" if one.marker is None else "-" + re.sub(r"[^\w.-]+", "-", str(one.marker))
         return self.place / FOLDER / one.robot.folder(one.twin_noise) / f"camera-{one.task}{worn}.json"
 
     def rig(self, one: Situation) -> Rig:
-        """The arena of a trial and a robot that places itself there; one for all trials of both."""
+        """The robot that places itself in a trial's arena; one rig for all trials of both."""
         key = (one.task, one.robot, one.twin_noise, one.baud)
         if key not in self._rigs:
             task, profile = self.study.task(one.task), self.study.profile
@@ -75,14 +75,14 @@ class Stage:
         return self._rigs[key]
 
     def close(self) -> None:
-        """End the twins, and what draws their films."""
+        """End the twins and their renderers."""
         self._end_camera()
         for rig in self._rigs.values():
             rig.close()
         self._rigs.clear()
 
     def genes(self, one: Situation) -> Genes:
-        """Those of the individual that drives; none for a controller of your own."""
+        """Genes of the individual that drives; empty for a controller of your own."""
         if one.evaluation is None:
             return np.zeros(0, np.int8)
         return self.study.genotype(one.run, one.evaluation)
@@ -93,13 +93,13 @@ class Stage:
         return self.study.controller(one.task, genes)
 
     def by_itself(self, one: Situation, genes: Genes, folder: Path, tell: Tell) -> None:
-        """A whole trial on a robot that places itself; `tell` receives the share of the film that is done.
+        """A whole trial on a robot that places itself.
 
         Args:
             one: the trial.
             genes: of the driver, as from `genes`.
             folder: of the trial's files.
-            tell: receives the share of the film that is done.
+            tell: called with the share of the film that is done.
         """
         with whole.together(folder):
             pose = self.simulation(one.task, one.noise).start(one.stream)
@@ -118,7 +118,7 @@ class Stage:
             self._write(one, folder, facts, path, driven)
 
     def by_hand(self, one: Situation, body: Body, carry: Carry, overhead: Overhead | None) -> None:
-        """A whole trial on a robot that a person carries to its start, under a camera if there is one.
+        """A whole trial on a robot that a person carries to its start.
 
         Args:
             one: the trial.
@@ -129,13 +129,13 @@ class Stage:
         genes = self.genes(one)
         with made(self.place / one.folder, one.robot) as folder:
             pose = requested = self.simulation(one.task, one.noise).start(one.stream)
-            attend(body, *self.study.task(one.task).kinds)  # a line that is too slow is refused now
+            attend(body, *self.study.task(one.task).kinds)  # refuses a line that is too slow
             body.stop()
             carry(one, requested)
             body.reset()
             if overhead is not None:
                 pose = overhead.start(one, requested)
-                body.reset()  # whoever moved it once more has turned its wheels
+                body.reset()  # moving it again has turned its wheels
             facts = self._simulate(one, genes, pose, folder)
             facts["wished"] = None if overhead is None else requested.to_dict()
             if overhead is None or one.source not in ("camera", "film"):
@@ -148,7 +148,7 @@ class Stage:
             self._write(one, folder, facts, path, driven)
 
     def _simulate(self, one: Situation, genes: Genes, pose: Pose, folder: Path) -> dict[str, Any]:
-        """The paired trial in simulation; what is known of the trial before the other."""
+        """The paired trial in simulation; returns the facts known before the other."""
         simulation, driver = self.simulation(one.task, one.noise), self._driver(one, genes)
         trajectory, fitness = drive_simulated(
             simulation, driver, stream=one.stream, pose=pose, seconds=one.seconds
@@ -167,13 +167,13 @@ class Stage:
         )
 
     def _own_path(self, one: Situation, driven: Driven, pose: Pose) -> Track:
-        """The path as the robot knows it, or by its wheels' counters."""
+        """The path as reported by the robot, or by its wheels' counters."""
         if one.source == "robot":
             return driven.known
         return driven.counted(pose, self.study.profile.wheels.track_cm)
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
-        """The track of a trial on the twin by the camera above it, which films it or only watches."""
+        """The track of a trial on the twin by the camera above it, which films or only watches."""
         rig = self.rig(one)
         states = rig.states(folder / SEALED, one.seconds)
         if one.film:
@@ -184,12 +184,12 @@ class Stage:
         track = rig.watcher.track(states, one.stream)
         facts["view"] = rig.watcher.view
         track.write_csv(folder / TRACK)
-        (folder / SEALED).unlink()  # a film keeps it, to test the tracker with
+        (folder / SEALED).unlink()  # kept with a film, to test the tracker
         return track
 
     @contextmanager
     def _filming(self, one: Situation) -> Iterator[OverheadCamera]:
-        """The camera that films a trial; a renderer is kept, for the next film may be of the same arena."""
+        """The camera that films a trial; a renderer is kept, since the next film may be of the same arena."""
         from realitygap.calibration.recorder.camera import plate_of
         from realitygap.twin.camera import VIEWS, OverheadCamera
 

@@ -1,4 +1,4 @@
-"""A score that needs no camera: how far apart what a robot read and did is from what the simulated one did.
+"""A score without a camera: the distance of a robot's readings and commands from the simulated one's.
 
     from realitygap.transfer.without_camera import without_camera
 
@@ -6,9 +6,9 @@
     for one in found.controllers:
         print(one.name, one.distance)
 
-Where a camera also saw the trials, both orders of controllers are compared. Beside it are
-the field's other measures: the correlation of fitness (Kadian et al. 2020), the error of replayed commands,
-and fitness in pseudo-realities sampled round the profile (Ligot and Birattari 2020).
+If a camera also saw the trials, both orders of controllers are compared. Other published measures are
+included: the correlation of fitness (Kadian et al. 2020), the error of replayed commands, and fitness in
+pseudo-realities sampled round the profile (Ligot and Birattari 2020).
 """
 
 import math
@@ -35,7 +35,7 @@ from realitygap.values import Floats, as_stream
 __all__ = ["Lived", "WithoutCamera", "without_camera"]
 
 SEEN = ("robot", "camera", "film")
-"""Where a path is from that shows slip."""
+"""Sources of a path that show slip."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,13 +44,13 @@ class Lived:
 
     Attributes:
         run, name, task, noise: of the run; individual: champion or fittest.
-        kind: of robot; units: how many; trials: those that were compared.
+        kind: of robot; units, trials: numbers of those compared.
         readings, commands, speeds: distances between simulated and situated trials of a start (`apart`).
-        distance: the mean of these three, or of those that there are.
-        correspondence: the camera's score, 0 to 10, mean over units; NaN where no camera saw it.
-        replay_cm: how far from the robot's path the simulated one is under the robot's own commands.
+        distance: the mean of those of the three that exist.
+        correspondence: the camera's score, 0 to 10, mean over units; NaN without a camera.
+        replay_cm: distance of the robot's path from the simulated one under the robot's commands.
         fitness_simulated, fitness_situated: of the same trials; fitness_pseudo: in pseudo-realities.
-        left_out: trials that the present version would simulate otherwise, or without a recording.
+        left_out: trials that this version would simulate differently, or without a recording.
     """
 
     run: int
@@ -75,20 +75,20 @@ class Lived:
 
 @dataclass(frozen=True, kw_only=True)
 class WithoutCamera:
-    """All controllers, and for each task, individual and kind of robot how their orders agree."""
+    """All controllers, and the agreement of their orders for each task, individual and kind of robot."""
 
     controllers: tuple[Lived, ...]
     orders: tuple[Order, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON but for NaN where there is nothing."""
+        """Ready for JSON, but with NaN for missing values."""
         return asdict(self)
 
 
 def without_camera(
     study: Study | str | PathLike[str], *, on_progress: Callable[[int, int], None] | None = None
 ) -> WithoutCamera:
-    """Every transferred controller of a study, by what its robots read and did.
+    """Compare every transferred controller of a study by its robots' readings and commands.
 
     Args:
         study: with transfers; or its folder.
@@ -120,7 +120,7 @@ def without_camera(
 
 
 class _Unit(NamedTuple):
-    """A controller on one robot: both of its scores there."""
+    """Both scores of a controller on one robot."""
 
     robot: str
     distance: float
@@ -128,7 +128,7 @@ class _Unit(NamedTuple):
 
 
 def _controller(study: Study, job: Job, replays: Replays) -> tuple[Lived, list[_Unit]] | None:
-    """A controller's figures, and each robot's; None where nothing is known of its trials."""
+    """A controller's figures, and each robot's; None if nothing is known of its trials."""
     run = job.run
     quiet = Simulation(study.task(run.task), study.profile, 0.0)
     told = [(one, _apart(one, replays.of(one.folder), quiet)) for one in job.transfers]
@@ -155,7 +155,7 @@ def _controller(study: Study, job: Job, replays: Replays) -> tuple[Lived, list[_
 
 
 def _apart(one: Transferred, replay: Replay, quiet: Simulation) -> dict[str, float] | None:
-    """A pair of trials' distances; None where not both went to their end, or are not known so far."""
+    """Distances of a pair of trials; None if either is unfinished or unknown."""
     simulated, situated = replay.simulated, replay.situated
     if simulated is None or situated is None or len(simulated.t) != len(situated.t):
         return None
@@ -163,7 +163,7 @@ def _apart(one: Transferred, replay: Replay, quiet: Simulation) -> dict[str, flo
 
 
 def _in_pseudo_realities(study: Study, run: Run, individual: str) -> float:
-    """The same of a study's controller, in the same robots as all of its others."""
+    """Mean fitness of a study's controller in pseudo-realities, the same for all of its controllers."""
     number = number_of(run, individual)
     assert number is not None
     networks = study.networks(run.task, study.genotype(run.id, number))
@@ -172,7 +172,7 @@ def _in_pseudo_realities(study: Study, run: Run, individual: str) -> float:
 
 
 def _order(names: tuple[str, str, str], group: Sequence[tuple[Lived, list[_Unit]]]) -> Order:
-    """How a task's controllers are put in order by each measure."""
+    """Agreement of the measures on the order of a task's controllers."""
     robots = list(dict.fromkeys(unit.robot for _, units in group for unit in units))
     values = np.full((2, len(group), len(robots)), np.nan)
     for i, (_, units) in enumerate(group):

@@ -1,4 +1,4 @@
-"""Who makes the trials of a transfer: a pool's workers, with progress; a person's robot by hand."""
+"""Makes the trials of a transfer: in a pool's workers, with progress; on a person's robot by hand."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
@@ -28,13 +28,13 @@ __all__ = ["by_hand", "on_twins"]
 CALIBRATION_COST = 6.0
 DRIVE_COST, DRIVE_COST_S = 0.05, 0.03
 FILM_COST_S, WATCH_COST_S = 0.8, 0.025
-"""About how long things take, s: to get a unit ready, a second of its time, of film, of being watched."""
+"""Approximate times, s: to start a unit; for a second of its time; of film; of watching."""
 
 
 class Job(NamedTuple):
     """A trial of an individual on the twin, or (without one) the calibration of the camera over its arena.
 
-    `camera` is its calibration, for workers that do not see the study's folder.
+    `camera` is its calibration, for workers that cannot see the study's folder.
     """
 
     situation: Situation
@@ -43,8 +43,8 @@ class Job(NamedTuple):
 
 
 class Made(NamedTuple):
-    """The files of a job by their names: of a trial, `finished` or as far as it came, or of a camera. Before
-    and after it come parts of the job's cost."""
+    """The files of a job by name: of a trial, `finished` or as far as it got, or of a camera. Before and
+    after it, parts of the job's cost are sent."""
 
     situation: Situation
     files: dict[str, bytes]
@@ -53,16 +53,17 @@ class Made(NamedTuple):
 
 
 class Bench:
-    """Carries out jobs; made once in a worker. Of the study's folder it writes cameras alone, if it sees it.
+    """Carries out jobs; created once in a worker. It writes only cameras into the study's folder, if it can
+    see it.
 
-    `shown` is where a person will find what it makes.
+    `shown` is the folder of its results, for messages.
     """
 
     def __init__(self, stage: Stage, shown: Path, home: Home | None = None) -> None:
         self._stage, self._shown, self._home = stage, shown, home
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """One job; `tell` receives its film's progress, then what was made."""
+        """Carry out a job; `tell` receives its film's progress, then its files."""
         one = job.situation
         camera = self._stage.camera_file(one)
         with told(self._shown / one.folder):
@@ -101,7 +102,7 @@ class Bench:
 
 
 def bench_in(words: Words, shown: str) -> Bench:
-    """A bench for a study, wherever a worker is."""
+    """A bench for a study, in any worker."""
     home = home_of(words)
     place = Path(shown) if words[0] else home.folder
     return Bench(Stage(load_study(home.folder), place), Path(shown), home)
@@ -119,15 +120,14 @@ def on_twins(
 ) -> None:
     """Make trials on robots that place themselves; a twin's results do not depend on the pool.
 
-    With `pack` those that are not filmed go into one file; so many are `done` already.
 
     Args:
         study: whose individuals drive.
         place: where their folders are.
         todo: the trials.
-        pack: whether those that are not filmed go into one file.
-        done: how many there are already.
-        pool: who makes them.
+        pack: whether unfilmed ones go into one file.
+        done: number of existing ones.
+        pool: of workers.
         on_progress: called a few times a second.
 
     Raises:
@@ -158,7 +158,7 @@ def on_twins(
 
 @dataclass(frozen=True, kw_only=True)
 class _Keeper:
-    """Puts what workers send in its place: trials in folders of their own, or in one file for all."""
+    """Stores what workers send: trials in folders of their own, or in one file for all."""
 
     place: Path
     stage: Stage
@@ -166,7 +166,6 @@ class _Keeper:
     reporter: Reporter
 
     def hear(self, message: float | Made) -> None:
-        """One of their messages."""
         if not isinstance(message, Made):
             self.reporter.add(message)
             return
@@ -186,7 +185,7 @@ class _Keeper:
 
 
 def _refuse_own(todo: Sequence[Situation], *, away: bool) -> None:
-    """Refuse to send for a robot or a controller that only this machine has."""
+    """Refuse to send out a robot or a controller that only this machine has."""
     for one in todo:
         own = one.controller or (one.robot if one.robot.kind == "own" else None)
         if away and own is not None:
@@ -197,8 +196,8 @@ def _refuse_own(todo: Sequence[Situation], *, away: bool) -> None:
 
 
 def _in_order(todo: Sequence[Situation]) -> list[Situation]:
-    """What takes longest first, films among the first half of the others: no worker is left alone with one,
-    and others are done meanwhile."""
+    """The longest trials first, films in the first half of the rest, so that no worker ends alone with a film
+    while others have nothing to do."""
     films, others = ([one for one in todo if one.film is film] for film in (True, False))
     others.sort(key=lambda one: -_cost(one))
     apart = 1 + max(1, len(others) // 2 // max(1, len(films)))
@@ -208,7 +207,7 @@ def _in_order(todo: Sequence[Situation]) -> list[Situation]:
 
 
 def _cost(one: Situation) -> float:
-    """About how long a trial takes, s."""
+    """Approximate time of a trial, s."""
     seen = {"film": FILM_COST_S, "camera": WATCH_COST_S}.get(one.source, 0.0)
     return DRIVE_COST + one.seconds * (DRIVE_COST_S + seen)
 
@@ -216,7 +215,7 @@ def _cost(one: Situation) -> float:
 def by_hand(
     study: Study, place: Path, todo: Sequence[Situation], carry: Carry, overhead: Overhead | None = None
 ) -> None:
-    """Make trials, one or more, on one robot that a person places; `overhead` sees it, if it is there.
+    """Make trials on one robot that a person places.
 
     Args:
         study: whose individuals drive.
@@ -239,6 +238,6 @@ def by_hand(
             with told(place / one.folder):
                 stage.by_hand(replace(one, baud=getattr(body, "baud", None)), body, carry, overhead)
     except BaseException:
-        abandon(body)  # it was told to stand first, wherever this came from
+        abandon(body)  # it was told to stop first, wherever this came from
         raise
     body.close()

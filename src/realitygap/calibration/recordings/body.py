@@ -4,12 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from realitygap.calibration.recordings.recording import (
-    BODY_RADIUS_CM,
-    HEIGHTS_CM,
-    Recording,
-    SensorRecording,
-)
+from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM, Recording, SensorRecording
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.robots.body import Channel
 from realitygap.world.body import Body

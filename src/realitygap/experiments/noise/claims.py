@@ -1,6 +1,6 @@
-"""The three claims about the level of noise, stated beforehand, and the verdicts on them.
+"""The three claims about noise levels, stated in advance, and the verdicts on them.
 
-`docs/noise-level.md` has the same texts and the analysis as it was planned before there were data.
+`docs/noise-level.md` has the same texts and the analysis as planned before there were data.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """One claim: `key` a, b or c; a title; what it says; how it is tested.
+    """One claim: `key` a, b or c; a title; its statement; its test.
 
-    `measured`: where what is measured is not quite what was stated.
+    `measured`: how the measured quantity differs from the stated one.
     """
 
     key: str
@@ -48,8 +48,8 @@ VERDICTS = {
     "in part": "it is above one of the two",
     "not supported": "it is above neither",
 }
-"""In the order in which they are tried. Above: Cliff's delta positive in every seed set alone, and the
-p of all sets together, by Holm over all planned comparisons, below .05. Below: likewise negative."""
+"""In the order in which they are tried. Above: Cliff's delta positive in every seed set alone, and the p of
+all sets together, Holm-corrected over all planned comparisons, below .05. Below: likewise negative."""
 
 ALPHA = 0.05
 RESAMPLES = 2000
@@ -57,7 +57,7 @@ RESAMPLES = 2000
 
 @dataclass(frozen=True, kw_only=True)
 class SetEffect:
-    """What one seed set alone shows."""
+    """The effect in one seed set alone."""
 
     seed_set: int
     effect: Effect
@@ -67,7 +67,7 @@ class SetEffect:
 class Contrast:
     """The robot's level against another, for one claim; `found` is above, below or open.
 
-    `first`, `second`: how many controllers on either side (the same ones for claim a).
+    `first`, `second`: numbers of controllers on either side (the same ones for claim a).
     """
 
     level: float
@@ -117,11 +117,11 @@ def judge_claims(data: Crossed, *, resamples: int = RESAMPLES) -> tuple[Finding,
 
 
 def judge_home(data: Crossed, *, resamples: int = RESAMPLES) -> tuple[Contrast, ...]:
-    """Claim (c) on the calibration unit alone: each controller against the very simulation that it was
-    evolved in.
+    """Claim (c) on the calibration unit alone: each controller against the same simulation that it evolved
+    in.
 
-    It was not planned, so Holm's correction is over these contrasts alone. Levels that lack such scores in
-    any task and seed set are left out.
+    Not planned, so Holm's correction is over these contrasts alone. Levels without such scores in any task
+    and seed set are left out.
     """
     wanted = set(zip(data.task.tolist(), data.seed_set.tolist(), strict=True))
     data = data.only(np.isfinite(data.own(home=True)))
@@ -138,10 +138,10 @@ def judge_home(data: Crossed, *, resamples: int = RESAMPLES) -> tuple[Contrast, 
 
 @dataclass(frozen=True, kw_only=True)
 class Split:
-    """What the diagonal's difference from one level is made of: two steps, in either order.
+    """The diagonal's difference from one level in two steps, in either order.
 
     `diagonal` is the sum of `evolved_first` and `comparison_after`, and of `comparison_first` and
-    `evolved_after`, as far as means go; Cliff's deltas do not add up.
+    `evolved_after`, for means; Cliff's deltas do not add up.
 
     Attributes:
         evolved_first: the robot's evolved level against the other, both judged at the robot's level.
@@ -178,7 +178,7 @@ def split_diagonal(data: Crossed, *, resamples: int = RESAMPLES) -> tuple[Split,
 
 
 def coarse_levels(levels: Sequence[float], robot: float) -> tuple[float, ...]:
-    """Zero and double, those that the study has; with neither, the nearest levels below and above."""
+    """Zero and double, if the study has them; with neither, the nearest levels below and above."""
     paper = tuple(level for level in (0.0, 2 * robot) if level in levels and level != robot)
     if paper:
         return paper
@@ -187,7 +187,7 @@ def coarse_levels(levels: Sequence[float], robot: float) -> tuple[float, ...]:
 
 
 def verdict(contrasts: Sequence[Contrast], coarse: Sequence[float]) -> str:
-    """The word on a claim: see VERDICTS."""
+    """The verdict on a claim: see VERDICTS."""
     deciding = [c.found for c in contrasts if c.other in coarse]
     if "below" in deciding and "above" not in deciding:
         return "opposite"
@@ -199,7 +199,7 @@ def verdict(contrasts: Sequence[Contrast], coarse: Sequence[float]) -> str:
 
 def _found(contrast: Contrast, p: float) -> Contrast:
     deltas = [s.effect.delta for s in contrast.sets]
-    signs = {float(np.sign(delta)) if math.isfinite(delta) else 0.0 for delta in deltas}  # nan: nothing there
+    signs = {float(np.sign(delta)) if math.isfinite(delta) else 0.0 for delta in deltas}  # nan: none there
     word = "open" if p >= ALPHA or len(signs) > 1 else {1.0: "above", -1.0: "below"}.get(signs.pop(), "open")
     return replace(contrast, p_holm=p, found=word)
 

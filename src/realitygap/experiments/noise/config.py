@@ -1,4 +1,4 @@
-"""What a study of the level of noise is to do: every setting that its results depend on."""
+"""The settings of a study of noise levels: everything that its results depend on."""
 
 import math
 import shlex
@@ -19,12 +19,12 @@ from realitygap.world.noise import noise_level
 __all__ = ["CONFIG", "NoiseConfig", "levels_of", "tasks_of"]
 
 CONFIG = "noise-study.toml"
-"""In the study's folder."""
+"""The file in the study's folder."""
 
 LOUDEST = 10.0
 
 ARMS_ONLY = ("first_unit", "foreign", "fittest", "starts_by_unit", "seeds")
-"""What only an arm of the plan sets."""
+"""Settings that only an arm of the plan may have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,28 +32,29 @@ class NoiseConfig(Settings):
     """The whole design.
 
     Attributes:
-        arm: of the second study's plan (`second.arms`), which alone may set what stands last here; None: a
+        arm: of the second study's plan (`second.arms`), which alone may set the last ones here; None: a
             design of your own.
         levels: of noise: controllers evolve at each, and are compared with the simulation at each.
         runs: controllers of each task and level, over all seed sets; or of each level, in the levels' order.
-        seed_sets: sets of runs with seeds of their own: each is a study in itself.
-        units: of the twin, so many from `first_unit` on; a simulation is calibrated to each.
+        seed_sets: sets of runs with separate seeds: each is a study in itself.
+        units: number of the twin's units, from `first_unit` on; a simulation is calibrated to each.
         starts: of each controller on each unit.
         evaluations: of each run.
         twin_noise: the twin's noise scale.
         seed: random seed.
-        tasks: the paper's, one or both: the score's exemplars are theirs.
+        tasks: of the paper, one or both: the score's exemplars are for them.
         seconds: length of a trial; the task's own if None.
-        robot: in the twin's place `stranger` or `enki:MODEL`, whose units are meant; or one of your own,
-            `file.py:Class` or `module:Class`: the only unit.
-        base: the rough profile of your own, by name or file.
-        arena: another than the task's, by name or file, where there is one task; for a larger robot.
+        robot: instead of the twin, `stranger` or `enki:MODEL` with its units; or one of your own,
+            `file.py:Class` or `module:Class`, as the only unit.
+        base: the approximate profile of your own robot, by name or file.
+        arena: another than the task's, by name or file, if there is one task; for a larger robot.
         first_unit: its number.
-        foreign: units that a controller drives besides its calibration unit, the next in order, in a circle;
-            all if None.
-        fittest: each run's fittest of the last population drives too, on its calibration unit alone.
-        starts_by_unit: drawn once for each unit, for both seed sets; else for each seed set, for all units.
-        seeds: of the seed sets, where they have seeds of their own; `seed` is then the units' alone.
+        foreign: number of units that a controller drives besides its calibration unit, the next ones
+            cyclically; all if None.
+        fittest: whether each run's fittest of the last population drives too, on its calibration unit alone.
+        starts_by_unit: whether starts are drawn for each unit, for both seed sets; else for each seed set,
+            for all units.
+        seeds: of the seed sets, if separate; `seed` is then only the units'.
 
     Raises:
         ConfigError: names the key, what was expected and what came.
@@ -85,7 +86,7 @@ class NoiseConfig(Settings):
     def _check(self) -> None:
         for key, largest in (("seed_sets", 100), ("units", 100), ("evaluations", 10**9)):
             whole(key, getattr(self, key), 1, largest)
-        whole("starts", self.starts, 2, 1000)  # one start is not enough to compare by
+        whole("starts", self.starts, 2, 1000)  # one start is not enough for a comparison
         whole("seed", self.seed, 0, LARGEST)
         given = tuple(noise_level(level) for level in self.levels)
         object.__setattr__(self, "levels", tuple(sorted(given)))
@@ -115,7 +116,7 @@ class NoiseConfig(Settings):
                 self.seeds)  # fmt: skip
 
     def _check_runs(self, levels: tuple[float, ...]) -> None:
-        """Runs of each level, or of all; sorted as the levels are."""
+        """Runs of each level, or of all, sorted like the levels."""
         each = self.runs if isinstance(self.runs, tuple | list) else (self.runs,)
         for runs in each:
             whole("runs", runs, 1, 10**4)
@@ -128,7 +129,7 @@ class NoiseConfig(Settings):
             object.__setattr__(self, "runs", tuple(runs for _, runs in rising))
 
     def _check_robot(self) -> None:
-        """A robot of your own has a base, and none of what is the twin's; files are known everywhere."""
+        """Check that a robot of your own has a base and no settings of the twin; make file names absolute."""
         if self.robot is None:
             require(self.base is None, "base", "none for a twin", self.base, "Leave it out, or give `robot`.")
             return
@@ -157,11 +158,11 @@ class NoiseConfig(Settings):
         object.__setattr__(self, "base", _whole_path(str(self.base)))
 
     def address(self, unit: int) -> str:
-        """Of the robot that is this unit."""
+        """Address of the robot that is this unit."""
         return self.robot if self.robot and self.base else f"{self.robot or 'twin'}:{unit}"
 
     def task(self, name: str) -> Task:
-        """A task, in this study's arena and for its time."""
+        """A task with this study's arena and duration."""
         task = load_task(name)
         task = task if self.seconds is None else replace(task, seconds=self.seconds)
         return task if self.arena is None else replace(task, arena=load_arena(self.arena))
@@ -173,12 +174,11 @@ class NoiseConfig(Settings):
 
     @property
     def every_unit(self) -> range:
-        """Numbers of the units."""
         return range(self.first_unit, self.first_unit + self.units)
 
     @property
     def individuals(self) -> tuple[str, ...]:
-        """Who drives of each run."""
+        """The individuals of each run that drive."""
         return ("champion", "fittest") if self.fittest else ("champion",)
 
     def driven(self, home: int, individual: str = "champion") -> tuple[int, ...]:
@@ -190,34 +190,34 @@ class NoiseConfig(Settings):
 
     @property
     def controllers(self) -> int:
-        """Runs in all."""
+        """Number of runs."""
         return len(self.tasks) * self.seed_sets * sum(map(self.runs_in_set, self.levels))
 
     @property
     def twin_trials(self) -> int:
-        """Trials on the twin."""
+        """Number of trials on the twin."""
         units = sum(len(self.driven(self.first_unit, individual)) for individual in self.individuals)
         return self.controllers * units * self.starts
 
     def to_dict(self) -> dict[str, Any]:
-        """The settings, keys as in their file; what is None is left out, and of no arm what an arm's are."""
+        """The settings with the file's keys, without None, and without an arm's settings outside arms."""
         hidden = () if self.arm else ARMS_ONLY
         return {key: value for key, value in super().to_dict().items() if key not in hidden}
 
     @property
     def named(self) -> str:
-        """A robot of your own, which is a program; or the arm."""
+        """Options for a robot of your own, which is a program, or for the arm."""
         robot = "" if self.robot is None else f" --robot {shlex.quote(self.robot)}"
         return robot if self.arm is None else f" --arm {self.arm}"
 
 
 def _whole_path(name: str) -> str:
-    """A file by its whole path; what is no file is a shipped one's name."""
+    """A file's absolute path; other names are those of shipped ones."""
     return str(Path(name).resolve()) if Path(name).is_file() else name
 
 
 def levels_of(text: str) -> tuple[float, ...]:
-    """Noise levels as a person types them: "0,0.5,observed,2".
+    """Noise levels as typed by a person: "0,0.5,observed,2".
 
     Raises:
         ConfigError: names the invalid one.
@@ -226,7 +226,7 @@ def levels_of(text: str) -> tuple[float, ...]:
 
 
 def tasks_of(text: str) -> tuple[str, ...]:
-    """The tasks that a person means: "both", or a paper's task by its name or a word of it.
+    """Tasks as typed by a person: "both", or names or words of the paper's tasks.
 
     Raises:
         TaskError: names the invalid one.
@@ -235,7 +235,7 @@ def tasks_of(text: str) -> tuple[str, ...]:
 
 
 def _seconds(value: object) -> float:
-    """A trial's length: whole steps, and long enough to be compared."""
+    """A trial's duration: whole steps, and long enough for a comparison."""
     number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     steps = round(float(value) * 10) if number else 0  # type: ignore[arg-type]
     exact = number and abs(steps / 10 - float(value)) < 1e-6  # type: ignore[arg-type]

@@ -1,6 +1,6 @@
 """Tests, effect sizes and intervals for comparisons of two levels, and the peak of a curve.
 
-Both tests are the rank tests' normal approximations, corrected for ties and continuity.
+Both are normal approximations of rank tests, corrected for ties and continuity.
 """
 
 import math
@@ -19,10 +19,10 @@ Interval = tuple[float, float]
 
 
 class Effect(NamedTuple):
-    """How much higher the first values are than the second.
+    """Excess of the first values over the second.
 
-    `delta` is Cliff's: the share of pairs in which the first is higher, less that in which it is lower;
-    `difference` that of the means; `p` two-sided.
+    `delta` is Cliff's: the share of pairs in which the first is higher, minus that in which it is lower;
+    `difference` is that of the means; `p` is two-sided.
     """
 
     delta: float
@@ -33,7 +33,7 @@ class Effect(NamedTuple):
 
 
 def paired(first: ArrayLike, second: ArrayLike, weights: Floats | None = None) -> Effect:
-    """Of the same controllers twice [n]: Wilcoxon's signed-rank test with Pratt's zeros.
+    """Effect between two values of the same controllers [n]: Wilcoxon's signed-rank test with Pratt's zeros.
 
     `weights` are resamples [B, n]: how often each is drawn.
     """
@@ -54,11 +54,11 @@ def unpaired(
     first: ArrayLike, second: ArrayLike, *, strata: tuple[Sequence[object], Sequence[object]] | None = None,
     weights: tuple[Floats, Floats] | None = None,
 ) -> Effect:  # fmt: skip
-    """Of two groups [n], [m]: Mann and Whitney's test, only within strata.
+    """Effect between two groups [n], [m]: Mann and Whitney's test, within strata.
 
     Args:
         first, second: values [n] and [m].
-        strata: of either group; pairs of different strata do not count. None: all are of one.
+        strata: of either group; pairs of different strata do not count. None: one stratum.
         weights: resamples [B, n] and [B, m].
     """
     x, y = np.asarray(first, np.float64), np.asarray(second, np.float64)
@@ -82,7 +82,7 @@ def unpaired(
 
 
 def _spread(x: Floats, y: Floats) -> float:
-    """Variance of U under the null hypothesis, with its correction for ties."""
+    """Variance of U under the null hypothesis, corrected for ties."""
     n, m = len(x), len(y)
     total = n + m
     if not n or not m:
@@ -93,7 +93,7 @@ def _spread(x: Floats, y: Floats) -> float:
 
 
 def _two_sided(excess: float, variance: float, *, step: float) -> float:
-    """p of a statistic's excess over its mean; `step` is half of what it changes by."""
+    """p of a statistic's excess over its mean; `step` is half of its smallest change."""
     if variance <= 0:
         return 1.0
     z = max(abs(excess) - step, 0.0) / math.sqrt(variance)
@@ -101,7 +101,7 @@ def _two_sided(excess: float, variance: float, *, step: float) -> float:
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Each p corrected for all (Holm 1979)."""
+    """p-values with Holm's correction (1979)."""
     order = sorted(range(len(p)), key=lambda i: p[i])
     corrected, running = [1.0] * len(p), 0.0
     for place, i in enumerate(order):
@@ -111,7 +111,7 @@ def holm(p: Sequence[float]) -> list[float]:
 
 
 def interval(values: ArrayLike, share: float = 0.95) -> Interval:
-    """The middle 95 % of resampled figures; nan are left out."""
+    """The middle 95 % of resampled values; nan are left out."""
     known = np.asarray(values, np.float64)
     known = known[np.isfinite(known)]
     if not known.size:
@@ -123,7 +123,7 @@ def interval(values: ArrayLike, share: float = 0.95) -> Interval:
 def peak(levels: ArrayLike, curves: ArrayLike) -> Floats:
     """Levels [B] at which curves [B, L] are highest: the top of a parabola over the level's root.
 
-    It goes through the highest value and its neighbours; where an end is highest, it is that end.
+    The parabola passes through the highest value and its neighbours; if an end is highest, it is the peak.
     """
     root, rows = np.sqrt(np.asarray(levels, np.float64)), np.atleast_2d(np.asarray(curves, np.float64))
     tops = np.empty(len(rows))
@@ -140,7 +140,7 @@ def peak(levels: ArrayLike, curves: ArrayLike) -> Floats:
 
 
 def crossing(levels: ArrayLike, curves: ArrayLike) -> Floats:
-    """Levels [B] at which falling curves [B, L] first pass zero, straight over the level's root; else nan."""
+    """Levels [B] at which falling curves [B, L] first pass zero, linear in the level's root; else nan."""
     root, rows = np.sqrt(np.asarray(levels, np.float64)), np.atleast_2d(np.asarray(curves, np.float64))
     found = np.full(len(rows), np.nan)
     for b, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""The crossed design as a value: every controller, evolved at one level, compared at every level."""
+"""The crossed design: every controller, evolved at one level, compared at every level."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ __all__ = ["FEWEST", "Crossed", "robot_level"]
 Weights = NDArray[np.float64]
 
 FEWEST = 5
-"""Fewest runs in a cell for which resampling says anything about uncertainty."""
+"""Smallest number of runs in a cell for which resampling measures uncertainty."""
 
 
 def robot_level(levels: Sequence[float]) -> float:
-    """The robot's own level: 1, or the study's level that is nearest to it, over its root.
+    """The robot's own level: 1, or the study's level nearest to it (by roots).
 
-    Level 1 is the noise that the calibration measured on the robot, however noisy that is.
+    Level 1 is the noise that the calibration measured on the robot.
 
     Raises:
         StudyError: fewer than two levels: nothing can be compared.
@@ -39,12 +39,12 @@ class Crossed:
 
     Attributes:
         levels: [L], rising. robot: the robot's own level, one of them.
-        task, seed_set, run, home, evolved: [n], whose controller it is and how it came about.
-        name: [n], what its behaviour is called in simulation.
+        task, seed_set, run, home, evolved: [n], of the controllers.
+        name: [n], of its behaviour in simulation.
         score: [n, L], correspondence score 0 to 10 against the simulation at each level;
             behaviour, layout: its two parts.
-        home_score: [n, L], the score on the calibration unit alone; nan where it was not kept.
-        noisiness, responsiveness: [n, L], signed: above 0 the situated robot has more.
+        home_score: [n, L], the score on the calibration unit alone; nan if it was not kept.
+        noisiness, responsiveness: [n, L], positive if the situated robot has more.
         simulated, situated: [n], fitness at the own level, and on the twin.
         situated_home, situated_foreign: [n], fitness on the calibration unit, and its mean over the others.
     """
@@ -73,7 +73,7 @@ class Crossed:
 
     @property
     def tasks(self) -> list[str]:
-        """In the order in which they come."""
+        """Tasks in order of appearance."""
         return list(dict.fromkeys(self.task.tolist()))
 
     @property
@@ -87,16 +87,16 @@ class Crossed:
         return column
 
     def own(self, *, home: bool = False) -> Floats:
-        """Scores [n] against the simulations at the level that each controller was evolved at: the diagonal.
+        """Scores [n] against the simulations at the level at which each controller evolved: the diagonal.
 
-        They are those of all units; with `home` that one alone which it was evolved in.
+        Over all units; with `home` over the calibration unit alone.
         """
         columns = np.searchsorted(self.levels, self.evolved)
         scores: Floats = (self.home_score if home else self.score)[np.arange(len(self)), columns]
         return scores
 
     def index(self, level: float) -> int:
-        """A level's place among the levels."""
+        """A level's index among the levels."""
         return int(np.searchsorted(self.levels, level))
 
     def part(self, *, task: str | None = None, seed_set: int | None = None) -> Crossed:
@@ -120,10 +120,10 @@ class Crossed:
             yield np.array([i for i, other in enumerate(keys) if other == key], np.int64)
 
     def resamples(self, count: int, *, seed: int = 0) -> Weights | None:
-        """How often each controller is drawn in each resample [count, n]; None where cells are too small.
+        """Number of times each controller is drawn in each resample [count, n]; None if cells are too small.
 
-        In cells of k runs what is drawn again spreads by a root of 1 − 1/k too little: a 95 % interval
-        holds the truth in 94.4 of 100 studies of 20 runs, in 93.7 of 10.
+        In cells of k runs the resampled spread is too small by √(1 − 1/k): a 95 % interval contains the truth
+        in 94.4 % of studies of 20 runs, in 93.7 % with 10.
         """
         cells = list(self.cells())
         if count < 1 or min(map(len, cells), default=0) < FEWEST:

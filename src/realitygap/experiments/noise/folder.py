@@ -1,4 +1,4 @@
-"""A noise study's folder: made once, opened only with its own settings; merged from shards."""
+"""A noise study's folder: created once, opened only with its own settings; merged from shards."""
 
 import shlex
 import shutil
@@ -32,13 +32,13 @@ __all__ = ["begun_by", "command_of", "merge_noise", "open_folder"]
 def open_folder(
     folder: Path, requested: NoiseConfig | None, *, resume: bool, mark: Mark | None = None
 ) -> NoiseConfig:
-    """Make the requested study in the folder, or open the one that is there; the lock is held.
+    """Create the requested study in the folder, or open the one there; the lock is held.
 
-    It is marked as a shard before it is made; what is refused changes nothing.
+    It is marked as a shard before it is created; a refusal changes nothing.
 
     Args:
-        folder: where the study is, or shall be.
-        requested: None to continue the one that is there.
+        folder: the study's.
+        requested: None to continue the one there.
         resume: whether one may be there.
         mark: of a shard.
 
@@ -70,19 +70,19 @@ def begun_by(folder: Path) -> dict[str, str]:
 
 
 def command_of(config: NoiseConfig) -> str:
-    """The command that makes this study; what is as usual is left out."""
+    """The command that makes this study, without default options."""
     if config.arm is not None:
         return f"realitygap experiment noise --arm {config.arm}"
     usual = NoiseConfig().to_dict()
     if config.base is not None:
-        usual["units"] = config.units  # nobody may say it
+        usual["units"] = config.units  # cannot be set by a user
     changed = {key: value for key, value in config.to_dict().items() if usual.get(key) != value}
     words = [f"--{key.replace('_', '-')} {_typed(value)}" for key, value in changed.items()]
     return " ".join(["realitygap experiment noise", *words])
 
 
 def _typed(value: Any) -> str:
-    """A setting as a person types it, all digits kept."""
+    """A setting as typed by a person, with all digits."""
     if isinstance(value, list):
         return ",".join(map(_typed, value))
     return repr(value).removesuffix(".0") if isinstance(value, float) else shlex.quote(str(value))
@@ -93,10 +93,10 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
 
     Args:
         shards: their folders, as `study.merge.all_shards` has them.
-        out: the study's, made whole or not at all.
+        out: the study's folder, created complete or not at all.
 
     Raises:
-        StudyError: shards of different studies, or calibrated otherwise, a damaged one, or `out` exists.
+        StudyError: shards of different studies or calibrations, a damaged one, or `out` exists.
     """
     first, *others = shards.values()
     config = NoiseConfig.from_folder(first)
@@ -124,7 +124,7 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
 
 
 def _refuse_other(first: Path, other: Path, config: NoiseConfig) -> None:
-    """Refuse shards of different studies, or of units that were measured otherwise."""
+    """Refuse shards of different studies, or of units with different calibrations."""
     cure = f"{other} has that. Only shards of one study are merged."
     there = NoiseConfig.from_folder(other).to_dict()
     refuse_difference(f"{first}: the study was made", config.to_dict(), there, cure)

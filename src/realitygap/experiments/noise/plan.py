@@ -1,7 +1,7 @@
-"""The controllers of a study of noise: their names, their places, where their randomness comes from.
+"""The controllers of a study of noise: their names, folders and random streams.
 
-Whatever is drawn is a function of names alone, so that neither the order of work nor what else is
-in the study changes a bit.
+Every draw is a function of names alone, so that neither the order of work nor the rest of the study affects
+results.
 """
 
 from dataclasses import dataclass, replace
@@ -21,15 +21,15 @@ __all__ = [
 ]  # fmt: skip
 
 FRESH_TRIALS = 1
-"""Of the champion at the paper's levels: no claim needs them, the paths that are compared tell more."""
+"""Of the champion at the paper's levels: no claim needs them, and the compared paths are more informative."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Controller:
-    """An individual of run number `run` (from 1) in its seed set, task and level.
+    """An individual of run number `run` (from 1) of its seed set, task and level.
 
     Attributes:
-        home: the unit that the simulation it evolved in was calibrated to.
+        home: its calibration unit.
         run_name: its run's name in its study of evolution.
         individual: champion, or fittest: of the last population, by its stored fitness.
     """
@@ -44,26 +44,26 @@ class Controller:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """What names the streams of its trials."""
+        """The names of the streams of its trials."""
         who = () if self.individual == "champion" else (self.individual,)
         return (self.task, self.seed_set, self.level, self.run, *who)
 
     @property
     def name(self) -> str:
-        """As in the names of files and messages."""
+        """Its name in files and messages."""
         who = "" if self.individual == "champion" else f"-{self.individual}"
         return f"{self.task}-set-{self.seed_set}-level-{self.level!r}-run-{self.run}{who}"
 
 
 class Pair(NamedTuple):
-    """A place in the design: unit and start, both from 1."""
+    """Unit and start of a trial, both from 1."""
 
     unit: int
     start: int
 
 
 class Evolved(NamedTuple):
-    """A study of evolution: a seed set and calibration unit, and the levels with this many runs there."""
+    """A study of evolution: a seed set, a calibration unit, and the levels with this many runs there."""
 
     seed_set: int
     unit: int
@@ -72,8 +72,7 @@ class Evolved(NamedTuple):
 
 
 def controllers(config: NoiseConfig) -> tuple[Controller, ...]:
-    """All of them, grouped by task and calibration unit, so that whoever takes them in order changes robots
-    seldom."""
+    """All controllers, grouped by task and calibration unit, so that work in order rarely changes robots."""
     return tuple(replace(one, individual=who) for one in _champions(config) for who in config.individuals)
 
 
@@ -105,14 +104,14 @@ def share(config: NoiseConfig, shard: Shard) -> tuple[Controller, ...]:
 
 
 def evolved(config: NoiseConfig, one: Controller) -> Evolved:
-    """The study that a controller evolved in: levels with other numbers of runs have another."""
+    """The study that a controller evolved in: levels with other numbers of runs have a separate one."""
     runs = len(_runs(config, one.home, one.level))
     alike = tuple(level for level in config.levels if len(_runs(config, one.home, level)) == runs)
     return Evolved(one.seed_set, one.home, runs, alike)
 
 
 def evolution(config: NoiseConfig, made: Evolved, profile: Path) -> StudyConfig:
-    """What evolves in a study of evolution; `profile` is the file of the calibration to its unit."""
+    """The configuration of a study of evolution; `profile` is the file of its unit's calibration."""
     conditions = (Condition(task=task, noise=level) for task in config.tasks for level in made.levels)
     return StudyConfig(
         title=f"Noise level: seed set {made.seed_set}, simulation calibrated to unit {made.unit}",
@@ -128,32 +127,31 @@ def evolution(config: NoiseConfig, made: Evolved, profile: Path) -> StudyConfig:
 
 
 def _runs(config: NoiseConfig, unit: int, level: float) -> range:
-    """Numbers of a seed set's runs at a level calibrated to this unit: the units take turns."""
+    """Numbers of a seed set's runs at a level calibrated to this unit: units alternate."""
     return range(unit - config.first_unit + 1, config.runs_in_set(level) + 1, config.units)
 
 
 def stream(config: NoiseConfig, *names: object, seed_set: int | None = None) -> int:
-    """The stream of whatever these names name, 0 to 2⁶⁴ − 1; of a seed set's own seed, if it has one."""
+    """The stream of these names, 0 to 2⁶⁴ − 1; from a seed set's own seed, if it has one."""
     seed = config.seeds[seed_set - 1] if seed_set and config.seeds else config.seed
     return named_stream(seed, *names)
 
 
 def calibration_folder(folder: Path, unit: int) -> Path:
-    """Where a unit was recorded and its profile is."""
+    """The folder of a unit's recordings and profile."""
     return folder / "calibration" / f"unit-{unit}"
 
 
 def evolved_folder(folder: Path, config: NoiseConfig, made: Evolved) -> Path:
-    """Where a study of evolution is."""
     more = "" if len(made.levels) == len(config.levels) else f"-runs-{made.runs}"
     return folder / "evolved" / f"set-{made.seed_set}-unit-{made.unit}{more}"
 
 
 def situated_file(folder: Path, one: Controller) -> Path:
-    """The paths of a controller on the twin's units."""
+    """The file of a controller's paths on the twin's units."""
     return folder / "situated" / f"{one.name}.npz"
 
 
 def simulated_file(folder: Path, one: Controller) -> Path:
-    """The results of comparing those with the simulations."""
+    """The file of the comparisons of those with the simulations."""
     return folder / "simulated" / f"{one.name}.json"

@@ -1,4 +1,4 @@
-"""The tables that come out of a study of noise: small, in plain text, with all that a report needs."""
+"""The result tables of a study of noise: small, in plain text, with everything that a report needs."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +22,7 @@ __all__ = ["write_results"]
 
 CELL = ("score", "behaviour", "layout", "noisiness", "responsiveness", "fitness_simulated")
 OF_ARM = ("layout_home", "without_jitter", "without_jitter_home")
-"""Columns of an arm's cells besides, after those of the calibration unit and of foreign ones."""
+"""Further columns of an arm's cells, after those of the calibration unit and of foreign ones."""
 WITHOUT_CAMERA = "without-camera.csv"
 CALIBRATION = ("unit", "channel", "model_error", "noise", "ratio", "ratio_over_all")
 
@@ -30,8 +30,8 @@ CALIBRATION = ("unit", "channel", "model_error", "noise", "ratio", "ratio_over_a
 def write_results(stage: Stage) -> Path:
     """Gather all controllers' results: controllers.csv, cells.csv, calibration.csv, study.toml.
 
-    For an arm of the plan also all profiles, and rows by calibration unit and foreign ones; where it is
-    known what robots read and did, without-camera.csv.
+    For an arm of the plan also all profiles, and rows by calibration unit and foreign ones; if readings and
+    commands are known, without-camera.csv.
 
     Raises:
         StudyError: a controller's file is missing or broken.
@@ -92,7 +92,7 @@ def _controller(one: Controller, kept: Mapping[str, Any], config: NoiseConfig) -
 
 
 def _cells(one: Controller, kept: Mapping[str, Any], config: NoiseConfig) -> Iterator[dict[str, object]]:
-    """A row a level; comparisons that were made before units had scores of their own have none."""
+    """A row for each level; older comparisons without scores of single units have none."""
     for cell in kept["cells"]:
         level = {"comparison_level": cell["comparison_level"]}
         if config.arm is None:
@@ -106,7 +106,7 @@ def _cells(one: Controller, kept: Mapping[str, Any], config: NoiseConfig) -> Ite
 def _without_camera(
     one: Controller, kept: Mapping[str, Any], config: NoiseConfig
 ) -> Iterator[dict[str, object]]:
-    """A row a unit: what needs no camera, and beside it what the camera says of the same trials."""
+    """A row for each unit: measures without a camera, and the camera's scores of the same trials."""
     cell = next(cell for cell in kept["cells"] if cell["comparison_level"] == AS_MEASURED)
     for unit in config.driven(one.home):
         yield {
@@ -123,7 +123,7 @@ def _without_camera(
 def _home_and_foreign(
     one: Controller, table: Mapping[str, Any], config: NoiseConfig, key: str
 ) -> tuple[float, float]:
-    """A figure on the calibration unit, and its mean over the other units, each alone."""
+    """A figure on the calibration unit, and its mean over the other units."""
     units = {unit: table[f"{key}_unit_{unit}"] for unit in config.driven(one.home, one.individual)}
     home = units.pop(one.home)
     return home, mean(list(units.values()))
@@ -135,7 +135,7 @@ def _who(one: Controller, config: NoiseConfig) -> dict[str, object]:
 
 
 def _calibration(stage: Stage) -> Iterator[tuple[object, ...]]:
-    """How well each unit's sensors were fitted: counts, and the model's error over the noise."""
+    """Accuracy of each unit's sensor fits: counts, and the model's error over the noise."""
     for unit in stage.config.every_unit:
         for fit in stage.profile(unit).provenance.fits:
             if fit.noise > 0:

@@ -1,4 +1,4 @@
-"""Carry out a study of the level of noise: calibrate, evolve, drive, compare, gather; or continue one.
+"""Carries out a study of noise levels: calibrate, evolve, drive, compare, gather; or continues one.
 
 from realitygap.experiments.noise.config import NoiseConfig
 from realitygap.experiments.noise.run import noise_study
@@ -43,13 +43,12 @@ from realitygap.work.workers import Workers, far, near
 __all__ = ["WORK", "noise_study"]
 
 WORK = "experiment noise"
-"""Of whose controllers a shard is a share."""
+"""The kind of work that a shard divides."""
 
 TWIN_COSTS, ENKI_COSTS = (130.0, 0.37), (45.0, 0.15)
 EVALUATION_COST, RETEST_COST, CELL_COST = 1.35e-3, 0.35, 0.08
-"""About how long things take on one core, s: a unit's calibration and a trial on it, on the twin and on
-Enki's robots; an evaluation, a run's retest, a comparison with a level. Hints for the time that is left,
-nothing else."""
+"""Approximate times on one core, s: a unit's calibration and a trial on it, on the twin and on Enki's robots;
+an evaluation, a run's retest, a comparison with a level. Only used to estimate the time left."""
 
 
 def noise_study(
@@ -64,16 +63,16 @@ def noise_study(
 ) -> Path:
     """Carry out a study in a folder, or continue the one that is there.
 
-    Neither `workers` nor an interruption at any moment changes a bit of its tables.
+    Neither `workers` nor interruptions change a bit of its tables.
 
     Args:
-        folder: made if it does not exist.
-        config: what to do; None to resume a study as it was made.
+        folder: created if it does not exist.
+        config: the settings; None to resume a study with its own.
         workers: processes, one a core if None, 1 stays in this process; or a pool.
-        engine: what evolution's trials run on: see `run_study`.
-        resume: continue the study in the folder; if there is none, make it from `config`.
-        shard: the share of the controllers to evolve, drive and compare; one that was started continues
-            as it was. `merge_noise` makes the study of all shards' folders.
+        engine: for evolution's trials: see `run_study`.
+        resume: continue the study in the folder; without one, create it from `config`.
+        shard: the share of the controllers to evolve, drive and compare; a started one keeps its share.
+            `merge_noise` makes the study from all shards' folders.
         on_progress: called a few times a second.
 
     Returns:
@@ -83,7 +82,7 @@ def noise_study(
     Raises:
         UsageError: wrong settings, or a folder that cannot be used.
         StudyInterruptedError: Ctrl-C; finished work is kept.
-        RobotError: a twin that does not do as commanded.
+        RobotError: a twin does not follow its commands.
     """
     folder = Path(folder)
     if config is not None:
@@ -100,7 +99,7 @@ def noise_study(
 
 
 class _Noise(Phases):
-    """All that is left to do of a study."""
+    """The remaining work of a study."""
 
     def __init__(
         self,
@@ -136,7 +135,7 @@ class _Noise(Phases):
         super().__init__(folder, pool, self.phases, on_progress)
 
     def carry_out(self, recorders: Workers, engine: str) -> None:
-        """Every phase that is not over; calibration has workers of its own, evolution may have an engine."""
+        """Carry out every unfinished phase; calibration has its own workers, evolution may have an engine."""
         calibrating, evolving, driving, comparing = self.phases
 
         def setup() -> Setup:
@@ -149,7 +148,7 @@ class _Noise(Phases):
         self.drive(comparing, setup, self._jobs(self.to_compare, compared=True))
 
     def _record(self, recorders: Workers, unit: int, heard: Recorded) -> None:
-        """A profile of a unit, as the twin is in this study: its noise is the unit's too."""
+        """Make a unit's profile with the study's twin noise, which belongs to the unit."""
         from realitygap.calibration.unit import calibrated_robot, calibrated_unit
 
         place, config = calibration_folder(self.folder, unit), self.config

@@ -1,6 +1,6 @@
 """Controllers in the simulations: from the same poses, at every level, compared with the twin's paths.
 
-At the level as measured also without a camera: by what was read and done.
+At the measured level also without a camera: by readings and commands.
 """
 
 import json
@@ -31,14 +31,13 @@ from realitygap.transfer.paths import score
 __all__ = ["AS_MEASURED", "LIVED", "compare_all", "lived_apart", "read_compared", "scale_for", "to_json"]
 
 AS_MEASURED = 1.0
-"""The level of the simulations that robots are compared with without a camera: as noisy as calibration found
-these."""
+"""The noise level of simulations for comparisons without a camera: that of the calibration."""
 LIVED = ("readings", "commands", "speeds", "distance", "replay_cm")
 """Means over a unit's trials: see `transfer.without_camera.Lived`."""
 
 FIGURES = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 LEAST_TRIALS = 2
-"""Fewest that must remain without those that the camera lost."""
+"""Smallest number of trials that must remain without those lost by the camera."""
 
 
 def compare_all(
@@ -46,8 +45,8 @@ def compare_all(
 ) -> dict[str, Any]:
     """Compare a controller's paths on the twin with the simulation at every level.
 
-    Simulated trials of one unit and start have the same draws at every level, which differ in how
-    loud they are: so a difference between levels is one of noise, and not of luck.
+    Simulated trials of one unit and start have the same draws at every level, scaled by the level, so that
+    differences between levels are due to noise, not chance.
     """
     config, units = stage.config, stage.config.driven(one.home, one.individual)
     task, setting = stage.task(one.task), setting_of([], stage.task(one.task))
@@ -83,10 +82,11 @@ def compare_all(
 
 
 def scale_for(stage: Stage, setting: Setting, units: int) -> Scale:
-    """One scale for all comparisons of a task on so many units: the exemplars', for so many pairs of trials.
+    """One scale for all comparisons of a task on this many units: the exemplars', for as many pairs of
+    trials.
 
-    In pairs a start's own share drops out of a distance, and what is left is each trial's noise: so
-    every trial counts, on whichever unit.
+    In pairs a start's contribution to a distance cancels, leaving each trial's noise, so every trial counts,
+    on any unit.
     """
     pairs = units * stage.config.starts
     return exemplar_scale(setting.exemplars, pairs, pairs, matched=True, jitter=setting.jitter)
@@ -96,9 +96,10 @@ def _unit_scores(
     stage: Stage, one: Controller, simulated: dict[Pair, Trial], situated: dict[Pair, Trial],
     setting: Setting,
 ) -> dict[str, float]:  # fmt: skip
-    """The score on each unit alone, on the scale for one unit's pairs: it is coarser than all units' own.
+    """The score on each unit alone, on the scale for one unit's pairs, which is coarser than that for all
+    units.
 
-    An arm of the plan has its other scores of the calibration unit besides.
+    An arm of the plan also has its other scores for the calibration unit.
     """
     found = {}
     for unit in stage.config.driven(one.home, one.individual):
@@ -112,7 +113,7 @@ def _unit_scores(
 
 
 def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
-    """A controller's results, as they were kept.
+    """A controller's stored results.
 
     Raises:
         StudyError: they are missing or broken.
@@ -120,7 +121,7 @@ def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
     file = simulated_file(stage.folder, one)
     with kept(file, "the results of a controller's comparisons"):
         found: dict[str, Any] = json.loads(file.read_text("utf-8"))
-        check = found.pop("check", None)  # one of 0.1.0 has none
+        check = found.pop("check", None)  # version 0.1.0 has none
         levels = [cell["comparison_level"] for cell in found["cells"]]
         if check not in (None, check_of(found)) or levels != list(stage.config.levels):
             raise ValueError
@@ -128,7 +129,7 @@ def read_compared(stage: Stage, one: Controller) -> dict[str, Any]:
 
 
 def _seen(stage: Stage, one: Controller, driven: Situated) -> tuple[dict[Pair, Trial], list[float], int]:
-    """The twin's trials that can be compared, mean fitness on each unit, and how many are lost."""
+    """The twin's comparable trials, mean fitness on each unit, and the number of lost ones."""
     task, robot = stage.task(one.task), stage.profile(one.home)
     trials: dict[Pair, Trial] = {}
     fitness = []
@@ -142,7 +143,7 @@ def _seen(stage: Stage, one: Controller, driven: Situated) -> tuple[dict[Pair, T
                 radius, start = robot.body.radius_cm, _start(stage, Pair(u, k))
                 trial = resampled(track, start=start, unit=str(u), source=one.name, radius_cm=radius)
             except TrackError:
-                continue  # lost for too long: nobody knows what it did
+                continue  # lost for too long: its behaviour is unknown
             if track.found[0] and track.found[-1]:
                 trials[Pair(u, k)] = trial
         fitness.append(mean(scores))
@@ -150,7 +151,7 @@ def _seen(stage: Stage, one: Controller, driven: Situated) -> tuple[dict[Pair, T
 
 
 def _start(stage: Stage, pair: Pair) -> str:
-    """What a start is called: units that have starts of their own share none."""
+    """A start's name: units with starts of their own share none."""
     return f"{pair.unit}.{pair.start}" if stage.config.starts_by_unit else str(pair.start)
 
 
@@ -180,9 +181,9 @@ def _cell(
     stage: Stage, simulated: Sequence[Trial], situated: Sequence[Trial], setting: Setting, units: int,
     *, other: bool = True,
 ) -> dict[str, float]:  # fmt: skip
-    """One comparison's figures, over so many units; NaN where too few trials are left to compare.
+    """One comparison's figures over a number of units; NaN if too few trials are left.
 
-    Of an arm of the plan the `other` score too, made without jitter.
+    For an arm of the plan also the `other` score, without jitter.
     """
     other = other and stage.config.arm is not None
     if len(situated) < LEAST_TRIALS:
@@ -202,13 +203,12 @@ def lived_apart(
 ) -> tuple[dict[str, dict[str, float]], float]:
     """A controller's distances without a camera on each unit, and its fitness in pseudo-realities.
 
-    `simulated` are the trials that were kept, in the simulations that are as noisy as the robots.
 
     Args:
-        stage: the study at work.
+        stage: of the study.
         one: the controller.
         kept: its situated trials.
-        simulated: the trials that were kept, in the simulations that are as noisy as the robots.
+        simulated: the stored trials, in simulations as noisy as the robots.
     """
     task, found = stage.task(one.task), {}
     for unit in kept.units:
@@ -225,7 +225,7 @@ def lived_apart(
 
 
 def _recording(stage: Stage, one: Controller, kept: Situated, pair: Pair) -> Recording:
-    """A trial's recording, as much of it as was kept."""
+    """A trial's recording, as far as it was kept."""
     assert kept.lived is not None
     place = kept.units.index(pair.unit), pair.start - 1
     readings, commands, speeds = (each[place].astype(np.float64) for each in kept.lived)
@@ -243,5 +243,5 @@ def _recording(stage: Stage, one: Controller, kept: Situated, pair: Pair) -> Rec
 
 
 def to_json(compared: dict[str, Any]) -> str:
-    """The content of the file of a controller's comparisons."""
+    """The content of a controller's file of comparisons."""
     return json.dumps({**compared, "check": check_of(compared)}, indent=1) + "\n"

@@ -1,6 +1,6 @@
 """Controllers on the twin: every unit, every start, through its line and under its camera.
 
-A robot of your own that takes the twin's place is its only unit.
+A robot of your own that replaces the twin is its only unit.
 """
 
 from collections.abc import Callable
@@ -31,16 +31,17 @@ from realitygap.world.profile import load_profile
 __all__ = ["Lived", "Rigs", "Situated", "check_robot", "read_situated", "situate", "to_npz"]
 
 TRIES = 3
-"""Of a trial whose line is lost, as on a computer that stands still for long: it is the same each time."""
+"""Of a trial whose line is lost, as when a computer stalls: the trial is the same each time."""
 
 
 class Lived(NamedTuple):
-    """What a controller's robots read and did, [units, starts, steps, n]: in single precision, as on file.
+    """Readings and commands of a controller's robots, [units, starts, steps, n]: in single precision, as on
+    file.
 
     Attributes:
-        readings: [… sensors] counts, of the kinds that its task feeds.
+        readings: [… sensors] counts, of the fed kinds.
         commands: [… 2] in the robot's units.
-        speeds: [… 2] likewise; NaN where they are not measured.
+        speeds: [… 2] likewise; NaN if not measured.
     """
 
     readings: NDArray[np.float32]
@@ -49,15 +50,15 @@ class Lived(NamedTuple):
 
 
 class Situated(NamedTuple):
-    """A controller's trials on the twin: no Tracks, but arrays as in the file.
+    """A controller's trials on the twin, as arrays like in the file, not Tracks.
 
     Attributes:
-        units: numbers of those that it drove.
-        poses: [units, starts, rows, 3]: x, y (cm), heading (rad), a row a step, the first one the
-            start; NaN where the camera lost the robot.
+        units: numbers of the units that it drove.
+        poses: [units, starts, rows, 3]: x, y (cm), heading (rad), a row a step from the start; NaN where the
+            camera lost the robot.
         streams: [units, starts], of the twin's noise.
         period_s: of a step.
-        lived: what it read and did; None in a study of an earlier version.
+        lived: readings and commands; None in a study of an earlier version.
     """
 
     units: tuple[int, ...]
@@ -74,8 +75,7 @@ class Situated(NamedTuple):
 
 
 class Rigs:
-    """Units of the twin that stay ready while controllers of one task and calibration unit take turns on
-    them."""
+    """Units of the twin that stay open while controllers of one task and calibration unit take turns."""
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
@@ -83,7 +83,7 @@ class Rigs:
         self._ready: dict[int, Rig] = {}
 
     def rig(self, one: Controller, unit: int) -> Rig:
-        """A unit, in the arena of the controller's task, with inputs as its calibration unit made them."""
+        """A unit in the arena of the controller's task, with the input range of its calibration unit."""
         if self._group != (one.task, one.home):
             self.close()
             self._group = (one.task, one.home)
@@ -98,7 +98,6 @@ class Rigs:
         return self._ready[unit]
 
     def close(self) -> None:
-        """Let all units go."""
         ready, self._ready = self._ready, {}
         for rig in ready.values():
             rig.close()
@@ -108,9 +107,9 @@ def check_robot(config: NoiseConfig) -> None:
     """Refuse a robot of your own that cannot do the trials, before any work.
 
     Raises:
-        UsageError: it does not place itself, nothing tells its path, it lacks a task's sensors, its period
-            is not its base's, or a trial lasts no whole steps of it.
-        ConfigError: its base is no profile.
+        UsageError: it does not place itself, its path is unknown, it lacks a task's sensors, its period
+            differs from its base's, or a trial is not a whole number of its steps.
+        ConfigError: its base is not a profile.
     """
     if config.robot is None:
         return
@@ -137,12 +136,12 @@ def check_robot(config: NoiseConfig) -> None:
 def situate(
     stage: Stage, rigs: Rigs, one: Controller, tell: Callable[[float], None] = lambda _: None
 ) -> Situated:
-    """Let a controller drive its units from every start; `tell` receives the share done since its last call.
+    """Let a controller drive its units from every start.
 
     Args:
         stage: of the study.
         rigs: the units.
-        one: who drives.
+        one: the driver.
         tell: called with the share of the work done since its last call.
     """
     config, units = stage.config, stage.config.driven(one.home, one.individual)
@@ -168,24 +167,24 @@ def situate(
 
 
 def _driven(rig: Rig, driver: NetworkController, name: int, pose: Pose) -> tuple[Track, Recording]:
-    """A trial; begun again where the line to the unit is lost.
+    """A trial; repeated if the line to the unit is lost.
 
     Raises:
-        LineError: lost again and again.
+        LineError: lost repeatedly.
     """
     for _ in range(TRIES - 1):
         try:
             return rig.drive(driver, name, pose)
         except LineError:
-            continue  # the rig has let its unit go, and takes it anew
+            continue  # the rig has released its unit, and opens it again
     return rig.drive(driver, name, pose)
 
 
 def read_situated(stage: Stage, one: Controller) -> Situated:
-    """A controller's trials, as they were kept.
+    """A controller's stored trials.
 
     Raises:
-        StudyError: they are not there, or the file is broken.
+        StudyError: they are missing, or the file is broken.
     """
     file = situated_file(stage.folder, one)
     config, home = stage.config, stage.profile(one.home)
@@ -193,7 +192,7 @@ def read_situated(stage: Stage, one: Controller) -> Situated:
     shape = (len(units), config.starts, stage.task(one.task).steps_of(home) + 1, 3)
     with kept(file, f"paths {list(shape)} of a controller"):
         with ZipFile(file) as parts:
-            if parts.testzip() is not None:  # before a damaged head is believed
+            if parts.testzip() is not None:  # before a damaged header is trusted
                 raise ValueError
         with np.load(file) as arrays:
             lived = Lived(*(arrays[name] for name in Lived._fields)) if Lived._fields[0] in arrays else None

@@ -34,7 +34,7 @@ class Stage:
     """The calibrated units and evolved controllers of the study in a folder.
 
     Attributes:
-        champions: genes that are known already, where evolution's studies are not to be seen.
+        champions: known genes, for workers that cannot see evolution's studies.
     """
 
     def __init__(self, folder: Path, config: NoiseConfig) -> None:
@@ -47,15 +47,15 @@ class Stage:
         self._encoding = cache(self._made)
 
     def networks(self, one: Controller) -> Networks:
-        """Its network."""
+        """A controller's network."""
         return self._encoding(one.task, one.home).decode(self.genes(one)[np.newaxis])
 
     def driver(self, one: Controller) -> NetworkController:
-        """The same, to drive a robot."""
+        """The same as a controller of a robot."""
         return controller_of(self._encoding(one.task, one.home), self.genes(one))
 
     def genes(self, one: Controller) -> Genes:
-        """Its run's champion, or the last population's highest stored fitness (the first of equals)."""
+        """Its run's champion, or the highest stored fitness of the last population (the first of equals)."""
         genes = self.champions.get(one)
         if genes is None:
             study = self._study(evolved(self.config, one))
@@ -70,15 +70,14 @@ class Stage:
         return genes
 
     def simulation(self, task: str, unit: int, home: int, level: float) -> Simulation:
-        """The simulation calibrated to a unit, for controllers whose calibration unit is another or the same.
+        """The simulation calibrated to a unit, for controllers with any calibration unit.
 
-        What makes a network's inputs of readings (§7.2, "bands", the input range) belongs to the
-        controller, which takes it from its calibration unit (`home`) to every robot: the twin's and the
-        simulated.
+        The input range (§7.2, "bands") belongs to the controller, which keeps that of its calibration unit
+        (`home`) on every robot, twin or simulated.
 
         Args:
             task: its name.
-            unit: that the simulation is calibrated to.
+            unit: of the simulation's calibration.
             home: the controllers' calibration unit.
             level: of noise.
         """
@@ -96,7 +95,7 @@ class Stage:
         return made.encoding_for(self.task(task).of(self.profile(home)))
 
     def _starts(self, task: str, seed_set: int, unit: int) -> tuple[Pose, ...]:
-        """Where the trials on a unit start: the same for all controllers and levels."""
+        """Starts of the trials on a unit: the same for all controllers and levels."""
         config, numbers = self.config, range(1, self.config.starts + 1)
         own = config.starts_by_unit
         simulation = Simulation(self.task(task), self.profile(unit if own else 1))

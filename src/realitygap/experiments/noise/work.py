@@ -1,4 +1,4 @@
-"""The trials of a study of noise as jobs: a controller at a time, on the twin or in the simulations."""
+"""The trials of a study of noise as jobs: one controller at a time, on the twin or in the simulations."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,13 +21,13 @@ from realitygap.world.arena import load_arena
 __all__ = ["Bench", "Job", "bench_in", "words_for"]
 
 ARENA = "arena.toml"
-"""As workers that do not see the study's folder call its arena."""
+"""Name of the arena's file for workers that cannot see the study's folder."""
 
 
 class Job(NamedTuple):
-    """A controller that is to drive the twin's units, or to be compared with the simulations.
+    """A controller to drive the twin's units, or to be compared with the simulations.
 
-    `situated` is the content of its file of paths, to be compared; b"" where that is to be seen.
+    `situated` is the content of its file of paths, for a comparison; b"" if the worker can see the file.
     """
 
     controller: Controller
@@ -36,9 +36,9 @@ class Job(NamedTuple):
 
 
 class Bench:
-    """Carries out jobs, and writes nothing but the twin's cameras; made once in a worker.
+    """Carries out jobs, and writes only the twin's cameras; created once in a worker.
 
-    `home` is the stage's folder, if that was made for it.
+    `home` is the stage's folder, if it is temporary.
     """
 
     def __init__(self, stage: Stage, home: temporary.Folder | None = None) -> None:
@@ -46,7 +46,7 @@ class Bench:
         self._rigs = Rigs(stage)
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """One job; `tell` receives the share done since its last call, then the result."""
+        """Carry out a job; `tell` receives the share done since its last call, then the result."""
         stage, one = self._stage, job.controller
         stage.champions = {one: job.genes}
         with told(stage.folder):
@@ -62,19 +62,19 @@ class Bench:
             tell(Made(str(simulated_file(Path(), one)), found.encode()))
 
     def close(self) -> None:
-        """Let the twin's units go, and what came in messages."""
+        """Release the twin's units, and remove a temporary folder."""
         self._rigs.close()
         if self._home is not None:
             self._home.cleanup()
 
 
 Words = tuple[str, dict[str, Any], dict[str, bytes]]
-"""What workers know of a study: its folder, "" where they do not see it; then its settings, as in its
-file, and its calibrations and an arena of its own, by their names from the folder."""
+"""What workers get of a study: its folder ("" if they cannot see it), its settings as in its file, and its
+calibrations and arena by name."""
 
 
 def words_for(folder: Path, config: NoiseConfig, pool: Pool) -> Words:
-    """What a pool's workers receive.
+    """What a pool's workers are sent.
 
     Raises:
         ConfigError: a robot that only this machine has.
@@ -95,7 +95,7 @@ def words_for(folder: Path, config: NoiseConfig, pool: Pool) -> Words:
 
 
 def bench_in(folder: str, config: dict[str, Any], files: dict[str, bytes]) -> Bench:
-    """A bench for a study, wherever a worker is."""
+    """A bench for a study, in any worker."""
     if folder:
         return Bench(Stage(Path(folder), NoiseConfig.from_folder(Path(folder))))
     home = temporary.Folder("noise")

@@ -1,1 +1,1 @@
-"""Measure or randomise? What the simulation knows of a robot, compared with constants drawn by chance."""
+"""Measure or randomise? The simulation's knowledge of a robot, compared with randomly drawn constants."""

@@ -1,6 +1,6 @@
-"""What an experiment of measuring or randomising is to do: its settings, conditions and controllers.
+"""The plan of an experiment on measuring or randomising: settings, conditions and controllers.
 
-`docs/noise-level-2.md` states the design; whatever is drawn is a function of names alone.
+`docs/noise-level-2.md` states the design; every draw is a function of names alone.
 """
 
 import math
@@ -33,21 +33,21 @@ __all__ = [
 ]  # fmt: skip
 
 CONFIG = "measure-or-randomise.toml"
-"""In the experiment's folder."""
+"""The file in the experiment's folder."""
 TASK = "obstacle-avoidance"
 NOISES = (0.0, 1.0)
 ALL, LOOKUP = "own, all", "look-up table"
 KNOWN = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.05, "own, 20 %": 0.2, ALL: 1.0, LOOKUP: 1.0}
-"""What the simulation may know of the unit, and the share of the standard recording that this takes."""
+"""What the simulation may know of the unit, and the share of the standard recording that it needs."""
 
 DISTANCES_CM, HEADINGS_DEG = (1.0, 2.0, 3.0), range(0, 360, 45)
-"""From a wall, where units' readings are compared."""
+"""Distances from a wall at which units' readings are compared."""
 LEAST = 0.15
-"""Of the full scale: readings below show a sensor's dark, not its sensitivity."""
+"""Share of the full scale: lower readings show a sensor's dark value, not its sensitivity."""
 WIDEST = 0.9
 
 ROBOTS = ("twin", "stranger", "enki:khepera")
-"""Those that the paper's constants are meant for: Kheperas with units."""
+"""Robots that the paper's constants are for: Kheperas with units."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +55,8 @@ class RandomiseConfig(Settings):
     """The whole design.
 
     Attributes:
-        robot: whose units: one of ROBOTS.
-        units: so many, from `first_unit` on.
+        robot: one of ROBOTS, which has the units.
+        units: their number, from `first_unit` on.
         first_unit: its number.
         runs: of each condition; the units take turns.
         starts: trials of each controller on its unit.
@@ -97,29 +97,27 @@ class RandomiseConfig(Settings):
 
     @property
     def numbers(self) -> range:
-        """The units' numbers."""
         return range(self.first_unit, self.first_unit + self.units)
 
     @property
     def task(self) -> Task:
-        """Obstacle avoidance, for its time."""
+        """Obstacle avoidance with its duration."""
         task = load_task(TASK)
         return task if self.seconds is None else replace(task, seconds=self.seconds)
 
     def address(self, unit: int) -> Address:
-        """Of a unit."""
         return Address.parse(f"{self.robot}:{unit}")
 
 
 class Spread(NamedTuple):
-    """Shares within which constants are drawn anew: sensors' sensitivities; wheels and track."""
+    """Shares within which constants are drawn: sensors' sensitivities; wheels and track."""
 
     infrared: float
     wheels: float
 
 
 class Condition(NamedTuple):
-    """What the simulation is made of, whether constants are drawn anew, and its noise."""
+    """What the simulation is based on, whether constants are randomised, and its noise."""
 
     known: str
     randomised: bool
@@ -127,7 +125,7 @@ class Condition(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As in the names of files."""
+        """Its name in files."""
         known = self.known.replace(" %", "").replace(", ", "-").replace(" ", "-")
         return f"{known}{'-randomised' * self.randomised}-noise-{self.noise:g}"
 
@@ -142,12 +140,12 @@ class Controller:
 
     @property
     def name(self) -> str:
-        """As in the names of files and messages."""
+        """Its name in files and messages."""
         return f"{self.condition.name}-run-{self.run}"
 
 
 def conditions() -> tuple[Condition, ...]:
-    """All of them, in the order of the tables; a look-up table has no constants to draw."""
+    """All conditions, in the order of the tables; a look-up table has no constants to randomise."""
     return tuple(
         Condition(known, randomised, noise)
         for known in KNOWN
@@ -157,7 +155,7 @@ def conditions() -> tuple[Condition, ...]:
 
 
 def controllers(config: RandomiseConfig) -> tuple[Controller, ...]:
-    """All of them, grouped by unit, so that whoever takes them in order changes robots seldom."""
+    """All controllers, grouped by unit, so that working in order rarely changes robots."""
     return tuple(
         Controller(condition=condition, run=run, unit=unit)
         for unit in config.numbers
@@ -169,15 +167,15 @@ def controllers(config: RandomiseConfig) -> tuple[Controller, ...]:
 def evolution(
     config: RandomiseConfig, unit: int, known: str, profile: str, spread: Spread
 ) -> tuple[StudyConfig, dict[Controller, str]]:
-    """What evolves for a unit in one state of knowledge, and each controller's run there, by name.
+    """The study of a unit in one state of knowledge, and each controller's run in it, by name.
 
-    All states of a unit have the same seeds. `profile` is what is known: a file, or a shipped one's name.
+    All states of a unit have the same seeds.
 
     Args:
         config: the whole design.
         unit: its number.
         known: one of KNOWN.
-        profile: what is known, a file or a shipped profile's name.
+        profile: the state's profile, a file or a shipped one's name.
         spread: of the randomised conditions.
     """
     mine = [condition for condition in conditions() if condition.known == known]
@@ -205,12 +203,12 @@ def evolution(
 
 
 def _runs(config: RandomiseConfig, unit: int) -> list[int]:
-    """Numbers of a condition's runs on this unit: the units take turns."""
+    """Numbers of a condition's runs on this unit: the units alternate."""
     return [run for run in range(1, config.runs + 1) if config.numbers[(run - 1) % config.units] == unit]
 
 
 def calibrated_folder(folder: Path, unit: int, known: str) -> Path:
-    """Where a unit's profile by its own recording, a share of that, or its look-up table, is."""
+    """The folder of a unit's profile by its own recording, a share of it, or a look-up table."""
     name = "table" if known == LOOKUP else f"{100 * KNOWN[known]:g}"
     return folder / "calibration" / f"unit-{unit}" / name
 
@@ -224,7 +222,7 @@ class Profiles:
         self.spread = cache(lambda: spread_of([self.of(unit, ALL) for unit in config.numbers]))
 
     def file(self, unit: int, known: str) -> str:
-        """The profile of what is known of a unit: a file, or a shipped one's name."""
+        """The profile of a state of knowledge of a unit: a file, or a shipped one's name."""
         if known == "paper":
             return known
         numbers = self.config.numbers
@@ -234,11 +232,11 @@ class Profiles:
 
 
 def spread_of(units: list[Profile]) -> Spread:
-    """The shares within which uniform draws vary as much as some units do, in whole hundredths.
+    """Shares, in whole hundredths, for which uniform draws vary as much as some units do.
 
-    Of sensors by the median relative deviation between units of what a sensor reads near a wall, which needs
-    no common form of the profiles; of wheels by that of their speeds and track, root mean square. A uniform
-    draw within ±s deviates by s/√3.
+    For sensors from the median relative deviation between units of readings near a wall, which needs no
+    common form of profiles; for wheels from the root mean square deviation of speeds and track. A uniform
+    draw within ±s has deviation s/√3.
     """
     readings = np.array([_readings(one) for one in units])
     mean = readings.mean(axis=0)
@@ -254,7 +252,7 @@ def _share(deviation: float) -> float:
 
 
 def _readings(one: Profile) -> Floats:
-    """[places · sensors] noise-free counts before the left wall of the task's arena."""
+    """[places · sensors] noise-free counts in front of the left wall of the task's arena."""
     simulation = Simulation("obstacle-avoidance", one, 0.0)
     middle, radius = simulation.task.arena.size_cm[1] / 2, one.body.radius_cm
     poses = [Pose.from_degrees(radius + d, middle, h) for d in DISTANCES_CM for h in HEADINGS_DEG]

@@ -1,4 +1,4 @@
-"""The tables that come out of an experiment of measuring or randomising, and its planned comparisons."""
+"""The result tables of an experiment on measuring or randomising, and its planned comparisons."""
 
 import csv
 from collections.abc import Iterator, Mapping
@@ -35,12 +35,12 @@ __all__ = [
 
 OUTCOMES = ("correspondence", "fitness_situated")
 HOURS = {"paper": 0.0, "another unit": 0.0, "own, 5 %": 0.2, "own, 20 %": 0.6, ALL: 3.0, LOOKUP: 3.0}
-"""Of a person who places the robot, 30 s a place: a convention, not a measurement."""
+"""For a person who places the robot, 30 s a place: a convention, not a measurement."""
 COMPARISONS = ((("own, 5 %", False), ("paper", True)), ((ALL, False), ("own, 20 %", False)))
-"""What is tested, first against second, over both levels of noise; the rest is shown."""
+"""The tests, first against second, over both levels of noise; the rest is only shown."""
 
 TEXTS = ("known", "randomised", "outcome", "first", "second", "found")
-"""Columns that hold no numbers."""
+"""Columns without numbers."""
 CALIBRATION = ("unit", "known", "channel", "model_error", "noise", "ratio", "recordings")
 
 
@@ -100,7 +100,7 @@ def write_results(folder: Path, config: RandomiseConfig, profiles: Profiles) -> 
 
 
 def _fits(config: RandomiseConfig, profiles: Profiles) -> list[list[object]]:
-    """How well each unit's own calibrations fit, and how many recordings each could use."""
+    """Accuracy of each unit's own calibrations, and the number of recordings that each could use."""
     own = [known for known, share in KNOWN.items() if share]
     told = [(unit, known, profiles.of(unit, known).provenance) for unit in config.numbers for known in own]
     return [
@@ -111,8 +111,8 @@ def _fits(config: RandomiseConfig, profiles: Profiles) -> list[list[object]]:
 
 
 def outcomes(name: str, units: Mapping[Condition, Floats]) -> list[Outcome]:
-    """Each condition's mean over `units` [units], the means of one outcome over each unit's runs, NaN where
-    there is none."""
+    """Each condition's mean over units, from [units] means of one outcome over each unit's runs, NaN if there
+    is none."""
     return [Outcome(condition, name, *_interval(values)) for condition, values in units.items()]
 
 
@@ -141,10 +141,10 @@ def compared(units: Mapping[str, Mapping[Condition, Floats]]) -> list[Comparison
 
 
 def compared_in(results: Path) -> tuple[list[Outcome], list[Comparison]]:
-    """The outcomes and comparisons of a folder of results, to the digits that its tables have.
+    """The outcomes and comparisons of a folder of results, with the digits of its tables.
 
     Raises:
-        OSError: no such tables there.
+        OSError: no such tables.
     """
 
     def rows(name: str) -> Iterator[dict[str, Any]]:
@@ -183,7 +183,7 @@ def _both_levels(values: Mapping[Condition, Floats], which: tuple[str, bool]) ->
 
 
 def _interval(values: Floats) -> tuple[float, float, float, int]:
-    """Mean, its 95 % interval, and of how many."""
+    """Mean, its 95 % interval, and the number of values."""
     from scipy.stats import t
 
     known = values[np.isfinite(values)]
@@ -199,7 +199,7 @@ def _words(which: tuple[str, bool]) -> str:
 
 
 def _read(file: Path) -> Floats:
-    """A controller's figures, as they were kept."""
+    """A controller's stored figures."""
     with kept(file, "the results of a controller's trials"):
         with np.load(BytesIO(file.read_bytes())) as arrays:
             figures: Floats = arrays["figures"]

@@ -1,4 +1,4 @@
-"""Carry out an experiment of measuring or randomising: calibrate, evolve, drive, gather; or continue one.
+"""Carries out an experiment on measuring or randomising: calibrate, evolve, drive, gather; or continues one.
 
 from realitygap.experiments.randomise.plan import RandomiseConfig
 from realitygap.experiments.randomise.run import measure_or_randomise
@@ -37,12 +37,12 @@ from realitygap.work.workers import Workers, far, near
 __all__ = ["measure_or_randomise"]
 
 CALIBRATION_COST, RUN_COST, EVALUATION_COST, TRIAL_COST = 90.0, 0.4, 1.3e-3, 0.3
-"""About how long things take on one core, s: a unit's calibrations, a run's retest, an evaluation, a trial.
-Hints for the time that is left, nothing else."""
+"""Approximate times on one core, s: a unit's calibrations, a run's retest, an evaluation, a trial. Only used
+to estimate the time left."""
 PARTS = ("wheels", "infrared-wall", "infrared-cylinder")
-"""What is recorded of a unit: the task has no lamp."""
+"""The recordings of a unit: the task has no lamp."""
 AGAIN = [known for known, share in KNOWN.items() if share and known != ALL]
-"""What else is made from its recordings, in this order."""
+"""Further calibrations from its recordings, in this order."""
 
 
 def measure_or_randomise(
@@ -56,14 +56,14 @@ def measure_or_randomise(
 ) -> Path:
     """Carry out an experiment in a folder, or continue the one that is there.
 
-    Neither `workers` nor an interruption at any moment changes a bit of its tables.
+    Neither `workers` nor interruptions change a bit of its tables.
 
     Args:
-        folder: made if it does not exist.
-        config: what to do; None to resume an experiment as it was made.
+        folder: created if it does not exist.
+        config: the settings; None to resume an experiment with its own.
         workers: processes, one a core if None, 1 stays in this process; or a pool.
-        engine: what evolution's trials run on; randomised ones need "cores".
-        resume: continue the experiment in the folder; if there is none, make it from `config`.
+        engine: for evolution's trials; randomised ones need "cores".
+        resume: continue the experiment in the folder; without one, create it from `config`.
         on_progress: called a few times a second.
 
     Returns:
@@ -73,7 +73,7 @@ def measure_or_randomise(
     Raises:
         UsageError: wrong settings, or a folder that cannot be used.
         StudyInterruptedError: Ctrl-C; finished work is kept.
-        RobotError: a unit that does not do as commanded.
+        RobotError: a unit does not follow its commands.
     """
     folder = Path(folder)
     with session(folder, workers) as pool:
@@ -84,7 +84,7 @@ def measure_or_randomise(
 
 
 class _Left(Phases):
-    """All that is left to do of an experiment."""
+    """The remaining work of an experiment."""
 
     def __init__(
         self, folder: Path, config: RandomiseConfig, pool: Pool, on_progress: OnProgress | None
@@ -108,7 +108,7 @@ class _Left(Phases):
         super().__init__(folder, pool, self.phases, on_progress)
 
     def carry_out(self, recorders: Workers, engine: str) -> None:
-        """Every phase that is not over; calibration has workers of its own, evolution may have an engine."""
+        """Carry out every unfinished phase; calibration has its own workers, evolution may have an engine."""
         calibrating, evolving, driving = self.phases
 
         def setup() -> Setup:
@@ -122,7 +122,7 @@ class _Left(Phases):
         self.drive(driving, setup, self._jobs())
 
     def _record(self, recorders: Workers, unit: int, heard: Recorded) -> None:
-        """Record a unit once, and fit it by all of its recordings, by shares of them and as a table."""
+        """Record a unit once, and fit all of its recordings, shares of them and a table."""
         config, place = self.config, calibrated_folder(self.folder, unit, ALL)
         calibrated_unit(
             place, unit=unit if config.robot == "twin" else str(config.address(unit)),
@@ -137,7 +137,7 @@ class _Left(Phases):
             heard(known, 1, 1)
 
     def _place(self, unit: int, known: str) -> tuple[Path, StudyConfig, int]:
-        """The runs of a unit in a state of knowledge: where they are, what they are, how many."""
+        """The runs of a unit in a state of knowledge: folder, configuration and number."""
         study, names = self.study(unit, known)
         place = self.folder / "evolved" / f"unit-{unit}" / known.replace(" %", "").replace(", ", "-")
         return place, study, len(names)

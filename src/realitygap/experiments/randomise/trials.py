@@ -1,4 +1,4 @@
-"""Controllers on their units, each compared with the simulation that it evolved in: as jobs."""
+"""Controllers on their units, each compared with the simulation in which it evolved: as jobs."""
 
 import math
 from io import BytesIO
@@ -31,24 +31,25 @@ from realitygap.world.profile import Profile
 __all__ = ["FIGURES", "Bench", "Job", "trial_file"]
 
 FIGURES = ("correspondence", "behaviour", "layout", "fitness_situated", "fitness_simulated", "lost")
-"""What is kept of a controller: scores 0 to 10, the task's own scores, and trials that the camera lost."""
+"""The stored figures of a controller: scores 0 to 10, the task's own scores, and trials that the camera lost.
+"""
 LEAST_TRIALS = 2
 
 
 def trial_file(folder: Path, one: Controller) -> Path:
-    """What is kept of a controller's trials."""
+    """The file of a controller's trials."""
     return folder / "trials" / f"unit-{one.unit}" / f"{one.name}.npz"
 
 
 class Job(NamedTuple):
-    """A controller that is to drive its unit.
+    """A controller to drive its unit.
 
     Attributes:
-        controller: whose.
+        controller: the driver.
         genes: the champion's.
-        profile: what its simulation is made of.
-        truth: the unit's whole calibration, by which all of the unit's tracks are scored.
-        spread: of constants that are drawn anew.
+        profile: of its simulation.
+        truth: the unit's full calibration, used to score all of the unit's tracks.
+        spread: of randomised constants.
     """
 
     controller: Controller
@@ -59,7 +60,7 @@ class Job(NamedTuple):
 
 
 class Bench:
-    """Carries out jobs; made once in a worker. `folder` keeps cameras, None where it is not to be seen."""
+    """Carries out jobs; created once in a worker. `folder` keeps cameras, None if it cannot be seen."""
 
     def __init__(self, config: RandomiseConfig, folder: Path | None) -> None:
         self._config = config
@@ -68,7 +69,8 @@ class Bench:
         self._rig: Rig | None = None
 
     def carry_out(self, job: Job, tell: Tell) -> None:
-        """A controller's trials, on its unit and simulated; shares of it, then the content of its file."""
+        """A controller's trials, on its unit and simulated; sends shares of the work, then the file's
+        content."""
         one, config = job.controller, self._config
         rig, task = self._ready(one.unit, job.truth), config.task
         rig.profile = job.profile
@@ -89,14 +91,14 @@ class Bench:
         tell(Made(file, _content(lived, self._figures(lived, job.truth))))
 
     def _figures(self, lived: list[tuple[Track, Track]], truth: Profile) -> NDArray[np.float64]:
-        """As FIGURES names them, NaN where too few trials are left."""
+        """Values of FIGURES, NaN if too few trials are left."""
         task, radius = self._config.task, truth.body.radius_cm
         setting, pairs = setting_of([], task), []
         for k, both in enumerate(lived, start=1):
             try:
                 pairs.append([resampled(track, start=str(k), radius_cm=radius) for track in both])
             except TrackError:
-                continue  # lost for too long: nobody knows what it did
+                continue  # lost for too long: its behaviour is unknown
         situated, simulated = (mean([score(pair[i], task, truth) for pair in lived]) for i in (1, 0))
         scores = (math.nan, math.nan, math.nan)
         if len(pairs) >= LEAST_TRIALS:
@@ -107,30 +109,30 @@ class Bench:
         return np.array([*scores, situated, simulated, len(lived) - len(pairs)])
 
     def _ready(self, unit: int, truth: Profile) -> Rig:
-        """The unit in the task's arena, under a camera that is calibrated for its true body."""
+        """The unit in the task's arena, under a camera calibrated for its true body."""
         address, noise = self._config.address(unit), self._config.twin_noise
         if self._rig is None or self._rig.robot != address:
             self.close_rig()
             self._rig = Rig(
                 self._config.task, truth, robot=address, twin_noise=noise, folder_for_camera=self._cameras
             )
-            _ = self._rig.watcher  # before another profile is put in
+            _ = self._rig.watcher  # before the profile is replaced
         return self._rig
 
     def _starts(self, unit: int, truth: Profile) -> list[Pose]:
-        """Where a unit's trials begin, the same for all controllers."""
+        """Starts of a unit's trials, the same for all controllers."""
         simulation = Simulation(self._config.task, truth)
         numbers = range(1, self._config.starts + 1)
         return [simulation.start(named_stream(self._config.seed, "start", unit, k)) for k in numbers]
 
     def close_rig(self) -> None:
-        """Let the unit go."""
+        """Release the unit."""
         if self._rig is not None:
             self._rig.close()
         self._rig = None
 
     def close(self) -> None:
-        """Let everything go."""
+        """Release everything."""
         self.close_rig()
         self._home.cleanup()
 

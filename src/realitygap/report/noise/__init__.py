@@ -1,1 +1,1 @@
-"""The report of a study of the level of noise: what came out, in words, tables, figures and a page."""
+"""The report of a study of noise levels: words, tables, figures and a page."""

@@ -1,4 +1,4 @@
-"""Reads the results of an arm of the second study, judges it, and says how far its model can be trusted."""
+"""Reads the results of an arm of the second study, judges it, and checks its calibration."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -36,12 +36,13 @@ AGAIN = "Let the arm finish, or copy its results again."
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arm:
-    """One arm: its champions and, in their place, the fittest individuals; and other scores of both.
+    """One arm: its champions, and alternatively the fittest individuals; and other scores of both.
 
     Attributes:
-        data: champions that were seen. fittest: judged on their calibration unit, all that they drove.
+        data: champions that were seen. fittest: judged on their calibration unit, the only one that they
+            drove.
         others: the champions again, by another score. lost: champions that the camera lost.
-        orders: how what needs no camera agrees with the camera's score, by task, where that is known.
+        orders: agreement of measures without a camera with the camera's score, by task, where known.
     """
 
     name: str
@@ -73,14 +74,14 @@ class Arm:
 
     @property
     def again(self) -> dict[str, Crossed]:
-        """Other scores, other individuals, and champions without units beyond the limit."""
+        """Other scores, other individuals, and champions without units whose model errs too much."""
         kept = {BEYOND: self.data.only(~np.isin(self.data.home, self.beyond))} if self.beyond else {}
         every = {**self.others, "fittest individual": self.fittest, **kept}
         return {name: data for name, data in every.items() if len(data)}
 
     @cached_property
     def robust(self) -> dict[str, Judgement]:
-        """The planned analysis of each of those, by fewer permutations."""
+        """The planned analysis of each of those, with fewer permutations."""
         quick = replace(PLAN, permutations=PLAN.permutations // 10)
         return {
             name: judge(data, replace(quick, bound=0.0) if name == "fitness" else quick)
@@ -102,7 +103,7 @@ class Arm:
 
 
 def arm_folder(folder: str | Path) -> Path | None:
-    """Where the tables of an arm are: this folder, or `results` in it; None if it is not an arm."""
+    """The folder of an arm's tables: this one, or `results` in it; None if it is not an arm."""
     for one in (Path(folder), Path(folder) / "results"):
         file = one / "study.toml"
         if file.is_file() and "arm" in read_toml(file, StudyError, AGAIN, broken=AGAIN):
@@ -111,7 +112,7 @@ def arm_folder(folder: str | Path) -> Path | None:
 
 
 def read_arm(folder: str | Path) -> Arm:
-    """What a finished arm left.
+    """Read a finished arm's results.
 
     Args:
         folder: with controllers.csv, cells.csv, calibration.csv and study.toml.
@@ -162,7 +163,7 @@ def read_arm(folder: str | Path) -> Arm:
 
 
 def _fitness(data: Crossed) -> Crossed:
-    """Fitness on the robot in the scores' place, in deviations within the task; nothing for (a)."""
+    """Fitness on the robot in place of the scores, standardised within the task; nothing for (a)."""
     made = []
     for values in (data.situated, data.situated_home):
         scaled = np.full(len(data), np.nan)
@@ -174,7 +175,7 @@ def _fitness(data: Crossed) -> Crossed:
 
 
 def _cells(file: Path, keys: Mapping[tuple[Any, ...], int]) -> tuple[Floats, dict[str, Floats]]:
-    """Levels compared with, and each part [controllers, levels]; a controller that was lost has nan."""
+    """Comparison levels, and each part [controllers, levels]; nan for a lost controller."""
     table = read_table(file, StudyError, needs=(*KEY, "comparison_level", *PARTS), cure=AGAIN)
     compared = table.numbers("comparison_level")
     levels, at = np.unique(compared, return_inverse=True)

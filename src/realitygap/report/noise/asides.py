@@ -1,4 +1,4 @@
-"""What was not planned, in tables and words: the calibration unit alone, both ends of the scores, falls."""
+"""Unplanned analyses, in tables and words: the calibration unit alone, both ends of the scores, falls."""
 
 from collections.abc import Mapping, Sequence
 
@@ -19,7 +19,7 @@ CHANNELS = {"infrared": "proximity", "ambient": "light"}
 
 
 def aside_tables(facts: NoiseFacts, settings: Mapping[str, object]) -> dict[str, NoiseTable]:
-    """Every one, by its name; those of the calibration unit only where scores of it were kept."""
+    """All tables by name; those of the calibration unit only if its scores were kept."""
     every = [split_table(f"{s.file}-split", s.name, s.split, facts.data.robot) for s in facts.scopes]
     every += [home_table(scope, settings) for scope in facts.scopes if scope.home]
     every += [ends_table(facts), falls_table(facts)]
@@ -51,7 +51,7 @@ def split_table(name: str, of: str, splits: Sequence[Split], robot: float) -> No
 
 
 def home_table(scope: Scope, settings: Mapping[str, object]) -> NoiseTable:
-    """Claim (c) against the very simulation that a controller was evolved in."""
+    """Claim (c) against the same simulation that a controller evolved in."""
     first, starts = scope.home[0], settings.get("starts", "a unit's")
     title = (
         f"(c), calibration unit alone, {scope.name}: each controller on the unit for which it was evolved, "
@@ -64,7 +64,7 @@ def home_table(scope: Scope, settings: Mapping[str, object]) -> NoiseTable:
 
 
 def ends_table(facts: NoiseFacts) -> NoiseTable:
-    """Both ends of the scores behind claim (b): those that missed, and those that chance ranks."""
+    """Both ends of the scores behind claim (b): misses, and scores whose ranks are chance."""
     data, rows = facts.data, list[Row]()
     for scope in facts.scopes:
         part = data if scope.name not in data.tasks else data.part(task=scope.name)
@@ -86,7 +86,7 @@ def ends_table(facts: NoiseFacts) -> NoiseTable:
 
 
 def falls_table(facts: NoiseFacts) -> NoiseTable:
-    """How fitness on the twin falls from the calibration unit to the others, by evolved level."""
+    """Fall of fitness on the twin from the calibration unit to the others, by evolved level."""
     rows: list[Row] = []
     for fall in facts.falls:
         for row in fall.rows:
@@ -104,7 +104,7 @@ def falls_table(facts: NoiseFacts) -> NoiseTable:
 
 
 def shown(span: Span, *, signed: bool = False) -> str:
-    """A figure with its interval, as the tables have it."""
+    """A figure with its interval, as in the tables."""
     return str(Number(span=span, signed=signed))
 
 
@@ -114,7 +114,7 @@ def effect_words(contrast: Contrast) -> str:
 
 
 def split_words(scope: Scope, coarse: Sequence[float]) -> str:
-    """What the diagonal's difference is made of, in both orders."""
+    """The parts of the diagonal's difference, in both orders."""
     said = []
     for split in scope.split:
         if split.other in coarse:
@@ -133,7 +133,7 @@ def split_words(scope: Scope, coarse: Sequence[float]) -> str:
 
 
 def home_words(scope: Scope) -> str:
-    """Claim (c) as it was stated: against the simulation that a controller was evolved in."""
+    """Claim (c) as it was stated: against the simulation that a controller evolved in."""
     if not scope.home:
         return ""
     robot = scope.home[0]
@@ -155,7 +155,7 @@ def ends_words(facts: NoiseFacts) -> str:
 
 
 def falls_words(falls: Sequence[Fall]) -> str:
-    """How fitness falls from the calibration unit to the others; not planned."""
+    """Fall of fitness from the calibration unit to the others; not planned."""
     said = []
     for fall in falls:
         rho, task = f"rho {shown(fall.rho, signed=True)}", titled(fall.task).lower()
@@ -172,7 +172,7 @@ def falls_words(falls: Sequence[Fall]) -> str:
 
 
 def nearness_words(calibration: Sequence[Misfit]) -> str:
-    """How near the simulations come to the twin, beside how near they come to a robot."""
+    """Accuracy of the simulations for the twin, compared with that for a robot."""
     said, judged = [], all(m.judged for m in calibration)
     for real in real_misfits(judged=judged):
         ratios = sorted(m.ratio for m in calibration if m.channel == real.channel)

@@ -1,4 +1,4 @@
-"""What a study of noise says: verdicts, mean curves, peaks, fitness, all with intervals."""
+"""The findings of a study of noise: verdicts, mean curves, peaks, fitness, all with intervals."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -28,9 +28,9 @@ Find = Callable[[Floats, Floats], Floats]
 
 BOTH = "both tasks"
 FAILED = 6.0
-"""Below it the twin did something else than the simulation: the paper's "hit or miss"."""
+"""Below this score the twin did something else than the simulation: the paper's "hit or miss"."""
 SATURATED = 10 - EDGE
-"""From it on a distance is within the scale's floor, mostly chance, and so are ranks."""
+"""From this score on a distance is within the scale's floor, so that ranks are mostly chance."""
 
 PAPER = {
     task: {level: tuple(row.correspondence for row in rows) for level, rows in levels.items()}
@@ -40,7 +40,7 @@ PAPER = {
 
 
 class Span(NamedTuple):
-    """A figure with its 95 % interval; nan where there is none."""
+    """A figure with its 95 % interval; nan if there is none."""
 
     value: float
     low: float = math.nan
@@ -55,11 +55,10 @@ class Curve:
     spans: tuple[Span, ...]
     sets: Mapping[int, Floats]
     top: Span
-    """The peak, or for noisiness where it passes zero."""
+    """The peak, or for noisiness the zero crossing."""
 
     @property
     def means(self) -> Floats:
-        """[L]."""
         return np.array([span.value for span in self.spans])
 
 
@@ -82,7 +81,7 @@ class FitnessRow:
 
 class FallRow(NamedTuple):
     """Fitness on the twin of one task's controllers evolved at one level: on the calibration unit, on the
-    others, the fall."""
+    others, and the fall."""
 
     level: float
     runs: int
@@ -93,10 +92,10 @@ class FallRow(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Fall:
-    """How fitness on the twin falls from the calibration unit to the others; this was not planned.
+    """Fall of fitness on the twin from the calibration unit to the others; not planned.
 
-    `rho`: Spearman's, of evolved level and fall over controllers; from each fall the mean of those with
-    the same calibration unit is taken, for units are not equally easy. Its interval is Fieller's.
+    `rho`: Spearman's, of evolved level and fall over controllers; falls are relative to the mean of their
+    calibration unit, since units are not equally easy. Its interval is Fieller's.
     """
 
     task: str
@@ -114,8 +113,7 @@ class Scope:
     """One task, or both together: the three claims' findings, and the curves behind them.
 
     `curves`: a: by comparison level; b: by evolved level, against the robot's level; c: the diagonal.
-    `split`: what the diagonal is made of. `home`: (c) on the calibration unit alone, where scores of it
-    were kept.
+    `split`: the diagonal's parts. `home`: (c) on the calibration unit alone, if its scores were kept.
     """
 
     name: str
@@ -127,13 +125,13 @@ class Scope:
 
     @property
     def file(self) -> str:
-        """What the names of its tables begin with."""
+        """Prefix of its tables' names."""
         return self.name.replace(" ", "-")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseFacts:
-    """All that a report says of a study. The first scope is the headline."""
+    """All findings of a study. The first scope is the headline."""
 
     data: Crossed
     scopes: tuple[Scope, ...]
@@ -147,18 +145,18 @@ class NoiseFacts:
 
     @property
     def by_task(self) -> list[Scope]:
-        """Each task alone."""
+        """The scopes of single tasks."""
         return [scope for scope in self.scopes if scope.name in self.data.tasks]
 
     @cached_property
     def scales(self) -> dict[str, tuple[float, str]]:
-        """For each task what fitness is divided by, and the unit that remains."""
+        """For each task the divisor of fitness, and the resulting unit."""
         tasks = {name: load_task(name) for name in self.data.tasks}
         return {name: (task.fitness_scale, task.fitness_unit) for name, task in tasks.items()}
 
 
 def gather_facts(data: Crossed, *, resamples: int = RESAMPLES) -> NoiseFacts:
-    """Everything that the report tells, computed once."""
+    """All findings of the report, computed once."""
     tasks = data.tasks
     parts = {BOTH: data} if len(tasks) > 1 else {}
     parts |= {task: data.part(task=task) for task in tasks}
@@ -171,7 +169,7 @@ def gather_facts(data: Crossed, *, resamples: int = RESAMPLES) -> NoiseFacts:
 
 
 def points(data: Crossed, key: str) -> tuple[Floats, Floats]:
-    """Level and score of every dot behind a curve: a has L of each controller, b and c one."""
+    """Level and score of every dot behind a curve: L for each controller in (a), one in (b) and (c)."""
     if key == "a":
         return np.tile(data.levels, len(data)), data.score.ravel()
     return data.evolved, data.own() if key == "c" else data.at(data.robot)
@@ -224,7 +222,6 @@ def _means(values: Floats, weights: Floats) -> Floats:
 
 
 def _fitness(task: str, data: Crossed, resamples: int) -> Sequence[FitnessRow]:
-    """A row a level."""
     weights = data.resamples(resamples)
     own = np.flatnonzero(data.evolved == data.robot)
     rows = []
@@ -244,7 +241,7 @@ def _fitness(task: str, data: Crossed, resamples: int) -> Sequence[FitnessRow]:
 
 
 def _fall(task: str, data: Crossed, resamples: int) -> Fall | None:
-    """None where fitness on single units was not kept, or there is one unit only."""
+    """None if fitness on single units was not kept, or there is only one unit."""
     data = data.only(np.isfinite(data.situated_home) & np.isfinite(data.situated_foreign))
     if len(data) < FEWEST or len(set(data.evolved.tolist())) < len(data.levels):
         return None

@@ -28,14 +28,14 @@ __all__ = [
 ]  # fmt: skip
 
 SETS = ((0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)))
-"""Line styles of seed sets; more sets go round again."""
+"""Line styles of seed sets, repeated if there are more sets."""
 BARS: Mapping[str, tuple[str, LineStyleType, str]] = {
     "all, 95 % interval": ("o", "-", INK),
     "simulated": ("o", "-", style.PAPER),
     "situated": ("s", (0, (2, 1)), INK),
     "drop": ("D", "-", INK),
 }
-"""Marker, line and face of means, by what they are of."""
+"""Marker, line and face of means, by their kind."""
 PANELS = {
     "a": ("(a) all controllers, by comparison level", "noise of the simulation compared with"),
     "b": ("(b) by evolved level, one simulation", "noise evolved under"),
@@ -71,7 +71,7 @@ def map_figure(data: Crossed) -> Figure:
 
 
 def _draw_map(ax: Axes, data: Crossed, means: Floats, ends: tuple[float, float]) -> None:
-    """A cell a mean score, with its number; the diagonal framed, the robot's level in bold."""
+    """A cell for each mean score, with its number; the diagonal is framed, the robot's level bold."""
     count, (low, high) = len(data.levels), ends
     ax.pcolormesh(np.arange(count + 1), np.arange(count + 1), means, cmap=_HEAT, vmin=low, vmax=high)
     for i, j in np.ndindex(means.shape):
@@ -123,13 +123,12 @@ def _claim_panel(ax: Axes, data: Crossed, scope: Scope, key: str) -> None:
 
 
 def panel(ax: Axes, data: Crossed, level: Floats, score: Floats, curve: Curve) -> None:
-    """Every run's dot or dots, as many a run, of levels and scores [n]; and the curve through them: means
-    with their intervals, those of each of several seed sets.
+    """Dots of every run and the curve of means with intervals, also of each of several seed sets.
 
     Args:
         ax: the axes.
         data: the study's table.
-        level: [n] of each dot; as many a run.
+        level: [n] of the dots, as many for each run.
         score: [n].
         curve: of all of them.
     """
@@ -166,7 +165,7 @@ def _scatter(count: int) -> Floats:
 
 
 def levels_axis(ax: Axes, levels: Floats, robot: float) -> None:
-    """The root of the level, so that small levels stand apart; a line at the robot's."""
+    """An axis over the root of the level, which spreads small levels; with a line at the robot's."""
     ax.set_xticks(np.sqrt(levels), [f"{level:g}" for level in levels])
     ax.axvline(np.sqrt(robot), color=MUTED, linewidth=0.7, linestyle=(0, (1, 2)), zorder=1)
     ax.grid(axis="y")
@@ -174,7 +173,7 @@ def levels_axis(ax: Axes, levels: Floats, robot: float) -> None:
 
 
 def _bars(ax: Axes, x: Floats, spans: Sequence[Span], of: str, label: str = "") -> None:
-    """Means joined by a line, with their intervals, as BARS says; the legend names what they are `of`."""
+    """Means joined by a line, with their intervals, in a style of BARS; the legend names them as `of`."""
     marker, line, face = BARS[of]
     y = np.array([s.value for s in spans])
     bars = np.nan_to_num(np.array([[s.value - s.low for s in spans], [s.high - s.value for s in spans]]))

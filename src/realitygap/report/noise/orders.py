@@ -1,4 +1,4 @@
-"""Whether what needs no camera puts an arm's controllers into the camera's order: its rows, and a table."""
+"""Agreement of measures without a camera with the camera's order of an arm's controllers."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,12 +23,12 @@ BY_CAMERA = ("correspondence", "fitness_simulated", "fitness_situated", "fitness
 def read_orders(
     folder: Path, kind: str, cure: str, homes: Mapping[tuple[object, ...], int]
 ) -> tuple[Order, ...]:
-    """The orders of an arm's champions in each task; () where it does not know what robots read and did.
+    """The orders of an arm's champions in each task; () if readings and commands were not kept.
 
     Args:
         folder: with the tables.
         kind: of robot.
-        cure: of a broken table.
+        cure: for messages about a broken table.
         homes: the calibration unit of each controller: task, seed set, run, evolved level, individual.
 
     Raises:
@@ -59,7 +59,7 @@ def read_orders(
 
 
 def order_tables(name: str, orders: Sequence[Order]) -> list[NoiseTable]:
-    """How the measures of an arm agree on the order of its champions; none where nothing is known of them."""
+    """Agreement of an arm's measures on the order of its champions; empty if it is unknown."""
     if not orders:
         return []
     rows: list[Row] = []

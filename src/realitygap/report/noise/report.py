@@ -1,4 +1,4 @@
-"""The report of a study of noise: claims and verdicts, figures, tables, words, and all of it for JSON."""
+"""The report of a study of noise: claims and verdicts, figures, tables, words, and JSON."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ __all__ = ["NoiseReport", "build_noise_report", "noise_summary"]
 Facts = dict[str, object]
 
 CAPTIONS: dict[str, str] = TEXTS["captions"]
-"""What stands under each figure, in the order of the page."""
+"""Captions of the figures, in the page's order."""
 
 
 def build_noise_report(out: str | Path, *, on_progress: OnProgress | None = None) -> Path:
@@ -64,17 +64,17 @@ def build_noise_report(out: str | Path, *, on_progress: OnProgress | None = None
 
 @dataclass(frozen=True)
 class NoiseReport:
-    """A study's results and, computed when first needed, all that is said of them."""
+    """A study's results and, computed when first needed, everything that the report says about them."""
 
     results: NoiseResults
 
     @property
     def own(self) -> bool:
-        """Whether a robot of the user's own drove in the twin's place."""
+        """Whether a user's own robot replaced the twin."""
         return "robot" in self.results.settings
 
     def said(self, text: str) -> str:
-        """A text about the twin, or about the robot that drove in its place."""
+        """A text about the twin, or about the robot that replaced it."""
         return text.replace("he twin", "he robot") if self.own else text
 
     @cached_property
@@ -125,7 +125,7 @@ class NoiseReport:
 
     @property
     def warnings(self) -> list[str]:
-        """Where the calibration is too far off for the level of noise to mean anything; who is missing."""
+        """Where calibration errors are too large for noise levels to be meaningful; lost controllers."""
         return warnings(self.results.calibration, self.facts.data.tasks, self.results.lost)
 
 
@@ -135,7 +135,7 @@ def _level(level: float) -> str:
 
 
 def _means(facts: NoiseFacts) -> str:
-    """Where the curves stand, for those who cannot see them."""
+    """The curves' values, as a text alternative."""
     said = "; ".join(
         f"({key}) " + ", ".join(f"{m:.1f} at {lv:g}" for lv, m in zip(curve.levels, curve.means, strict=True))
         for key, curve in facts.headline.curves.items()
@@ -144,7 +144,7 @@ def _means(facts: NoiseFacts) -> str:
 
 
 def noise_summary(out: str | Path) -> Facts:
-    """What a finished study of noise says, ready for JSON: no NaN, None where nothing is known.
+    """The findings of a finished study of noise, ready for JSON: None in place of NaN.
 
     Args:
         out: the study's folder, with `results/`.
@@ -221,7 +221,7 @@ def _curve(curve: Curve) -> Facts:
 
 
 def _known(value: object) -> object:
-    """The same without NaN, in plain lists and dictionaries; an interval of nothing is None."""
+    """A copy without NaN, in plain lists and dictionaries; an empty interval is None."""
     if isinstance(value, Span):
         value = {"value": value.value, "interval": value[1:]}
     if isinstance(value, Mapping):

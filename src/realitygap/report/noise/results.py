@@ -1,4 +1,4 @@
-"""Reads what a study of noise left in its folder `results`; refuses what is missing or broken."""
+"""Reads the results of a study of noise from its folder `results`; refuses missing or broken files."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -18,7 +18,8 @@ __all__ = ["Misfit", "NoiseResults", "read_calibration", "read_results", "real_m
 
 PARTS = ("score", "behaviour", "layout", "noisiness", "responsiveness")
 NEEDED = 3
-"""Of these the first so many; a controller whose trials were all lost has none of them."""
+"""The first of these columns are always present; a controller whose trials were all lost has no values in
+them."""
 AGAIN = "Let the study finish (realitygap experiment noise --resume), or copy its results again."
 
 Key = tuple[str, int, float, int]
@@ -32,10 +33,10 @@ NEEDS = {
 
 
 class Misfit(NamedTuple):
-    """How far a unit's calibrated model is from it in one channel; beyond `limit` noise explains nothing.
+    """Error of a unit's calibrated model in one channel; above `limit` it exceeds the noise.
 
-    Unit 0 is a real robot. `ratio_over_all` is of all readings, dark ones too; it is NaN for calibrations
-    that were made before there was another, whose `ratio` is just that.
+    Unit 0 is a real robot. `ratio_over_all` includes dark readings; it is NaN for older calibrations, whose
+    `ratio` includes them too.
     """
 
     unit: int
@@ -53,16 +54,16 @@ class Misfit(NamedTuple):
 
     @property
     def judged(self) -> bool:
-        """Whether `ratio` is of readings held out that are neither dark nor saturated."""
+        """Whether `ratio` is of held-out readings that are neither dark nor saturated."""
         return math.isfinite(self.ratio_over_all)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseResults:
-    """All that a study found: scores and fitness, how well it was calibrated, and its settings.
+    """A study's results: scores and fitness, accuracy of the calibration, and settings.
 
     Attributes:
-        lost: how many controllers are not in `data`, for the camera lost them too often.
+        lost: number of controllers that are not in `data` because the camera lost them too often.
     """
 
     folder: Path
@@ -73,7 +74,7 @@ class NoiseResults:
 
 
 def read_results(folder: str | Path) -> NoiseResults:
-    """What a finished study of noise left.
+    """Read the results of a finished study of noise.
 
     Args:
         folder: with controllers.csv, cells.csv, calibration.csv and study.toml. A study whose cells.csv
@@ -130,7 +131,7 @@ def _table(file: Path) -> Table:
 
 
 def _keys(table: Table, levels: list[float]) -> list[Key]:
-    """Whose each row is: task, seed set, evolved level, run."""
+    """Task, seed set, evolved level and run of each row."""
     own = [levels[place] for place in _levels(table, "evolved_level", levels)]
     numbers = (table.whole(name).tolist() for name in ("seed_set", "run"))
     return [
@@ -140,7 +141,7 @@ def _keys(table: Table, levels: list[float]) -> list[Key]:
 
 
 def _levels(table: Table, column: str, levels: list[float]) -> list[int]:
-    """Places of a column's levels among the study's; tables hold five digits of them."""
+    """Indices of a column's levels among the study's; tables hold five digits of them."""
     values = table.numbers(column)
     near: NDArray[np.bool_] = np.isclose(values[:, None], levels, rtol=1e-4, atol=0)
     known = ", ".join(f"{level:g}" for level in levels)
@@ -149,7 +150,7 @@ def _levels(table: Table, column: str, levels: list[float]) -> list[int]:
 
 
 def _units(table: Table, prefix: str, home: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A figure on each row's calibration unit, and its mean over the others; NaN where it was not kept."""
+    """A figure on each row's calibration unit, and its mean over the others; NaN if it was not kept."""
     names = [name for name in table.columns if name.removeprefix(prefix).isdecimal()]
     units = {int(name.removeprefix(prefix)): table.numbers(name, empty=True).tolist() for name in names}
     own, foreign = np.full((2, len(table.rows)), math.nan)
@@ -161,7 +162,6 @@ def _units(table: Table, prefix: str, home: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _controllers(table: Table) -> dict[str, np.ndarray]:
-    """What controllers.csv tells of each."""
     home = table.whole("home_unit")
     own, foreign = _units(table, "fitness_situated_unit_", home)
     return {
@@ -172,7 +172,7 @@ def _controllers(table: Table) -> dict[str, np.ndarray]:
 
 
 def _places(table: Table, levels: list[float], known: Mapping[Key, int]) -> tuple[list[int], list[int]]:
-    """Places [controllers, levels] of the rows of a table that has each controller at most once a level."""
+    """Indices [controllers, levels] of the rows of a table with each controller at most once a level."""
     keys, places = _keys(table, levels), _levels(table, "comparison_level", levels)
     seen = set()
     for k, (key, at) in enumerate(zip(keys, places, strict=True)):
@@ -186,8 +186,7 @@ def _places(table: Table, levels: list[float], known: Mapping[Key, int]) -> tupl
 def _cells(
     file: Path, levels: list[float], known: Mapping[Key, int], homes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Scores [controllers, levels, parts], of which none may be missing; and those of the calibration
-    unit."""
+    """Scores [controllers, levels, parts], which must be complete; and those of the calibration unit."""
     table = _table(file)
     places = _places(table, levels, known)
     found = np.full((len(known), len(levels), len(PARTS)), np.nan)
@@ -205,7 +204,7 @@ def _cells(
 
 
 def _refuse_holes(folder: Path, data: Crossed, levels: list[float]) -> None:
-    """Every task and seed set must have controllers of every level, with a score."""
+    """Require controllers with scores of every level in every task and seed set."""
     there = set(zip(data.task.tolist(), data.seed_set.tolist(), data.evolved.tolist(), strict=True))
     for task, seed_set, _ in sorted(there):
         for level in levels:
@@ -221,9 +220,9 @@ def _who(key: Key) -> str:
 
 
 def real_misfits(*, judged: bool = True) -> tuple[Misfit, ...]:
-    """How near the fit came to a real robot's tables: the provenance of the profile khepera.
+    """Model errors of the fit to a real robot's tables, from the provenance of the profile khepera.
 
-    Over all readings where not `judged`, to stand beside calibrations that have no other figure.
+    Over all readings if not `judged`, for comparison with older calibrations.
     """
     from realitygap.calibration.judge import LIMITS
     from realitygap.world.profile import load_profile
@@ -242,7 +241,7 @@ def _over_all(m: Misfit) -> Misfit:
 
 
 def read_calibration(file: Path) -> Iterator[Misfit]:
-    """Rows with a ratio; a channel without one (wheels) is left out."""
+    """Rows with a ratio; channels without one (wheels) are left out."""
     from realitygap.calibration.judge import LIMITS
 
     table = _table(file)

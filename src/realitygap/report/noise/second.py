@@ -1,4 +1,4 @@
-"""The second study's answer: verdicts on its claims in each arm, tables, two figures, a page, and JSON."""
+"""The second study's results: verdicts on its claims in each arm, tables, two figures, a page, and JSON."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -34,14 +34,14 @@ __all__ = [
 ]  # fmt: skip
 
 ARMS = arm_names()
-"""All arms of the plan, in the order in which they are run."""
+"""All arms of the plan, in order."""
 
 
 def read_arms(folders: Sequence[str | Path]) -> list[Arm]:
     """Arms of the second study, in the plan's order.
 
     Raises:
-        StudyError: a folder is no arm, two are the same arm, or its tables are broken.
+        StudyError: a folder is not an arm, two are the same arm, or tables are broken.
     """
     arms = {}
     for folder in folders:
@@ -58,12 +58,12 @@ def read_arms(folders: Sequence[str | Path]) -> list[Arm]:
 
 
 def word_of(arm: Arm, claim: StatedClaim) -> str:
-    """The verdict on a claim in an arm; none where the model errs too much."""
+    """The verdict on a claim in an arm; none if the model errs too much."""
     return "no claim" if arm.void else _verdict(arm, claim).word
 
 
 def headline(arms: Sequence[Arm], claim: StatedClaim) -> str:
-    """What the arms that a headline needs say together, and where another analysis differs in sign."""
+    """The joint verdict of the arms that a headline needs, and where another analysis differs in sign."""
     there = {arm.name: word_of(arm, claim) for arm in arms if arm.name in PLAN.agree}
     if missing := [name for name in PLAN.agree if name not in there]:
         text = f"no headline: {' and '.join(missing)} not run"
@@ -77,8 +77,7 @@ def headline(arms: Sequence[Arm], claim: StatedClaim) -> str:
 
 
 def strays(arm: Arm, claim: StatedClaim) -> list[str]:
-    """Analyses that decide nothing, the difference of means beside ranks among them, and differ in sign from
-    what the planned one found."""
+    """Secondary analyses whose sign differs from that of the planned one."""
     if claim.key == "e" and word_of(arm, claim) != "reversed":
         told = {name: estimate(judged) for name, judged in arm.robust.items() if name != "fitness"}
         return [f"{name} (reversed)" for name, word in told.items() if word.endswith("reversed")]
@@ -97,7 +96,7 @@ def _verdict(arm: Arm, claim: StatedClaim) -> Verdict:
 
 
 def _again(arm: Arm, one: Comparison) -> dict[str, tuple[str, float]]:
-    """The same comparison by each other analysis that has it: as it is shown, and its sign."""
+    """The same comparison by each secondary analysis that has it: as text, and its sign."""
     told = {}
     for name, judgement in arm.robust.items():
         other = next(c for v in judgement.verdicts for c in v.comparisons
@@ -112,15 +111,14 @@ def _again(arm: Arm, one: Comparison) -> dict[str, tuple[str, float]]:
 
 
 def _asked(name: str, one: Comparison) -> bool:
-    """Whether another analysis has something to say of a comparison: fitness of (b) and (c), scores not of
-    (d)."""
+    """Whether a secondary analysis applies to a comparison: fitness to (b) and (c), scores not to (d)."""
     if name == "fitness":
         return one.key in "bc" and one.by != "failures"
     return one.key != "d" or name == BEYOND
 
 
 def estimate(made: Judgement) -> str:
-    """The level at which tracks agree best, with its interval, and the word on (e)."""
+    """The level at which tracks agree best, with its interval, and the verdict on (e)."""
     top, word = made.peak, next(v.word for v in made.verdicts if v.claim.key == "e")
     return f"{Number(span=Span(top.value, top.low, top.high))}, {word}"
 
@@ -130,7 +128,7 @@ def _effect(one: Comparison) -> Number:
 
 
 def answer_tables(arms: Sequence[Arm]) -> dict[str, NoiseTable]:
-    """Every table by its name: verdicts first."""
+    """All tables by name, verdicts first."""
     every = [_verdicts(arms), _levels(arms), calibration_table({arm.name: arm.calibration for arm in arms})]
     for arm in arms:
         split = split_table(f"{arm.name}-split", f"arm {arm.name}, calibration unit", arm.split, 1.0)
@@ -176,7 +174,7 @@ def _comparisons(arm: Arm) -> NoiseTable:
 
 
 def _robust(arm: Arm) -> NoiseTable:
-    """Every comparison again, by analyses that decide nothing; and the peak."""
+    """Every comparison by secondary analyses; and the peak."""
     names, rows = [*arm.robust, "mixed model"], list[Row]()
     for one in (c for v in arm.judged.verdicts for c in v.comparisons):
         again = _again(arm, one)
@@ -194,7 +192,7 @@ def _robust(arm: Arm) -> NoiseTable:
 
 
 def _levels(arms: Sequence[Arm]) -> NoiseTable:
-    """Means by evolved level: what the verdicts are made of."""
+    """Means by evolved level, from which the verdicts follow."""
     rows: list[Row] = []
     for arm in arms:
         data = arm.data
@@ -222,7 +220,6 @@ def _levels(arms: Sequence[Arm]) -> NoiseTable:
 
 
 def answer_figures(arms: Sequence[Arm]) -> Figures:
-    """Both figures, with their words."""
     figures = Figures()
     for name, draw in (("peaks", peaks_figure), ("splits", splits_figure)):
         words = Words(f"{CAPTIONS[name]} The tables have the figures.", CAPTIONS[name])
@@ -254,7 +251,7 @@ def build_answer(arms: Sequence[Arm], out: str | Path, *, on_progress: OnProgres
 
 
 def warned(arms: Sequence[Arm]) -> Iterator[str]:
-    """What to know before reading the verdicts."""
+    """Warnings to read before the verdicts."""
     for arm in arms:
         units = f"unit{'s' if len(arm.beyond) > 1 else ''} {', '.join(map(str, arm.beyond))}"
         if arm.void:
@@ -268,7 +265,7 @@ def warned(arms: Sequence[Arm]) -> Iterator[str]:
 
 
 def answer_summary(arms: Sequence[Arm]) -> dict[str, Any]:
-    """Verdicts, comparisons and peaks, ready for JSON: None where nothing is known."""
+    """Verdicts, comparisons and peaks, ready for JSON: None where unknown."""
     return {
         "arms": {arm.name: _summary(arm) for arm in arms},
         "not_yet_run": [name for name in ARMS if name not in {arm.name for arm in arms}],

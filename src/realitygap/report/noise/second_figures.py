@@ -1,4 +1,4 @@
-"""Figures of the second study: where tracks agree best, and what the diagonal's differences are made of."""
+"""Figures of the second study: where tracks agree best, and the parts of the diagonal's differences."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ DARK, LIGHT = "#0072b2", "#e69f00"
 
 
 def peaks_figure(arms: Sequence[Arm]) -> Figure:
-    """A panel an arm: (a)'s curve with its peak."""
+    """A panel for each arm: (a)'s curve with its peak."""
     figure, axes = _panels(len(arms))
     for ax, arm in zip(axes.ravel(), arms, strict=False):
         top = arm.judged.peak
@@ -53,7 +53,7 @@ def peaks_figure(arms: Sequence[Arm]) -> Figure:
 
 
 def splits_figure(arms: Sequence[Arm]) -> Figure:
-    """A panel an arm: two bars for each other level, one an order."""
+    """A panel for each arm: two bars for each other level, one for each order."""
     figure, axes = _panels(len(arms))
     for ax, arm in zip(axes.ravel(), arms, strict=False):
         for k, split in enumerate(arm.split):
@@ -81,7 +81,7 @@ def splits_figure(arms: Sequence[Arm]) -> Figure:
 
 
 def _panels(count: int) -> tuple[Figure, NDArray[np.object_]]:
-    """A figure with room for so many panels, three in a row."""
+    """A figure with this many panels, three in a row."""
     rows, columns = -(-count // 3), min(count, 3)
     figure = new_figure(PAGE * max(0.68, columns / 3), 2.5 * rows + 0.35, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
@@ -91,7 +91,7 @@ def _panels(count: int) -> tuple[Figure, NDArray[np.object_]]:
 
 
 def _parts(split: Split, order: int) -> tuple[float, float]:
-    """Evolved and comparison level's part, the evolved level changed first, or second."""
+    """The parts of evolved and comparison level, with the evolved level changed first, or second."""
     pairs = ((split.evolved_first, split.comparison_after), (split.evolved_after, split.comparison_first))
     evolved, compared = pairs[order]
     return evolved.difference, compared.difference

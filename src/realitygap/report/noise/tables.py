@@ -1,4 +1,4 @@
-"""Tables of a study of noise: the same for the page, for Markdown, and as CSV."""
+"""Tables of a study of noise, for the page and as CSV."""
 
 import math
 from collections import Counter
@@ -22,7 +22,7 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class Number:
-    """A figure as it is shown: so many places, with its sign or not."""
+    """A figure as displayed, with a number of decimals, with or without a sign."""
 
     span: Span
     places: int = 2
@@ -53,7 +53,7 @@ class NoiseTable:
     rows: tuple[Row, ...]
 
     def texts(self) -> list[list[str]]:
-        """Rows as they are shown."""
+        """Rows as displayed."""
         return [[str(cell) for cell in row] for row in self.rows]
 
     def markdown(self) -> str:
@@ -62,7 +62,7 @@ class NoiseTable:
         return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
     def csv(self) -> str:
-        """All digits; a column with intervals becomes three."""
+        """With all digits; a column with intervals becomes three."""
         spans = [
             any(isinstance(c, Number) and not math.isnan(c.span.low) for c in column)
             for column in zip(*self.rows, strict=True)
@@ -110,13 +110,13 @@ def claim_table(name: str, scope: str, finding: Finding) -> NoiseTable:
 def contrast_table(
     name: str, title: str, contrasts: Sequence[Contrast], coarse: Sequence[float] = ()
 ) -> NoiseTable:
-    """A row a level that the robot's is compared with; those that decide, the `coarse`, are marked.
+    """A row for each level that the robot's is compared with.
 
     Args:
         name: of its file.
         title: its heading.
         contrasts: the rows.
-        coarse: levels whose comparisons decide.
+        coarse: levels whose comparisons decide, which are marked.
     """
     sets, robot = [s.seed_set for s in contrasts[0].sets], contrasts[0].level
     rows: list[Row] = []
@@ -147,12 +147,12 @@ def effect_spans(effect: Effect) -> tuple[Span, Span]:
 
 
 def probability(p: float) -> str:
-    """A p-value as it is printed."""
+    """A p-value as text."""
     return "< .0001" if p < 1e-4 else f"{p:.4f}".lstrip("0") if p < 0.9999 else "1"
 
 
 def peaks_table(facts: NoiseFacts) -> NoiseTable:
-    """Where each curve is highest, and where the twin stops being noisier than the simulation."""
+    """The maximum of each curve, and where the twin stops being noisier than the simulation."""
     rows: list[Row] = []
     for scope in facts.scopes:
         tops = [Number(span=scope.curves[key].top) for key in "abc"]
@@ -187,7 +187,7 @@ def fitness_table(facts: NoiseFacts) -> NoiseTable:
 
 
 def in_unit(facts: NoiseFacts, task: str, spans: Sequence[Span]) -> tuple[str, list[Number]]:
-    """A task with the unit of its fitness, and figures of fitness in it."""
+    """A task with its unit of fitness, and figures of fitness in that unit."""
     scale, unit = facts.scales[task]
     places = 2 if scale != 1 else 3
     shown = [Number(span=span, places=places, scale=scale) for span in spans]
@@ -195,7 +195,7 @@ def in_unit(facts: NoiseFacts, task: str, spans: Sequence[Span]) -> tuple[str, l
 
 
 def names_table(facts: NoiseFacts) -> NoiseTable:
-    """What evolved: how many controllers of each behaviour at each level."""
+    """Number of controllers of each behaviour at each level."""
     data = facts.data
     rows: list[Row] = []
     for task in data.tasks:
@@ -237,7 +237,7 @@ def paper_table(facts: NoiseFacts) -> NoiseTable:
 
 
 def calibration_table(calibration: Sequence[Misfit]) -> NoiseTable:
-    """Model error over noise, for each unit and channel, and beside them those of a real robot."""
+    """Model error over noise, for each unit and channel, and those of a real robot."""
     judged = all(m.judged for m in calibration)
     real = real_misfits(judged=judged) if calibration else ()
     counted = (

@@ -1,4 +1,4 @@
-"""The result in plain words, made from the numbers, whichever way they fall."""
+"""The results in plain words, generated from the numbers, whichever way they fall."""
 
 import math
 import tomllib
@@ -16,7 +16,7 @@ from realitygap.report.noise.results import Misfit
 __all__ = ["CHANNEL_TASKS", "limits", "robot_words", "thoughts", "warnings"]
 
 TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text("utf-8"))
-"""What is said whatever came out."""
+"""Texts that do not depend on the results."""
 
 SET_BY_US = "The robot here is a twin, and its noise was set by us."
 
@@ -24,7 +24,7 @@ STAND_INS = {
     "enki": "a robot of EPFL's simulator Enki",
     "stranger": "a twin outside the family of laws that calibration can fit",
 }
-"""By kind of address: what may stand in the twin's place."""
+"""Names of robots that may replace the twin, by kind of address."""
 
 CHANNEL_TASKS = {"infrared": "obstacle-avoidance", "ambient": "light-seeking"}
 
@@ -62,25 +62,24 @@ def thoughts(facts: NoiseFacts, settings: Mapping[str, object], calibration: Seq
 
 
 def robot_words(settings: Mapping[str, object]) -> str:
-    """The robot in the twin's place; "" where there is none."""
+    """The robot in place of the twin; "" if there is none."""
     robot = Path(str(settings.get("robot", ""))).name
     whose = STAND_INS.get(_kind(settings), "the user's own robot")
     return f"{robot}, {whose}" if robot else ""
 
 
 def limits(settings: Mapping[str, object]) -> tuple[str, ...]:
-    """What such an experiment cannot tell."""
+    """What such an experiment cannot show."""
     told = TEXTS["limits"]
     return (*told.get(_kind(settings), ()), *told["all"])
 
 
 def _kind(settings: Mapping[str, object]) -> str:
-    """The kind of the robot's address."""
     return str(settings.get("robot", "twin")).partition(":")[0]
 
 
 def warnings(calibration: Sequence[Misfit], tasks: Sequence[str], lost: int = 0) -> list[str]:
-    """Where the model's error is too large for the level of noise to mean anything; who is missing."""
+    """Where calibration errors are too large for noise levels to be meaningful; lost controllers."""
     said = []
     if lost:
         who = f"{lost} controllers have" if lost > 1 else "One controller has"
@@ -118,7 +117,7 @@ def _opening(facts: NoiseFacts, settings: Mapping[str, object]) -> str:
 
 
 def _claim(facts: NoiseFacts, finding: Finding) -> list[str]:
-    """The verdict, the means behind it, and where tasks or seed sets disagree."""
+    """The verdict, its means, and where tasks or seed sets disagree."""
     key, contrasts = finding.claim.key, finding.contrasts
     robot = contrasts[0]
     head = f"{_WHAT[key]} {_SENTENCES[finding.verdict]}: {robot.means[0]:.1f} at {robot.level:g}"
@@ -167,7 +166,7 @@ def _levels(contrasts: Sequence[Contrast]) -> str:
 
 
 def _hidden(contrasts: Sequence[Contrast]) -> str:
-    """What an open comparison may hide: not shown is not none."""
+    """Sizes of effects that an open comparison may hide: not shown is not none."""
     wide = [
         (max(map(abs, c.effect.difference_interval)), c.other)
         for c in contrasts if c.found == "open" and c.effect.difference_interval
@@ -182,7 +181,7 @@ def _hidden(contrasts: Sequence[Contrast]) -> str:
 
 
 def _together(findings: Sequence[Finding]) -> str:
-    """What the three verdicts mean beside each other; of what was not shown no more than that."""
+    """The three verdicts together; nothing more about what was not shown."""
     held = {finding.claim.key for finding in findings if finding.verdict == "supported"}
     if held == {"a", "b", "c"}:
         return (
@@ -212,7 +211,7 @@ def _noisiness(scope: Scope) -> str:
 
 
 def _fitness(rows: Sequence[FitnessRow]) -> str:
-    """Which levels differ on the twin from the robot's level; not a claim, so it says so."""
+    """Levels that differ on the twin from the robot's level; states that it is not a claim."""
     apart = [
         f"{titled(r.task).lower()} at {r.level:g} {'higher' if r.delta.value > 0 else 'lower'} "
         f"(delta {shown(r.delta, signed=True)})"
@@ -231,7 +230,7 @@ def _fitness(rows: Sequence[FitnessRow]) -> str:
 
 
 def _drops(facts: NoiseFacts) -> list[str]:
-    """What fitness loses on the way to the twin: at the robot's level and those that decide."""
+    """Loss of fitness on the twin: at the robot's level and those that decide."""
     levels = sorted({facts.data.robot, *facts.headline.findings[0].coarse})
     said = []
     for task in facts.data.tasks:

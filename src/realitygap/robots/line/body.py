@@ -155,8 +155,7 @@ class LineBody:
         pairs = cast("dict[str, tuple[int, int]]", said)
         self._odometry = Odometry(pairs.get(self.dialect.counters), pairs.get("E"))
         return Readings(
-            proximity=np.array(said.get("N", ()), np.float64),
-            ambient=np.array(said.get("O", ()), np.float64),
+            proximity=np.array(said.get("N", ()), np.float64), ambient=np.array(said.get("O", ()), np.float64)
         )
 
     def act(self, command: Command) -> None:

@@ -1,4 +1,4 @@
-"""The arms of the second study, and what else its plan states: nothing of it changes once there are data."""
+"""The arms of the second study and the rest of its plan, which does not change once there are data."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,13 +13,13 @@ from realitygap.toml import read_toml
 __all__ = ["arm", "arm_names", "check_arm", "plan_digests"]
 
 STATED = Path(__file__).parent
-"""Folder of the files that state the plan: arms, and claims."""
+"""Folder of the plan's files: arms and claims."""
 
 _REINSTALL = "Install realitygap again."
 
 
 def arm_names() -> tuple[str, ...]:
-    """All arms, in the order in which they are run."""
+    """All arms, in order."""
     return tuple(_stated()["arm"])
 
 
@@ -38,7 +38,7 @@ def arm(name: str) -> NoiseConfig:
 
 
 def plan_digests() -> dict[str, str]:
-    """A digest of what each file of the plan states; its comments may change."""
+    """A digest of each file of the plan, ignoring comments."""
     return {
         file.name: check_of(read_toml(file, ConfigError, _REINSTALL))
         for file in sorted(STATED.glob("*.toml"))
@@ -46,7 +46,7 @@ def plan_digests() -> dict[str, str]:
 
 
 def check_arm(folder: Path, config: NoiseConfig, begun_by: Mapping[str, str] | None = None) -> None:
-    """Refuse a study of an arm that is not the plan's, or was started under another plan, of these digests.
+    """Refuse a study that differs from the plan's arm, or was started under another plan (by digests).
 
     Raises:
         StudyError: names the setting that differs, or the file of the plan.

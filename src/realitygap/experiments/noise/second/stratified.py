@@ -1,6 +1,6 @@
-"""Two groups of controllers compared within strata; slopes within units; a peak's interval.
+"""Comparisons of two groups of controllers within strata; slopes within units; a peak's interval.
 
-All are two-sided. What is above zero is in favour of the first group.
+All tests are two-sided. Positive values favour the first group.
 """
 
 import math
@@ -20,14 +20,14 @@ __all__ = [
 ]  # fmt: skip
 
 Groups = Sequence[tuple[Floats, Floats]]
-"""Of each stratum the values of both groups."""
+"""The values of both groups in each stratum."""
 
 BATCH = 2000
-"""Permutations that are held in memory at once."""
+"""Permutations in memory at once."""
 
 
 class Tested(NamedTuple):
-    """What a test says: an effect, the statistic whose sign counts, and p (1 where nothing can be said)."""
+    """Result of a test: an effect, the statistic whose sign counts, and p (1 if nothing can be concluded)."""
 
     effect: float
     statistic: float
@@ -38,14 +38,14 @@ NOTHING = Tested(math.nan, 0.0, 1.0)
 
 
 def groups(data: Crossed, values: Floats, levels: tuple[float, float], least: int) -> Groups:
-    """Known values [n] of those evolved at either level, within task and calibration unit; strata with fewer
-    than `least` of either are left out.
+    """Known values of controllers evolved at either level, within task and calibration unit; strata with
+    fewer than `least` of either are left out.
 
     Args:
         data: the controllers.
-        values: one of each, NaN where unknown [n].
+        values: [n] one per controller, NaN if unknown.
         levels: of noise: first, second.
-        least: controllers of either level in a stratum.
+        least: smallest number of controllers of either level in a stratum.
     """
     pairs: dict[object, tuple[list[float], list[float]]] = {}
     for which, level in enumerate(levels):
@@ -55,9 +55,9 @@ def groups(data: Crossed, values: Floats, levels: tuple[float, float], least: in
 
 
 def by_signed_ranks(first: Floats, second: Floats) -> Tested:
-    """Of the same controllers twice [n]: Wilcoxon's test with Pratt's zeros.
+    """Two values of the same controllers [n]: Wilcoxon's test with Pratt's zeros.
 
-    The effect is the rank-biserial correlation: the ranks' sum in favour, less that against, over both.
+    The effect is the rank-biserial correlation: the sum of ranks in favour minus that against, over both.
     """
     from scipy.stats import rankdata
 
@@ -78,8 +78,8 @@ def by_ranks(pairs: Groups) -> Tested:
 
 
 def by_means(pairs: Groups, *, permutations: int, seed: int) -> Tested:
-    """Difference of means by permutation within strata, which count by their controllers; without
-    permutations p is not asked for."""
+    """Difference of means by permutation within strata, weighted by their controllers; without permutations
+    there is no p."""
     if not pairs:
         return NOTHING
     share = _shares(pairs)
@@ -98,7 +98,7 @@ def by_means(pairs: Groups, *, permutations: int, seed: int) -> Tested:
 
 
 def mean_interval(pairs: Groups, share: float) -> tuple[float, float]:
-    """Interval of the difference of means within strata of two controllers or more: Welch's, over strata."""
+    """Interval of the difference of means within strata of at least two controllers: Welch's, over strata."""
     from scipy.stats import t
 
     if not pairs:
@@ -116,9 +116,9 @@ def mean_interval(pairs: Groups, share: float) -> tuple[float, float]:
 
 
 def by_failures(pairs: Groups, below: float) -> Tested:
-    """Failures, values below a bound: Cochran, Mantel and Haenszel's test, corrected for continuity.
+    """Failures (values below a bound): the Cochran-Mantel-Haenszel test, corrected for continuity.
 
-    The effect is how much smaller the first group's share is, within strata, which count by controllers.
+    The effect is the reduction of the first group's share within strata, weighted by controllers.
     """
     if not pairs:
         return NOTHING
@@ -136,9 +136,8 @@ def by_failures(pairs: Groups, below: float) -> Tested:
 
 
 def by_slopes(x: Floats, y: Floats, units: NDArray[np.int64], tasks: NDArray[np.str_]) -> Tested:
-    """Falling y over x [n], both standardised within the task: a slope a unit, the mean of its tasks';
-    Student's t over units. The effect is the mean slope, a correlation; the statistic is above zero where y
-    falls.
+    """Slopes of y over x, both standardised within the task: one for each unit, the mean of its tasks';
+    Student's t over units. The effect is the mean slope, a correlation; the statistic is positive if y falls.
 
     Args:
         x, y: of each controller [n].
@@ -166,7 +165,7 @@ def by_slopes(x: Floats, y: Floats, units: NDArray[np.int64], tasks: NDArray[np.
 
 
 def _standard(values: Floats, own: NDArray[np.bool_]) -> Floats:
-    """Values [n] in deviations from the mean of some; nan for the others."""
+    """Values [n] as standardised deviations within a subset; nan for the others."""
     spread = values[own].std()
     scaled = (values - values[own].mean()) / (spread or 1.0)
     return np.where(own, scaled, np.nan)

@@ -1,6 +1,6 @@
 """The second study's twelve comparisons, the peak, and the verdicts on its claims, in one arm.
 
-Beside claims (b) and (d) stand mixed models, by statsmodels.
+Claims (b) and (d) also have mixed models, by statsmodels.
 """
 
 import importlib.util
@@ -29,7 +29,7 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What decides, as in `claims.toml`."""
+    """The planned thresholds, as in `claims.toml`."""
 
     robot: float
     against: tuple[float, ...]
@@ -48,7 +48,7 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True)
 class StatedClaim:
-    """A claim by one statistic, with a verdict of its own."""
+    """A claim with one statistic, and a verdict of its own."""
 
     key: str
     by: str
@@ -64,11 +64,11 @@ PLAN = Plan(**_DECIDES)
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """One of an arm's twelve; or one shown beside them, whose `p_holm` is nan.
+    """One of an arm's twelve; or an additional one, whose `p_holm` is nan.
 
     Attributes:
         against: the level that level 1 is compared with; for (d) the levels that slopes are over.
-        tested: by the claim's statistic; above zero is in its favour.
+        tested: by the claim's statistic; positive favours the claim.
         sets: the sign of the statistic in each seed set.
         difference: of means, with its 90 % interval; nan for failures and (d).
         found: for, against, absent, or open.
@@ -89,7 +89,7 @@ NO_GAP = (math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, kw_only=True)
 class Peak:
-    """The level at which tracks agree best, with its interval; the means [L] that it is the peak of."""
+    """The level at which tracks agree best, with its interval; and the means [L] behind it."""
 
     levels: Floats
     means: Floats
@@ -101,7 +101,7 @@ class Peak:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """The word on a claim: supported, in part, reversed, absent or open."""
+    """The verdict on a claim: supported, in part, reversed, absent or open."""
 
     claim: StatedClaim
     word: str
@@ -110,7 +110,7 @@ class Verdict:
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """All that is planned of one arm; `beside` are (c)'s means, which are not corrected."""
+    """The planned analysis of one arm; `beside` are (c)'s means, which are not corrected."""
 
     verdicts: tuple[Verdict, ...]
     peak: Peak
@@ -118,7 +118,7 @@ class Judgement:
 
 
 def judge(data: Crossed, plan: Plan = PLAN) -> Judgement:
-    """The planned analysis of one arm, whatever came out."""
+    """The planned analysis of one arm."""
     whole, gaps = _tests(data, plan, plan.permutations, least=2), _gaps(data, plan)
     alone = [_tests(data.part(seed_set=number), plan, 0, least=1) for number in data.sets]
     every = [
@@ -143,7 +143,7 @@ def judge(data: Crossed, plan: Plan = PLAN) -> Judgement:
 
 
 def _tests(data: Crossed, plan: Plan, permutations: int, *, least: int) -> dict[tuple[str, str, str], Tested]:
-    """By key, statistic and what level 1 is compared with; also (c)'s means, which are shown beside."""
+    """Tests by key, statistic and comparison level of level 1; also (c)'s means, as additional ones."""
     made = {}
     for other in plan.against:
         to = f"{other:g}"
@@ -160,8 +160,8 @@ def _tests(data: Crossed, plan: Plan, permutations: int, *, least: int) -> dict[
 
 
 def _falls(data: Crossed, plan: Plan) -> Iterator[tuple[str, Crossed, Floats]]:
-    """What (d) is over: levels, in words, those who evolved at them, and how far the fitness [n] of each
-    falls from its calibration unit to the others."""
+    """Cases of (d): levels in words, the controllers evolved at them, and the fall of each one's fitness [n]
+    from its calibration unit to the others."""
     some = sorted({plan.robot, *plan.against})
     fall = data.situated_home - data.situated_foreign
     for words, of in ((", ".join(f"{level:g}" for level in some), np.isin(data.evolved, some)),
@@ -174,7 +174,7 @@ def _gaps(data: Crossed, plan: Plan) -> dict[tuple[str, str], tuple[float, float
     """Difference of means with its interval, by key and level: within strata, or of the same controllers."""
     found = {}
     for other in plan.against:
-        paired = [(data.at(plan.robot) - data.at(other), np.zeros(2))]  # against nothing: Student's interval
+        paired = [(data.at(plan.robot) - data.at(other), np.zeros(2))]  # one sample: Student's interval
         every: dict[str, Groups] = {"a": paired}
         for key, values in _values(data, plan).items():
             every[key] = stratified.groups(data, values, (plan.robot, other), 2)
@@ -185,7 +185,7 @@ def _gaps(data: Crossed, plan: Plan) -> dict[tuple[str, str], tuple[float, float
 
 
 def _values(data: Crossed, plan: Plan) -> dict[str, Floats]:
-    """Scores [n] of (b), in one and the same simulation, and of (c), in that which each was evolved in."""
+    """Scores [n] of (b), all in one simulation, and of (c), in that in which each controller evolved."""
     return {"b": data.at(plan.robot), "c": data.own(home=True)}
 
 
@@ -201,7 +201,7 @@ def _found(one: Comparison, p: float, plan: Plan) -> Comparison:
 
 
 def _word(found: Sequence[str]) -> str:
-    """The word on a claim by what its comparisons found."""
+    """The verdict on a claim from its comparisons."""
     if "for" in found:
         return "supported" if set(found) == {"for"} else "in part"
     if "against" in found:
@@ -210,7 +210,7 @@ def _word(found: Sequence[str]) -> str:
 
 
 def _estimate(top: Peak, plan: Plan) -> str:
-    """The word on (e): the peak's interval lies within the bounds, outside them, or neither."""
+    """The verdict on (e): the peak's interval lies within the bounds, outside them, or neither."""
     low, high = plan.peak_between
     if low < top.low and top.high < high:
         return "supported"
@@ -218,7 +218,7 @@ def _estimate(top: Peak, plan: Plan) -> str:
 
 
 def peak_of(data: Crossed, plan: Plan = PLAN) -> Peak:
-    """The peak of (a)'s curve; units are drawn again, and of each its controllers, cell by cell."""
+    """The peak of (a)'s curve; units are resampled, and their controllers cell by cell."""
     draw, homes = np.random.default_rng(plan.seed), sorted(set(data.home.tolist()))
     chosen = draw.multinomial(len(homes), np.full(len(homes), 1 / len(homes)), size=plan.resamples)
     weights = np.zeros((plan.resamples, len(data)))
@@ -236,13 +236,12 @@ def peak_of(data: Crossed, plan: Plan = PLAN) -> Peak:
 
 
 def by_mixed_models(data: Crossed, plan: Plan = PLAN) -> dict[tuple[str, str], Tested]:
-    """The level's coefficient, by claim and what level 1 is compared with, as `Comparison.against` names it.
+    """The level's coefficient, by claim and comparison level, named as in `Comparison.against`.
 
-    For (b) it is in points, in favour of level 1; for (d) of the fall of fitness, in deviations, over the
-    level's root in deviations: there the statistic is above zero where it falls. Unit and run have random
-    intercepts: each run has one champion, so what is its own is the residual; runs that share a number at
-    different levels share nothing else. These models decide nothing; without statsmodels, an optional extra,
-    there are none.
+    For (b) in points, in favour of level 1; for (d) of the standardised fall of fitness over the level's
+    standardised root: there the statistic is positive if it falls. Unit and run have random intercepts: each
+    run has one champion, so its own deviation is the residual; runs with the same number at different levels
+    share nothing else. These models decide nothing; without statsmodels, an optional extra, there are none.
     """
     if importlib.util.find_spec("statsmodels") is None:
         return {}
@@ -261,16 +260,16 @@ def by_mixed_models(data: Crossed, plan: Plan = PLAN) -> dict[tuple[str, str], T
 
 
 def _fitted(data: Crossed, values: Floats, level: NDArray[np.generic]) -> Tested | None:
-    """The coefficient of `level` [n], beside a constant for each task; None where nothing can be fitted."""
+    """The coefficient of `level` [n], with a constant for each task; None if the fit is impossible."""
     from statsmodels.regression.mixed_linear_model import VCSpec, MixedLM  # isort: skip
 
     tasks = np.array([data.task == task for task in data.tasks], np.float64)
     across = np.column_stack([level.astype(np.float64), tasks.T])
     units, sizes = np.unique(data.home, return_counts=True)
-    intercepts = [np.ones((size, 1)) for size in sizes]  # a component may vanish; a group's variance may not
+    intercepts = [np.ones((size, 1)) for size in sizes]  # a component may be zero; a group's variance may not
     spec = VCSpec(["unit"], [[["unit"] for _ in units]], [intercepts])
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of variances at zero, where a random intercept has nothing to do
+        warnings.simplefilter("ignore")  # of variances at zero, where a random intercept has no effect
         try:
             fit = MixedLM(values, across, groups=data.home, exog_vc=spec).fit(reml=True)
         except np.linalg.LinAlgError:
