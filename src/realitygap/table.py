@@ -35,7 +35,6 @@ class Table(NamedTuple):
         return f"{self.path}, line {self.lines[k]}"
 
     def texts(self, name: str) -> list[str]:
-        """A column as it is."""
         column = self.columns.index(name)
         return [row[column] for row in self.rows]
 

@@ -30,7 +30,6 @@ class Folder(tempfile.TemporaryDirectory[str]):
             self._lock = hold(Path(self.name))
 
     def cleanup(self) -> None:
-        """Remove it."""
         super().cleanup()
         if self._lock is not None:
             os.close(self._lock)

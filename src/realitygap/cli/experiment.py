@@ -198,8 +198,6 @@ def noise(
 def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
     """Make the report of a study of noise, and print its result; for an arm of the plan its tables only.
 
-    `more` are further parts of the JSON.
-
     Args:
         out: its folder.
         results: its tables.

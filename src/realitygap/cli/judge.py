@@ -93,7 +93,6 @@ def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
 
 
 def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
-    """The pairs in a folder, scored."""
     from realitygap.correspondence.judging import Pair
     from realitygap.correspondence.reading import read_trials
     from realitygap.correspondence.score import compare

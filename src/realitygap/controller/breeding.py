@@ -226,8 +226,7 @@ def crosses(crossover, stream):
 
 @routine
 def offspring(first, second, rates, stream):
-    """One offspring of parents int8 [slots, fields]: crossover, point mutation, neuron added, deleted, link
-    added, deleted (§5.1).
+    """One offspring: crossover, point mutation, neuron added, deleted, link added, deleted (§5.1).
 
     Args:
         first, second: parents, int8 [slots, fields].

@@ -173,7 +173,6 @@ class EnkiProcess:
         return self._moment(steps, self._ask("run", (steps, left_cm_s, right_cm_s)))
 
     def close(self) -> None:
-        """End the process."""
         self._finalizer()
 
     def _moment(self, steps: int, told: NDArray[np.float64]) -> Moment:

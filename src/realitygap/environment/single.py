@@ -134,7 +134,6 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
 def _made(
     *, noise: str | float | None, reality: str, spread: float, **settings: Any
 ) -> RobotVectorEnv | _Situated:
-    """As of `RobotEnv`."""
     if reality == SIMULATION:
         level = "observed" if noise is None else noise
         mode = AutoresetMode.DISABLED

@@ -152,13 +152,11 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
 def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.float64]) -> None:
     """Refuse a state with `cells` cells that does not match the evaluations that it was told of.
 
-    The batch is all of them since a state that was checked, with their fitness [n].
-
     Args:
         state: after them.
         cells: of its algorithm.
-        batch: all of them since a state that was checked.
-        fitness: theirs.
+        batch: all evaluations since the last checked state.
+        fitness: of them, [n].
 
     Raises:
         UsageError: says what was expected of the algorithm and what came.

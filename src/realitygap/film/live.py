@@ -85,7 +85,6 @@ class LiveCamera(Closing):
         return filmed
 
     def close(self) -> None:
-        """Release the camera."""
         if self._process is None:
             return
         self._pipe.close()  # it ends when nobody listens
@@ -179,7 +178,6 @@ class _Opened:
         return np.asarray(cv2.cvtColor(self._next()[1], cv2.COLOR_BGR2GRAY), np.uint8)
 
     def film(self, file: str) -> None:
-        """Begin a film."""
         notes = {"view": f"camera {self._source}"}
         self._writer, self._times = FilmWriter(file, rate=self._rate, made_by="a camera", notes=notes), []
         self._add(*self._next())
@@ -194,7 +192,6 @@ class _Opened:
             self._trouble = str(error)
 
     def finish(self, until: float) -> Filmed:
-        """End the film."""
         if self._writer is None:
             raise FilmError(f"live camera {self._source!r}: there is no film to finish.")
         while self._times[-1] < until and self._trouble is None:

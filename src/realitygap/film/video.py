@@ -82,7 +82,6 @@ class FilmReader(Closing):
         return {}
 
     def close(self) -> None:
-        """Close the file."""
         self._container.close()
 
     def __iter__(self) -> Iterator[Frame]:

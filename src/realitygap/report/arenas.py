@@ -25,7 +25,6 @@ AMBIENT_RAYS_CM = 15.0
 def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = False) -> None:
     """Floor, walls, inner walls, cylinders and lamps of an arena, to scale; the axes become cm.
 
-
     Args:
         ax: where to draw.
         arena: in the kernels' form.
@@ -157,7 +156,6 @@ def _draw_rays(ax: Axes, robot: Robot, arena: Arena, feeds: str, pose: tuple[flo
 def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> F:
     """Rays of the fed sensors, to the first surface or their range: [rays, 2 ends, 2] cm.
 
-
     Args:
         robot: the robot.
         arena: the room.
@@ -194,7 +192,6 @@ def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[
 
 def arena_figure(room: world.Arena, profile: Profile, feeds: str, start: np.ndarray) -> Figure:
     """Figure 1 or 2: a task's arena to scale, with a robot and the rays of its fed sensors.
-
 
     Args:
         room: the task's arena.

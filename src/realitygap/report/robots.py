@@ -28,7 +28,6 @@ def draw_robot(
 ) -> list[Patch | Line2D]:
     """Draw a robot to scale: body, wheels, and a line to its leading edge; returns its artists.
 
-
     Args:
         ax: the axes, in cm.
         robot: its body.

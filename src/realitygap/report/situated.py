@@ -75,7 +75,6 @@ def make_situated(
 ) -> SituatedPart:
     """The part of a section on a task's transfers.
 
-
     Args:
         part: the task's runs.
         pairs: its transfers, at least one.

@@ -118,7 +118,6 @@ def new_figure(
 ) -> Figure:
     """A figure without global state.
 
-
     Args:
         width: inches.
         height: inches.

@@ -85,7 +85,6 @@ class StandIn(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Which one it is."""
         return f"{self.name} unit {self.unit}" + (f", {self.scale} × noise" if self.scale else "")
 
 

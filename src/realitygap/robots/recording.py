@@ -187,7 +187,6 @@ class Recorder:
         return len(self._rows)
 
     def add(self, step: Step) -> None:
-        """Keep a step."""
         row = step.row()
         if not self._rows:
             self._columns = step.columns()

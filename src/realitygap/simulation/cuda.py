@@ -138,7 +138,6 @@ class Cuda:
         return batch
 
     def _taken(self, batch: Batch) -> Floats:
-        """Their scores."""
         if self.cores.task.source is not None:
             paths = _fetched(batch.paths)
             self.cores.require_finite_path(paths)

@@ -16,8 +16,6 @@ def drawn(robot: Robot, stream: int, spread: float, wheels: float | None = None)
     Factors uniform in 1 ± spread, each drawn by itself: on what every proximity sensor gets back (its `a`),
     on every ambient sensor's gain, on each wheel's speed a unit, and on the track.
 
-    The spread is 0 to below 1; `wheels` is that of wheels and track, if it is another.
-
     Args:
         robot: the profile's.
         stream: the trial's.

@@ -49,7 +49,6 @@ def plans(materials: Materials) -> tuple[Plan, ...]:
 def run_stream(seed: int, task: str, noise: float, index: int) -> np.uint64:
     """A run's random stream, independent of what else is in the study.
 
-
     Args:
         seed: the study's.
         task: its name.

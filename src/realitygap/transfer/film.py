@@ -195,7 +195,6 @@ def film_and_track(
 ) -> Track:
     """Film a trial's recorded states, then track the film: film, camera, track and tails into its folder.
 
-
     Args:
         folder: the trial's.
         states: from the trial's beginning to its end.
@@ -228,7 +227,6 @@ def keep_film(
     folder: Path, camera: CameraModel, marker: Marker, tell: Callable[[int, int | None], None] | None = None
 ) -> Tracked:
     """Track the film in a trial's folder: camera, track, tails and a disk of your own.
-
 
     Args:
         folder: the trial's.

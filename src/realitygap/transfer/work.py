@@ -120,7 +120,6 @@ def on_twins(
 ) -> None:
     """Make trials on robots that place themselves; a twin's results do not depend on the pool.
 
-
     Args:
         study: whose individuals drive.
         place: where their folders are.

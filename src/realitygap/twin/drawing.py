@@ -130,11 +130,9 @@ class Drawing:
     def frame(self, x: float, y: float, heading: float, window: Window = WHOLE) -> Array:
         """[rows, columns, 3] of a window of the picture: grey levels as floats, without the camera's noise.
 
-        The robot is at x, y (m) with a heading (rad).
-
         Args:
-            x, y: m.
-            heading: rad.
+            x, y: of the robot, m.
+            heading: of the robot, rad.
             window: which rows and columns of the picture.
         """
         picture = self.background[window].copy()

@@ -55,7 +55,6 @@ class TwinProcess(Closing):
         self._tell(f"renew {seed}")
 
     def close(self) -> None:
-        """End the twin."""
         if self._hand is not None:
             self._hand.close()
             self._hand = None

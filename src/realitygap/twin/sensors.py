@@ -105,8 +105,6 @@ def _proximity(eyes: Any, noises: Any, noise: float, time_ms: int, history: Any,
 def noisy_proximity(noises: Any, noise: float, k: int, time_ms: int, signal: float) -> Any:
     """What sensor k's converter takes for a signal (counts), its noise of this moment on it.
 
-    `noises` are of what is seen and of a sensor that sees nothing, `noise` is their scale.
-
     Args:
         noises: of what is seen, and of a sensor that sees nothing.
         noise: the scale.

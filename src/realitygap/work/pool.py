@@ -61,7 +61,6 @@ class Setup:
     here: Bench | None = field(default=None, compare=False)
 
     def __call__(self) -> Bench:
-        """A bench."""
         return self.make(*self.words)
 
     def __reduce__(self) -> tuple[Any, ...]:

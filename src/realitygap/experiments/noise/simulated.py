@@ -203,7 +203,6 @@ def lived_apart(
 ) -> tuple[dict[str, dict[str, float]], float]:
     """A controller's distances without a camera on each unit, and its fitness in pseudo-realities.
 
-
     Args:
         stage: of the study.
         one: the controller.

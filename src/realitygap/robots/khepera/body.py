@@ -44,8 +44,6 @@ def opened(
 ) -> KheperaBody:
     """The Khepera on a serial port, told to stop; with a clock channel a twin in virtual time.
 
-    Its rate is tried for if `baud` is None.
-
     Args:
         port: of the line.
         baud: its rate; None: try all.

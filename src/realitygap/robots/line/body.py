@@ -108,7 +108,6 @@ class LineBody:
 
     @property
     def clock(self) -> RealClock:
-        """The line's."""
         return self.driver.clock
 
     @property
@@ -168,7 +167,6 @@ class LineBody:
         self.driver.stop()
 
     def close(self) -> None:
-        """Stop, and close the line."""
         self.driver.close()
         self.clock.close()
 

@@ -88,7 +88,6 @@ class Driver(Closing, ABC):
 
     @property
     def clock(self) -> RealClock:
-        """Of the line."""
         return self.line.clock
 
     def command(self, left: int, right: int) -> None:

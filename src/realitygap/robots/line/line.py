@@ -87,7 +87,6 @@ class Line:
         return int(self._port.fileno())
 
     def close(self) -> None:
-        """Close the port."""
         with contextlib.suppress(OSError):
             self._port.close()
 

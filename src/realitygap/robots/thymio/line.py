@@ -94,7 +94,6 @@ class AsebaLine:
         return int(self._port.fileno())
 
     def close(self) -> None:
-        """Close the line."""
         with contextlib.suppress(OSError):
             if isinstance(self._port, socket.socket):
                 self._port.shutdown(socket.SHUT_WR)
