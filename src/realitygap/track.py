@@ -8,13 +8,11 @@ where the robot was lost the fields of place and heading are empty. Columns star
 several tracks.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -77,7 +75,7 @@ class Track:
         *,
         quality: Floats | None = None,
         seen_by: str = "",
-    ) -> Track:
+    ) -> Self:
         """A track from columns as in files; a row without place, heading or quality is lost altogether.
 
         Args:
@@ -125,7 +123,7 @@ class Track:
             (float(self.t[a]), float(self.t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)
         ]
 
-    def only(self, rows: NDArray[Any]) -> Track:
+    def only(self, rows: NDArray[Any]) -> Self:
         """Some of its rows: their numbers, or a mask [n]."""
         names = ("t", "x", "y", "heading", *(() if self.quality is None else ("quality",)))
         return replace(self, **{name: getattr(self, name)[rows] for name in names})

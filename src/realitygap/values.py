@@ -4,8 +4,6 @@ Lengths cm, angles rad, times s, readings counts, commands Khepera units (design
 where a person's degrees become radians, and it is here).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Self
@@ -70,7 +68,7 @@ class Pose:
     heading: float
 
     @classmethod
-    def from_degrees(cls, x_cm: float, y_cm: float, heading_deg: float) -> Pose:
+    def from_degrees(cls, x_cm: float, y_cm: float, heading_deg: float) -> Self:
         """A pose as a person writes it."""
         return cls(x=float(x_cm), y=float(y_cm), heading=math.radians(heading_deg))
 

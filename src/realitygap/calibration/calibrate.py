@@ -1,13 +1,11 @@
 """From recordings to a profile (§3.2.1): fits, noise, input ranges and provenance."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -79,7 +77,7 @@ class Calibration:
         figures: Mapping[str, Any] = above("report.notebook").of_calibration(self)
         return figures
 
-    def named(self, name: str, *, date: str | None = None) -> Calibration:
+    def named(self, name: str, *, date: str | None = None) -> Self:
         """A copy with a name for its profile and another date (None: today's; "": none)."""
         where = self.profile.provenance
         dated = where if date is None else replace(where, date=date)

@@ -4,12 +4,11 @@ A table's wall, cylinder or lamp becomes a room of its own with the robot at eac
 a recording in an arena keeps its poses. The kernels compute the readings.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,12 +44,12 @@ class Scene:
     bare: bool = False
     paint: str = ""
 
-    def painted(self, reflectance: float) -> Scene:
+    def painted(self, reflectance: float) -> Self:
         """A copy in which all surfaces have this reflectance."""
         surfaces = np.full(1 + len(self.arena.cylinders), reflectance)
         return replace(self, arena=self.arena._replace(reflectance=surfaces))
 
-    def tried(self, values: Mapping[str, Floats]) -> Scene:
+    def tried(self, values: Mapping[str, Floats]) -> Self:
         """A copy with the reflectance among the fit's values, if there is one."""
         return self.painted(float(values[self.paint][0])) if self.paint in values else self
 

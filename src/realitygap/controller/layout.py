@@ -5,10 +5,9 @@ the next two the motor neurons (left, right), the others may each hold a hidden 
 What is not expressed carries no information: the operators keep it blank (zeros).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +79,7 @@ class Layout:
         return ("left motor", "right motor", "hidden")[min(slot - self.inputs, 2)]
 
     @classmethod
-    def of(cls, genes: Genes, *, inputs: int = 8) -> Layout:
+    def of(cls, genes: Genes, *, inputs: int = 8) -> Self:
         """The layout of a genotype that has `inputs` sensor neurons."""
         if not isinstance(genes, np.ndarray) or genes.ndim != 2:
             raise GenotypeError(f"the genotype: expected an array int8[slots, fields], got {shown(genes)}")

@@ -1,10 +1,8 @@
 """The paper's encoding (§5.2): how genotypes of slots begin and change (§5.1) and what they stand for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -72,7 +70,7 @@ class Variation:
         """Of its values."""
         return np.dtype(np.int8)
 
-    def sized(self, layout: Layout) -> Variation:
+    def sized(self, layout: Layout) -> Self:
         """The same rates for genotypes of another size."""
         return replace(self, layout=layout)
 

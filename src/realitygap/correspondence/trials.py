@@ -1,10 +1,9 @@
 """A trial prepared for comparison: the robot's poses at 10 Hz, from any source."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -65,12 +64,12 @@ class Trial:
         """Time from the first row to the last."""
         return (len(self) - 1) * STEP_S
 
-    def cut(self, seconds: float) -> Trial:
+    def cut(self, seconds: float) -> Self:
         """Its first `seconds`."""
         n = round(seconds * RATE_HZ) + 1
         return replace(self, x=self.x[:n], y=self.y[:n], heading=self.heading[:n])
 
-    def pieces(self, count: int) -> list[Trial]:
+    def pieces(self, count: int) -> list[Self]:
         """The trial cut into `count` pieces of one length."""
         n = len(self) // count
         return [

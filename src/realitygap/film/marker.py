@@ -1,11 +1,9 @@
 """What the robot wears under the camera: the paper's disk, or an ArUco or AprilTag marker."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -65,7 +63,7 @@ class Tag:
                 raise FilmError(f"marker: {key}: expected {expected}, got {getattr(self, key):g}.")
 
     @classmethod
-    def parse(cls, text: str) -> Tag:
+    def parse(cls, text: str) -> Self:
         """A marker as a person writes it: "aruco:4x4_50:7,size=40,x=-5,y=0,angle=90,height=32".
 
         Everything but the family may be omitted.

@@ -3,8 +3,6 @@
 The filters between these steps are OpenCV's (film/pattern.py).
 """
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from pathlib import Path

@@ -3,11 +3,9 @@
 "These were constructed by failing to erase a line, plotted on each previous time step" (§6).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,7 +32,7 @@ class Scene(NamedTuple):
     robot: Robot
 
     @classmethod
-    def of(cls, task: Task, profile: Profile) -> Scene:
+    def of(cls, task: Task, profile: Profile) -> Self:
         return cls(task.arena.to_kernel(), profile.to_kernel())
 
 

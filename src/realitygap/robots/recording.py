@@ -4,14 +4,12 @@ A folder: `recording.toml` with the facts and, once the drive is over, how it en
 Each row is handed to the system before the next step, so that a killed process loses none.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +110,7 @@ class Recording:
     @classmethod
     def from_rows(
         cls, columns: Sequence[str], rows: Sequence[Sequence[float]], *, ended: str, facts: Mapping[str, Any]
-    ) -> Recording:
+    ) -> Self:
         """From the names of a file's columns and their rows [n, columns].
 
         Args:
@@ -142,7 +140,7 @@ class Recording:
         )
 
     @classmethod
-    def from_folder(cls, folder: str | Path) -> Recording:
+    def from_folder(cls, folder: str | Path) -> Self:
         """Read a recording; a last line that a kill cut short is left out.
 
         Raises:

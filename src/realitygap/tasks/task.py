@@ -7,13 +7,11 @@ Python over arrays and is compiled by Numba:
         return path.contact.mean()
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -111,7 +109,7 @@ class Task:
         """Its name without what `under` adds."""
         return self.name.removesuffix(ending(self.spread, self.spread_wheels))
 
-    def under(self, spread: float, wheels: float | None = None) -> Task:
+    def under(self, spread: float, wheels: float | None = None) -> Self:
         """The same task with constants drawn anew, under a name and a title that say so.
 
         Args:
@@ -148,7 +146,7 @@ class Task:
             )
         return steps
 
-    def of(self, profile: Profile) -> Task:
+    def of(self, profile: Profile) -> Self:
         """The task for a robot: fed by all its sensors of the kind, if it names none."""
         there = len(profile.bands(self.feeds))
         return self if self.sensors or not there else replace(self, sensors=tuple(range(there)))

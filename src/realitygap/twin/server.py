@@ -8,8 +8,6 @@ fresh process would make of that seed, so that many trials need one process) and
 with one line.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import json
@@ -24,7 +22,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Self
 
 from realitygap import temporary
 from realitygap.errors import RealityGapError, UsageError
@@ -102,7 +100,7 @@ class Server:
         self._running = True
         self._buffers: dict[socket.socket, bytes] = {}
 
-    def __enter__(self) -> Server:
+    def __enter__(self) -> Self:
         self._folder = temporary.Folder("twin")
         self.channel = os.path.join(self._folder.name, "clock")
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

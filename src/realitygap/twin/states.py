@@ -1,9 +1,7 @@
 """Recorded states: where the robot was, for the camera and for testing the tracker, never for a score."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +29,7 @@ class States(NamedTuple):
     pose: NDArray[np.float64]
 
     @classmethod
-    def standing(cls, time_ms: ArrayLike, x_cm: ArrayLike, y_cm: ArrayLike, heading: ArrayLike) -> States:
+    def standing(cls, time_ms: ArrayLike, x_cm: ArrayLike, y_cm: ArrayLike, heading: ArrayLike) -> Self:
         """States of a robot that stands upright: x, y in cm, heading in rad, [n] each.
 
         Args:
@@ -47,7 +45,7 @@ class States(NamedTuple):
         return cls(t, pose)
 
     @classmethod
-    def from_file(cls, path: str | Path) -> States:
+    def from_file(cls, path: str | Path) -> Self:
         """States of a sealed file (t_s, x_cm, y_cm, heading_deg and further columns).
 
         Raises:

@@ -7,13 +7,11 @@ hand that places to a millimetre, commands that take effect up to a step late, a
 Sizes were fixed before anything was evolved or calibrated on it, and are never tuned afterwards.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +55,7 @@ class Oddities:
     charge: float
 
     @classmethod
-    def drawn(cls, unit: int, seed: int) -> Oddities:
+    def drawn(cls, unit: int, seed: int) -> Self:
         """Of a unit, switched on with a seed."""
         own, now = draws(unit, 53), draws(unit, seed, 59)
         return cls(crosstalk=CROSSTALK * float(own.uniform(0.7, 1.3)), charge=float(now.uniform(*CHARGE)))

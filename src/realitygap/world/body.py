@@ -1,9 +1,8 @@
 """A robot's body, seen from above: a disc, or a convex polygon about the axle's middle."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +94,7 @@ class Body(Value):
         last = np.fmax(np.fmax.reduce(discs), np.where(before, strips, -np.inf).max(axis=0))
         return np.asarray(last - gap_cm)
 
-    def grown(self, by_cm: float) -> Body:
+    def grown(self, by_cm: float) -> Self:
         """The body with its edge farther out."""
         corners, normals = np.hsplit(self.edges(), 2)
         sums = normals + np.roll(normals, 1, axis=0)

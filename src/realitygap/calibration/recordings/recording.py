@@ -18,13 +18,11 @@ A row of a place is one of its repeated readings; a row of steps has what was re
 given then.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,7 +122,7 @@ class SensorRecording(Recorded):
             raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length: {lengths}.")
         check_object(self.kind, self.object, self.source or "a recording")
 
-    def of_robot(self, robot: Profile) -> SensorRecording:
+    def of_robot(self, robot: Profile) -> Self:
         """A copy as a recording of this robot: with its body, and a warning about that, if it states none.
 
         Raises:
@@ -162,7 +160,7 @@ class SensorRecording(Recorded):
             distance_cm=self.distance_cm - nearer, warnings=(*self.warnings, told),
         )  # fmt: skip
 
-    def _before(self, sensor: Sensor) -> SensorRecording:
+    def _before(self, sensor: Sensor) -> Self:
         """A copy with poses in a room in which one sensor faces a wall."""
         heading = -math.radians(sensor.direction_deg)
         c, s = math.cos(heading), math.sin(heading)
@@ -246,7 +244,7 @@ class WheelRecording(Recorded):
         both = seen[1:] & seen[:-1] & (np.diff(self.trial) == 0)
         return int(both.sum()) >= FOLLOWED_STEPS
 
-    def of_robot(self, base: Profile) -> WheelRecording:
+    def of_robot(self, base: Profile) -> Self:
         """A copy in steps of the base's period; wheels without counters get their integrated commands."""
         if self.counted:
             return replace(self, period_s=base.period_s)

@@ -1,9 +1,8 @@
 """The crossed design: every controller, evolved at one level, compared at every level."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +98,7 @@ class Crossed:
         """A level's index among the levels."""
         return int(np.searchsorted(self.levels, level))
 
-    def part(self, *, task: str | None = None, seed_set: int | None = None) -> Crossed:
+    def part(self, *, task: str | None = None, seed_set: int | None = None) -> Self:
         """Only the controllers of one task, of one seed set."""
         keep = np.ones(len(self), bool)
         if task is not None:
@@ -108,7 +107,7 @@ class Crossed:
             keep &= self.seed_set == seed_set
         return self.only(keep)
 
-    def only(self, keep: NDArray[np.bool_]) -> Crossed:
+    def only(self, keep: NDArray[np.bool_]) -> Self:
         """Only the controllers that are marked [n]."""
         names = [f.name for f in fields(self) if f.name not in ("levels", "robot")]
         return replace(self, **{name: getattr(self, name)[keep] for name in names})

@@ -1,10 +1,8 @@
 """An e-puck or e-puck2 as a body, on a serial line or over WiFi."""
 
-from __future__ import annotations
-
 import re
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 from realitygap.errors import LineError, RobotError
 from realitygap.robots.body import KINDS, Channel, Odometry
@@ -36,7 +34,7 @@ class Epuck(Driver):
         return self.counters() == before
 
     @classmethod
-    def over_wifi(cls, place: str) -> Epuck:
+    def over_wifi(cls, place: str) -> Self:
         """The e-puck2 at HOST or HOST:PORT.
 
         Raises:
