@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from realitygap import whole
 from realitygap.report.style import inline_svg, noise_styles, save_figure, styled
 from realitygap.study.sources import refuse_links
-from realitygap.work.pool import Setup, Tell
+from realitygap.work.pool import Bench, Setup, Tell
 from realitygap.work.workers import Workers, near, opened
 
 __all__ = [
@@ -84,7 +84,7 @@ class Figures(dict[str, Picture]):
         return self[name]
 
 
-class Drawing:
+class Drawing(Bench):
     """Draws pictures into a folder, if given."""
 
     def __init__(self, folder: Path | None) -> None:
@@ -93,9 +93,6 @@ class Drawing:
     def carry_out(self, job: Picture, tell: Tell) -> None:
         """Draw one picture; sends its name and its SVG."""
         tell((job.name, job.save(self._folder)))
-
-    def close(self) -> None:
-        """Nothing is held."""
 
 
 class Steps:

@@ -44,7 +44,8 @@ def build_noise_report(out: str | Path, *, on_progress: OnProgress | None = None
     step = Steps(on_progress, len(CAPTIONS) + 1)
     step("statistics")
     tables = {name: table.csv() for name, table in report.tables.items()}
-    levels = {level: _level(level) for level in report.facts.data.levels.tolist()}
+    names = {level: noise_name(level) for level in report.facts.data.levels.tolist()}
+    levels = {v: name if name == f"{v:g}" else f"{name} ({v:g})" for v, name in names.items()}
     facts = {
         "report": report,
         "facts": report.facts,
@@ -127,11 +128,6 @@ class NoiseReport:
     def warnings(self) -> list[str]:
         """Where calibration errors are too large for noise levels to be meaningful; lost controllers."""
         return warnings(self.results.calibration, self.facts.data.tasks, self.results.lost)
-
-
-def _level(level: float) -> str:
-    name = noise_name(level)
-    return name if name == f"{level:g}" else f"{name} ({level:g})"
 
 
 def _means(facts: NoiseFacts) -> str:
