@@ -1,9 +1,8 @@
-"""The numbers that describe a trial, each with its own just-noticeable amount.
+"""The numbers that describe a trial, each with its just-noticeable difference.
 
-The amounts are physical and fixed: what a person who watches two films side by side can just tell
-apart. They were written down from the size and speed of a Khepera (5.8 cm, up to 8 cm/s); what was
-changed after a look at exemplars is told in docs/correspondence.md. They never depend on the sets
-that are compared.
+These differences are physical and fixed: what a person can just notice when watching two films side by side.
+They were chosen from the size and speed of a Khepera (5.8 cm, up to 8 cm/s); changes after a look at
+exemplars are listed in docs/correspondence.md. They never depend on the compared sets.
 """
 
 from collections.abc import Sequence
@@ -23,7 +22,7 @@ class Descriptor(NamedTuple):
     name: str
     unit: str
     noticeable: float
-    """What can just be noticed, in that unit."""
+    """The just-noticeable difference, in that unit."""
     needs: str = "motion"
     """motion: the track alone; walls: an arena; light: a lamp in it."""
     handed: bool = False
@@ -66,23 +65,23 @@ FOR_NAMES = (
     Descriptor("side near", "share of turning", 0.15, "walls", handed=True),
     Descriptor("wall side", "share of time", 0.15, "walls", handed=True),
 )
-"""What tells the kinds of behaviour apart and is no part of a score: how the robot goes where nothing is
-near; whether it turns away from what is ahead, and always to one side; on which side it has walls."""
+"""Descriptors that distinguish kinds of behaviour and are not part of a score: movement far from everything;
+whether it turns away from what is ahead, and always to one side; on which side it has walls."""
 FOR_LARGE = (
     Descriptor("bend to wall", "deg/cm", 1.0, "walls"),
     Descriptor("wall distance spread", "cm", 1.0, "walls"),
     Descriptor("turning in touch", "share of turning", 0.15, "walls"),
 )
-"""What tells them apart where a robot sees little to its sides: whether it bends back to a wall beside it,
-how evenly it keeps its distance, and how much of its turning is a wall's doing."""
+"""Descriptors for robots that see little to their sides: whether it bends back to a wall beside it, how
+evenly it keeps its distance, and how much of its turning is due to a wall."""
 
 
 def chosen(arena: Arena | None) -> tuple[Descriptor, ...]:
-    """The descriptors that can be told in an arena; of the motion alone where there is none."""
+    """The descriptors that are defined in an arena; without one those of motion alone."""
     told = {"motion"} | ({"walls"} if arena else set()) | ({"light"} if arena and arena.lamps else set())
     return tuple(d for d in DESCRIPTORS if d.needs in told)
 
 
 def mirrored(descriptors: Sequence[Descriptor]) -> Floats:
-    """Signs [d] that turn a row of descriptors into its mirror image's."""
+    """Signs [d] that turn a row of descriptors into that of its mirror image."""
     return np.array([-1.0 if d.handed else 1.0 for d in descriptors])

@@ -1,7 +1,8 @@
-"""Whether a track holds what the definition of a kind names: one rule for robots of every size and maker.
+"""Whether a track contains what the definition of a kind requires: one rule for robots of every size and
+make.
 
-It never asks what a trial is called. It was laid down after a look at tracks of a Thymio, and before the
-later vehicles that names were tried on (tests/correspondence/vehicles_later.py) were named.
+The rule does not use a trial's name. It was fixed after a look at tracks of a Thymio, and before the later
+vehicles that names were tested on (tests/correspondence/vehicles_later.py) were named.
 """
 
 import numpy as np
@@ -13,19 +14,19 @@ from realitygap.world.arena import Arena
 __all__ = ["tells"]
 
 TURNING_DEG_S, TURN_DEG, TURNS = 10.0, 20.0, 3
-"""A turn goes one way, faster and farther than this; who turns from what it meets does so three times."""
+"""A turn is one-sided, faster and larger than this; a robot that turns from obstacles does so three times."""
 STRAIGHT_S, MOVING, BESIDE = 2.0, 0.5, 0.25
-"""Seconds straight on; shares of the time: in motion, with a surface at one side."""
+"""Seconds straight on; shares of the time in motion, and with a surface at one side."""
 SLOW_CM_S, BESIDE_CM = 0.5, 4.0
-"""Of a Khepera; a robot twice as large moves and keeps its distance on twice that scale."""
+"""For a Khepera; scaled with the robot's size."""
 
 
 def tells(trial: Trial, arena: Arena) -> dict[str, bool]:
-    """By kind of obstacle avoidance, whether a judge could know it in this track.
+    """By kind of obstacle avoidance, whether a judge could recognise it in this track.
 
-    All are in motion for half of their time. One way and two way turners go straight on for two seconds and
-    turn three times, the latter to either side; a looper goes once round; a follower of walls has one at
-    the same side, as it goes, for a quarter of its time, and turns to it.
+    All are in motion for half of the time. One way and two way turners go straight for two seconds and turn
+    three times, the latter to either side; a looper goes once round; a wall follower has a wall at the same
+    side, while moving, for a quarter of the time, and turns towards it.
     """
     size, mean = trial.radius_cm / RADIUS_CM, (trial.heading[:-1] + trial.heading[1:]) / 2
     forward = (np.diff(trial.x) * np.cos(mean) + np.diff(trial.y) * np.sin(mean)) / STEP_S

@@ -1,14 +1,14 @@
-"""What kind of behaviour a trial shows: the paper's names (tables 1 and 2), or "none of these".
+"""The kind of behaviour that a trial shows: the paper's names (tables 1 and 2), or "none of these".
 
-A trial is named after the exemplars that are nearest to it; a descriptor counts by how well it tells
-kinds apart: how much it varies between them beside how much it does within one (Fisher's ratio). Large
-robots are described as if they were small, in rooms that shrink with them. A robot and its mirror image
-have one name. What is nearest to robots that take no notice of anything, or far from every exemplar, is
-"none of these".
+A trial is named after its nearest exemplars. Descriptors are weighted by how well they separate kinds: their
+variance between kinds over that within kinds (Fisher's ratio). Large robots are described as if they were
+small, in rooms scaled down with them. A robot and its mirror image have the same name. A trial nearest to
+robots that ignore their surroundings, or far from every exemplar, is "none of these".
 
-How sure a name is follows from the neighbours' votes and the distance of the nearest. Two numbers make that a
-share of right names: the reach, from where on a trial is too far for any name, and the temperature. Both are
-fitted to exemplars of designs that the votes know nothing of (`python -m tests.exemplars.make`).
+The confidence of a name follows from the neighbours' votes and the distance of the nearest. Two parameters
+calibrate it to the share of correct names: the reach, beyond which a trial is too far for any name, and the
+temperature. Both are fitted to exemplars of designs that are excluded from the votes (`python -m
+tests.exemplars.make`).
 """
 
 from collections import defaultdict
@@ -64,13 +64,13 @@ class Namer:
     """Names trials of one task by exemplars.
 
     Args:
-        task: whose exemplars.
-        rows: their descriptors [n, d] (`rows_of`).
+        task: of the exemplars.
+        rows: the exemplars' descriptors [n, d] (`rows_of`).
         names: their kinds [n].
-        reach: distance of the nearest exemplar from which on "none of these" has a vote of more than one.
-        temperature: the votes' power is one over it; more makes less sure.
-        large: they are of large robots, and so are those that it names; of their descriptors those that go
-            together count together, and a name whose evidence a track lacks is half as sure.
+        reach: distance of the nearest exemplar at which "none of these" has a vote of one.
+        temperature: the votes' power is its inverse; higher means less confident.
+        large: whether exemplars and named robots are large; then correlated descriptors are weighted jointly,
+            and a name whose evidence a track lacks is less sure.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Namer:
         ]
 
     def nearest(self, rows: Floats) -> tuple[Floats, Floats]:
-        """Distances of the nearest exemplars of each row, nearest first, and whose they are.
+        """Distances of the nearest exemplars of each row, nearest first, and their kinds.
 
         Returns:
             [n, neighbours], and 1 for the kind of each: [n, neighbours, kinds].
@@ -124,17 +124,17 @@ class Namer:
         return np.take_along_axis(far, order, axis=1), np.eye(len(self.kinds))[self._of[order]]
 
     def _eased(self, rows: Floats) -> Floats:
-        """Of a robot and its mirror image the same; what is large anyway counts less."""
+        """Make rows the same for a robot and its mirror image, and reduce the weight of large values."""
         folded = np.where(self._signs < 0, np.abs(rows), rows)
         return np.asarray(np.sign(folded) * 1.5 * np.sqrt(np.abs(folded)))
 
 
 def shares(far: Floats, kinds: Floats, reach: float, temperature: float) -> Floats:
-    """How sure each kind is, [n, kinds], the last being "none of these"; rows sum to one.
+    """Confidence in each kind, [n, kinds], the last being "none of these"; rows sum to one.
 
     Args:
         far: distances of the nearest exemplars, [n, neighbours].
-        kinds: whose they are (`Namer.nearest`).
+        kinds: their kinds (`Namer.nearest`).
         reach, temperature: as of a `Namer`.
     """
     votes = DOUBT + (np.exp(far[:, :1] - far)[:, :, None] * kinds).sum(axis=1)
@@ -144,7 +144,7 @@ def shares(far: Floats, kinds: Floats, reach: float, temperature: float) -> Floa
 
 
 def descriptors_of(arena: Arena | None, large: bool = False) -> tuple[Descriptor, ...]:
-    """What trials are named by."""
+    """The descriptors for naming trials."""
     return (*chosen(arena), *FOR_NAMES, *(FOR_LARGE if large else ()))
 
 
@@ -157,7 +157,7 @@ def rows_of(trials: Sequence[Trial], arena: Arena | None, *, large: bool = False
 
 
 def _shrunk(trial: Trial, arena: Arena) -> tuple[list[Trial], Arena]:
-    """A trial and its room on the scale on which its body has the small exemplars' radius."""
+    """A trial and its room, scaled so that its body has the small exemplars' radius."""
     by = RADIUS_CM / trial.radius_cm
     small = replace(trial, x=trial.x * by, y=trial.y * by, radius_cm=RADIUS_CM)
     cylinders = tuple(
@@ -169,10 +169,10 @@ def _shrunk(trial: Trial, arena: Arena) -> tuple[list[Trial], Arena]:
 
 
 def namer(setting: Setting, radius_cm: float = RADIUS_CM) -> Namer:
-    """The namer for a setting, and bodies of such a radius, from the exemplars that come with the package.
+    """The namer for a setting and bodies of this radius, with the package's exemplars.
 
     Raises:
-        TrackError: a setting that nobody knows: names need walls and lamps.
+        TrackError: an unknown setting: names need walls and lamps.
     """
     must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
     task = setting.exemplars
@@ -192,7 +192,7 @@ def namer(setting: Setting, radius_cm: float = RADIUS_CM) -> Namer:
 
 
 def common_name(names: Sequence[Name]) -> str:
-    """The name of a robot from its trials: the one with most confidence behind it."""
+    """A robot's name from its trials: the one with the highest total confidence."""
     votes: defaultdict[str, float] = defaultdict(float)
     for name in names:
         votes[name.name] += name.confidence

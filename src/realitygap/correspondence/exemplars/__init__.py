@@ -1,1 +1,1 @@
-"""What was learnt from controllers whose behaviour is known: made by `python -m tests.exemplars.make`."""
+"""Data from controllers with known behaviour, made by `python -m tests.exemplars.make`."""
