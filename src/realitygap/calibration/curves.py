@@ -20,7 +20,7 @@ __all__ = ["ALIKE", "ALIKES", "STEPS", "Curves", "Seen", "on_curves", "smoothnes
 Use = NDArray[np.bool_]
 
 STEPS = 80
-"""Steps of a curve."""
+"""Of a curve."""
 ROUNDS, STEEP = 12, 1e6
 """Rounds of one fit, and the weight that keeps a curve from falling."""
 SETTLED = 1e-3
@@ -84,8 +84,8 @@ def on_curves(curves: Floats, u: Floats) -> Floats:
 
 
 class Curves:
-    """A fit of curves at shares u [n, S]: the normal equations are assembled once, their right side each time
-    censored readings are re-estimated."""
+    """The fit at shares u [n, S]: the normal equations are gathered once, their right side as often as
+    readings at the ends are taken anew."""
 
     def __init__(self, seen: Seen, u: Floats) -> None:
         self._seen, self._u = seen, u
@@ -112,11 +112,11 @@ class Curves:
         return np.asarray(total[: self._size].reshape(-1, STEPS + 1))
 
     def fitted(self) -> Floats:
-        """The curves [S, STEPS + 1]: from 0 to each sensor's saturation, never falling."""
+        """The curves [S, STEPS + 1], from 0 to where each saturates, never falling."""
         common = self._solved(self._bread.sum(axis=1, keepdims=True), np.zeros((1, STEPS + 1)), pooled=True)
         curves = self._solved(self._bread, np.repeat(common, self._bread.shape[1], 0), pooled=False)
         curves = np.clip(np.maximum.accumulate(curves, axis=1), 0.0, self._most[:, None])
-        # Below half a count it is 0, so that a sensor's range ends.
+        # Below half a count there is nothing: so that a sensor's reach ends.
         return np.where(curves < curves[:, :1] + 0.5, curves[:, :1], curves)
 
     def _solved(self, bread: Floats, towards: Floats, *, pooled: bool) -> Floats:
@@ -164,7 +164,7 @@ class Curves:
         return np.where(self._bread[2] > 0, size * left[:, None], np.inf)
 
     def _full(self, curves: Floats) -> Floats:
-        """Readings, with censored ones (0, the dead zone, the top) replaced by their expectation."""
+        """Readings, with what is expected beyond where one ends at 0, in the dead zone or at the top."""
         from scipy.special import ndtr
 
         counts, (low, high) = self._seen.counts, self._ends
@@ -178,7 +178,7 @@ class Curves:
         return out.reshape(counts.shape)
 
     def _at(self, curves: Floats, where: NDArray[np.int64]) -> Floats:
-        """Values of curves there, by the number of a reading."""
+        """What curves read there, by the number of a reading."""
         values, cell, share = curves.ravel(), self._cell.ravel()[where], self._share.ravel()[where]
         return np.asarray(values[cell] + share * (values[cell + 1] - values[cell]))
 
@@ -203,7 +203,7 @@ def _times(bands: Floats, vectors: Floats) -> Floats:
 
 
 def smoothness(seen: Seen, u: Floats, folds: NDArray[np.int64], alikes: Sequence[float] = (ALIKE,)) -> Seen:
-    """A copy with the `smooth` and `alike` that give the smallest error on held-out places.
+    """The same, with the bends, and as alike, with which curves err least on places held out.
 
     Args:
         seen: what the curves are fitted to.

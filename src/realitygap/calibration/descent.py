@@ -22,8 +22,7 @@ ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
 """Where rays may end; then closer about the best, by these shares of it."""
 NEARER, LIKE = (0.08, 0.015, 0.002), 1.0 + 1e-6
 AT_END = 0.015
-"""Within this share of their end rays are uncertain: readings that depend on them are left out of a descent.
-"""
+"""By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
 SHIFT = {"low": -1.0, "high": 1.0, "prior": 0.2, "step": 1e-3}
 """Offset of a straight series, cm, common to all its distances."""
 LIGHT, LIT = {"low": 0.0, "high": 0.05, "prior": 0.002, "step": 1e-5}, 1.1
@@ -168,7 +167,7 @@ class Descent:
         return {**values, "range_cm": np.array([best if left(best) * PLAIN < left(0.0) else 0.0])}
 
     def solved(self, optics: Optics, start: Values, noise: float, *, intervals: bool = False) -> Fit:
-        """Least squares over all free constants, without readings that depend on the exact end of a ray.
+        """Least squares over all that is free, without the readings that hang on a ray's end by a hair.
 
         Args:
             optics: the optics, held fixed.

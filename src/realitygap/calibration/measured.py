@@ -98,7 +98,7 @@ class Measured:
         return self.optics.shown(values, self._rows.use)
 
     def _promising(self) -> tuple[Optics, dict[str, Floats]]:
-        """The result of the most promising start; `optics` has it with curves fitted to all readings."""
+        """Where the start ends that promises most; `optics` has it with curves fitted to all readings."""
         found = [self._start_at(i, *self._nearer(*one[2:])) for i, one in enumerate(self._begun())]
         places, values = self._nearer(*min(found, key=itemgetter(0, 1))[2:])
         values = self._step.lit(places, values)
@@ -120,8 +120,7 @@ class Measured:
         ]  # fmt: skip
 
     def _nearer(self, optics: Optics, values: Values) -> tuple[Optics, dict[str, Floats]]:
-        """The curves' smoothness for the current optics, which is only meaningful once that is right; then
-        the optics."""
+        """The curves as smooth as suits the optics, which shows only where that is right; then that."""
         folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
         alikes = ALIKES if self._step.straight else (ALIKE,)
         seen = smoothness(seen, optics.share(optics.profile(values), values), folds, alikes)

@@ -89,12 +89,12 @@ class Optics:
         return np.asarray(on_curves(curves, up_curve(light, law.curve_cm)).T)
 
     def curves(self, values: Values, use: Use) -> tuple[Floats, Floats]:
-        """The best curves [S, n] for the optics, and each reading's share."""
+        """The curves [S, n] that suit the optics, and each reading's share."""
         u = self.share(self.profile(values), values)
         return Curves(replace(self.seen, use=use), u).fitted(), u
 
     def readings(self, values: Values, use: Use) -> Floats:
-        """Noise-free readings [n, S] by curves fitted to those in `use`; ignoring the dead zone."""
+        """Noise-free readings [n, S] by curves fitted to those in `use`; in the dead zone what exceeds it."""
         model, dead = on_curves(*self.curves(values, use)), self.seen.dead
         return np.where((self.seen.counts <= 0) & (dead > 0), np.maximum(model - dead, 0.0), model)
 

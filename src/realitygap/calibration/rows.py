@@ -89,7 +89,7 @@ class Rows:
         self.block = self._blocks()
 
     def without(self, out: NDArray[np.bool_]) -> "Rows":
-        """A copy with no reading of the rows `out` [n] in use."""
+        """The same with no reading of the rows `out` [n] in use."""
         some = copy(self)
         some.use = self.use & ~out[:, None]
         return some

@@ -71,10 +71,10 @@ def calibrated_unit(
         unit: its number in the population, or the address of one of Enki's, as "enki:epuck:3".
         noise: the twin's noise scale, or Enki's.
         seed: of its noise, and of what is random in the plans.
-        workers: processes that record side by side, one a core if None; or a pool.
-        parts: the PARTS to record, all that the robot has if None; the rest keeps its base's values.
-        meanwhile: other work for them: functions that can be sent to a process.
-        on_progress: called with the progress; an exception raised there stops the work.
+        workers: processes that record at the same time, one a core if None; or a pool.
+        parts: those of PARTS that are recorded, all that it has if None; the rest stays as in its base.
+        meanwhile: what they do besides, functions that can be sent to them.
+        on_progress: is told how far it is; whoever raises there stops the work.
 
     Returns:
         The path of `folder/robot.toml`.

@@ -12,11 +12,11 @@ from realitygap.calibration.recordings.files import READINGS, STEPS
 from realitygap.errors import RecordingError
 from realitygap.toml import read_toml, to_toml
 
-__all__ = ["ARENA", "Journal"]
+__all__ = ["ARENA", "Journal", "refuse_another"]
 
 ARENA = "arena.toml"
 SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "marker", "seed", "repeats", "places")
-"""Facts that must stay the same when a recording is resumed."""
+"""Facts that must not change when a recording is resumed."""
 
 
 class Journal:
@@ -103,3 +103,14 @@ class Journal:
         if text.encode() != data:
             whole.write(self.path, text)
         self.done = set(finished)
+
+
+def refuse_another(folder: Path, *, resume: bool) -> None:
+    """Refuse a folder that holds a recording, unless it is to be resumed.
+
+    Raises:
+        RecordingError: it holds one.
+    """
+    if not resume and (folder / FACTS).exists():
+        cure = "choose another folder, or go on with --resume."
+        raise RecordingError(f"{folder}: already holds a recording; {cure}")

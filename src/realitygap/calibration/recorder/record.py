@@ -15,15 +15,14 @@ from typing import Any, NamedTuple
 
 from realitygap import whole
 from realitygap.calibration.recorder.acts import drive_trial, read_standing
-from realitygap.calibration.recorder.journal import ARENA, Journal
+from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
 from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.body import stated_heights, stated_shape
-from realitygap.calibration.recordings.checks import FACTS
 from realitygap.calibration.recordings.facts import UNKNOWN
 from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS
-from realitygap.errors import RecordingError, UsageError
+from realitygap.errors import UsageError
 from realitygap.robots.body import Body, Filmed, Seen, attend, channel, facts_of
 from realitygap.values import Pose
 from realitygap.world.arena import Arena
@@ -118,9 +117,7 @@ def record(
     parts = _parts(wanted, body)
     places = [Path(folder) / part.name if len(parts) > 1 else Path(folder) for part in parts]
     for place in places:
-        if not resume and (place / FACTS).exists():
-            cure = "choose another folder, or go on with --resume."
-            raise RecordingError(f"{place}: already holds a recording; {cure}")
+        refuse_another(place, resume=resume)
     made: list[Made] = []
     for part, place in zip(parts, places, strict=True):
         with site_of(body, ask, part.room, part=part.name, seed=wanted.seed, marker=wanted.marker) as site:
