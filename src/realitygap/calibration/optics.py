@@ -1,10 +1,12 @@
 """The readings of measured sensors for one set of values: rays, and a curve for each sensor."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +105,7 @@ class Optics:
         model = on_curves(*self.curves(values, use))
         return np.where(model < self.seen.dead, 0.0, model)
 
-    def centred(self, values: Values) -> Self:
+    def centred(self, values: Values) -> Optics:
         """A copy with the curves' middle where readings are neither dark nor saturated."""
         seen = self.seen
         u = self.share(self.profile(values), values)
