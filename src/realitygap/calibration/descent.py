@@ -114,7 +114,7 @@ class Descent:
         return optics, self.solved(optics, values, noise).values
 
     def searched(self, optics: Optics, values: Values) -> dict[str, Floats]:
-        """Better values: by random search, then least squares."""
+        """Better values: at random first, and then by least squares."""
         if not self.straight:
             use = optics.seen.use
             end = Free(key="range_cm", start=values["range_cm"], low=1.0, high=100.0, jump=0.1)
