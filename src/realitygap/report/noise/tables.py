@@ -1,4 +1,4 @@
-"""Tables of a study of noise, for the page and as CSV."""
+"""Tables of a study of noise, for the page, for Markdown, and as CSV."""
 
 import math
 from collections import Counter
@@ -57,7 +57,7 @@ class NoiseTable:
         return [[str(cell) for cell in row] for row in self.rows]
 
     def markdown(self) -> str:
-        """A table of a Markdown page."""
+        """A Markdown table, for the pages of docs."""
         lines = [self.head, ["---"] * len(self.head), *self.texts()]
         return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
