@@ -70,7 +70,7 @@ class Lanes(NamedTuple):
     edges: G
     """[8, P] as Work.fan."""
     discs: G
-    """[CYLINDERS, 3] x, y, radius; unused ones are far away."""
+    """[CYLINDERS, 3] x, y, radius; those that are not there lie far off."""
 
 
 def new_lanes(world: World, nets: Networks) -> Lanes:

@@ -203,7 +203,7 @@ def note_lanes(k, n, lanes, paths):
 
 @kernel
 def run_lockstep(world, nets, w, streams, paths, scratch):
-    """Trials of network `w` on up to WIDE streams, into `paths`: the same bits as batch.run_trials.
+    """Trials of network `w` on up to WIDE streams, into `paths`: the bits of batch.run_trials.
 
     scratch: Lanes and a Work.
     """

@@ -16,7 +16,7 @@ from realitygap.work.processes import Processes
 __all__ = ["Ahead", "compile_ahead", "compile_side_by_side"]
 
 STAGES = ("light", "near", "breeding", "decoding"), ("trials", "record")
-"""Jobs of two stages, each with the longest first; those of the second contain compiled code of the first."""
+"""The longest first; what encloses others comes when they are on file."""
 
 
 class Ahead:
