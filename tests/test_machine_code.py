@@ -118,7 +118,7 @@ from realitygap.machine_code import Shelf
 
 shelf = Shelf(b"a test")
 def half(a): return a / 2
-half = shelf.compiled(half, part=True)
+half = shelf.compiled(half, form="PART")
 def whole(a): return half(a) + half(a)
 whole = shelf.compiled(whole)
 
@@ -142,7 +142,7 @@ from realitygap.machine_code import Shelf
 
 shelf = Shelf(b"a test")
 def half(a): return a / 2
-half = shelf.compiled(half, part=True, fastmath={"nnan"}, _nrt=False)
+half = shelf.compiled(half, form="PART", fastmath={"nnan"}, _nrt=False)
 """,
     """
 from halves import half, shelf
@@ -267,7 +267,37 @@ def test_numbers_that_a_caller_writes_down_are_compiled_once(tmp_path: Path) -> 
     plus, calls = "def plus(x, y):\n    return x + y\n", "def calls(x):\n    return plus(x, 0) + plus(x, 1)\n"
     file.write_text(f"{plus}\n\n{calls}")
     module, shelf = run_file(file, UsageError), Shelf(b"a test")
-    module.plus = part = shelf.compiled(module.plus, part=True)
+    module.plus = part = shelf.compiled(module.plus, form="PART")
     assert shelf.compiled(module.calls)(5) == 11 and len(part.overloads) == 1
     assert part.get_call_template((numba.int64, numba.types.literal(0)), {})[2] == (numba.int64, numba.int64)
     assert shelf.compiled(lambda x: part(x, 0.5))(5) == 5.5 and len(part.overloads) == 2
+
+
+APART = """
+from realitygap.machine_code import Shelf
+
+shelf = Shelf(b"a test")
+def half(x): return 0.5 * x
+half = shelf.compiled(half, form="APART")
+def quarter(x): return half(half(x))
+quarter = shelf.compiled(quarter)
+
+def told():
+    return quarter(8.0), sum(quarter.stats.cache_hits.values()), sum(half.stats.cache_hits.values())
+"""
+
+
+def test_code_that_lies_apart_is_there_before_what_calls_it(tmp_path: Path) -> None:
+    """A second process loads both; where it is gone, or another in its place, the caller is compiled again."""
+    place = Place(tmp_path)
+    (tmp_path / "small.py").write_text(APART)
+    assert place.run() == ("2.0 0 0", "") and place.run() == ("2.0 1 0", "")
+    (apart,) = tmp_path.rglob("half-*.code")
+    older = apart.read_bytes()
+    apart.unlink()
+    assert place.run() == ("2.0 0 0", "") and place.run() == ("2.0 1 0", "")
+    assert place.run("from small import half; print(half(1.0))")[0].endswith("0.5")
+    apart.write_bytes(older)
+    damage(apart, "cut", apart, seed=1)
+    out, err = place.run()
+    assert out == "2.0 0 0" and "was damaged" in err and place.run() == ("2.0 1 0", "")

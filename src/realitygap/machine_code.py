@@ -7,7 +7,6 @@ process and all that it starts. This module knows neither the simulation nor its
 """
 
 import atexit
-import gc
 import hashlib
 import inspect
 import logging
@@ -24,13 +23,12 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
-from llvmlite.binding import Linkage, parse_assembly
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
-from realitygap import temporary, whole
+from realitygap import linking, temporary, whole
 from realitygap.outside import frozen
 
 __all__ = ["Shelf"]
@@ -40,55 +38,6 @@ SPARE = "REALITYGAP_SPARE_CACHE"
 _SIZE = hashlib.sha256().digest_size
 _log = logging.getLogger("realitygap")
 _said: set[str] = set()
-
-
-class _PartsCode(JITCodeLibrary):  # type: ignore[misc]
-    """Code that is only ever linked into other code, and optimized and made into the machine's there: here
-    only the variables are, which Numba fills in."""
-
-    _final_module: Any
-
-    def _optimize_final_module(self) -> None:
-        """Nothing is gained by doing it twice."""
-
-    def _finalize_final_module(self) -> None:
-        linked = self._final_module
-        names = [v.name for v in linked.global_variables if v.linkage is Linkage.common]
-        self._final_module = parse_assembly(
-            "\n".join(f'@"{name}" = common global ptr null' for name in names)
-        )
-        super()._finalize_final_module()
-        self._final_module = linked
-
-
-class _Compiler(Compiler):  # type: ignore[misc]
-    """Numba's own, while no garbage is collected: of what it makes there is little, and looking for it is a
-    seventh of the time."""
-
-    def compile_extra(self, func: Any) -> Any:
-        collects = gc.isenabled()
-        gc.disable()
-        try:
-            return super().compile_extra(func)
-        finally:
-            if collects:
-                gc.enable()
-
-
-class _PartsCompiler(_Compiler):
-    """Into such code."""
-
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        codegen = self.state.targetctx.codegen()
-        self.state.library = _PartsCode(codegen, "part")
-        self.state.library.enable_object_caching()
-
-
-_PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _PartsCompiler}
-"""Numba's options: without Python's way into a function, which takes its arguments apart, and C's, which
-nobody goes."""
-_ENTIRE = {"no_cfunc_wrapper": True, "pipeline_class": _Compiler}
 
 
 class Shelf:
@@ -103,25 +52,28 @@ class Shelf:
         self._why = ""  # the usual folder does not do
         self._digest = hashlib.sha256(repr(versions).encode() + text).hexdigest()[:16]
 
+    def __getstate__(self) -> dict[str, str]:
+        return {"_why": "", "_digest": self._digest}  # folders are another process's own
+
     def compiled(
-        self, function: Callable[..., Any], *, like: Any = None, part: bool = False, **options: Any
+        self, function: Callable[..., Any], *, like: Any = None, form: str = "ENTIRE", **options: Any
     ) -> Any:
         """`function` compiled with Numba's options; not kept where it has no file, as in a console.
 
         Args:
             function: what to compile.
             like: the compiled function that it encloses, if it does, for that has no digest of its own.
-            part: of others, which call it: Python's way in, which costs more than the rest, is compiled apart
-                and only where Python does call it.
+            form: "ENTIRE"; or, of others, which call it, "PART", linked into them, or "APART": Python's way
+                in, which costs more than the rest, is compiled only where Python does call it.
             options: Numba's.
         """
-        made = numba.njit(**options, **_PART if part else _ENTIRE)(function)
+        made = numba.njit(**options, **getattr(linking, form))(function)
         if not numba.config.DISABLE_JIT:
             made.get_call_template = partial(_template, type(made).get_call_template, made)
             with suppress(OSError, TypeError, AttributeError):
-                made._cache = _Entries(function, self, None if like is None else like._cache.of, part=part)
-            if part:
-                made.add_overload = partial(_add_overload, made)
+                made._cache = _Entries(function, self, None if like is None else like._cache.of, form)
+            if form != "ENTIRE":
+                made.add_overload = partial(_add_overload, made, form)
                 made._compile_for_args = partial(_called, cache(partial(self.compiled, function, **options)))
         return made
 
@@ -149,6 +101,24 @@ class Shelf:
                 _say("damaged", f"{path}: this compiled code was damaged; it is compiled again")
                 with suppress(OSError):
                     path.unlink()
+
+    def load(self, name: str, sig: Any) -> Any:
+        """The compiled code under a name, with what lies apart from it; None: it has to be compiled."""
+        content = self.read(name)
+        if content is None:
+            return None
+        rtsys.initialize(cpu_target.target_context)  # no more: all that compiling needs takes half a second
+        try:
+            kept, payload = pickle.loads(content)
+            made = CompileResult._rebuild(cpu_target.target_context, *payload) if kept == sig else None
+        except _LacksError:
+            return None
+        except Exception:  # whole, but not to be used: of another making
+            self.refuse(name)
+            return None
+        if made is not None:
+            made.library._reload_init.update(made.reload_init)
+        return made
 
     def write(self, name: str, content: bytes) -> None:
         """Keep it; in the temporary folder where the usual one cannot take it."""
@@ -209,26 +179,24 @@ class Shelf:
 class _Entries:
     """What Numba asks for a function's compiled code, one entry for each signature and processor."""
 
-    def __init__(
-        self, function: Callable[..., Any], shelf: Shelf, enclosed: bytes | None, *, part: bool
-    ) -> None:
+    def __init__(self, function: Callable[..., Any], shelf: Shelf, enclosed: bytes | None, form: str) -> None:
         source = Path(inspect.getfile(function))
         code = function.__code__
         cells = function.__closure__ or ()
         closure = dumps([cell.cell_contents for cell in cells]) if enclosed is None else enclosed
         facts: tuple[object, ...] = (
-            str(source), function.__qualname__, code.co_firstlineno, code.co_code, part
+            str(source), function.__qualname__, code.co_firstlineno, code.co_code, form
         )  # fmt: skip
         if not str(function.__module__).startswith(f"{__package__}."):
             facts += (frozen(function),)
-        self._shelf = shelf
+        self.shelf = shelf
         self._name = function.__name__.strip("<>")
         self.of = hashlib.sha256(source.read_bytes() + repr(facts).encode() + closure).digest()
 
     @property
     def cache_path(self) -> str:
         """Where entries are."""
-        return str(self._shelf.place)
+        return str(self.shelf.place)
 
     def enable(self) -> None:
         """Always on, and nothing waits to be written."""
@@ -237,24 +205,15 @@ class _Entries:
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What was compiled for a signature; None where it has to be compiled."""
-        name = self._entry(sig, target_context.codegen())
-        content = self._shelf.read(name)
-        if content is None:
-            return None
-        rtsys.initialize(target_context)  # no more than that: all that compiling needs takes half a second
-        try:
-            kept, payload = pickle.loads(content)
-            return CompileResult._rebuild(target_context, *payload) if kept == sig else None
-        except Exception:  # whole, but not to be used: of another making
-            self._shelf.refuse(name)
-            return None
+        return self.shelf.load(self.entry(sig, target_context.codegen()), sig)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what was compiled, if it can be."""
         if not data.lifted and not data.library.has_dynamic_globals:
-            self._shelf.write(self._entry(sig, data.codegen), dumps((sig, data._reduce())))
+            self.shelf.write(self.entry(sig, data.codegen), dumps((sig, data._reduce())))
 
-    def _entry(self, sig: Any, codegen: Any) -> str:
+    def entry(self, sig: Any, codegen: Any) -> str:
+        """The name of what is kept for a signature."""
         digest = hashlib.sha256(self.of + repr((sig, codegen.magic_tuple())).encode())
         return f"{self._name}-{digest.hexdigest()[:24]}.code"
 
@@ -264,9 +223,33 @@ def _template(usual: Callable[..., Any], made: Any, args: tuple[Any, ...], kws: 
     return usual(made, tuple(map(numba.types.unliteral, args)), kws)
 
 
-def _add_overload(made: Any, compiled: CompileResult) -> None:
+def _add_overload(made: Any, form: str, compiled: CompileResult) -> None:
     """Keep a part's code for those compiled functions that call it, out of Python's reach."""
-    made.overloads[tuple(compiled.signature.args)] = compiled
+    sig = tuple(compiled.signature.args)
+    made.overloads[sig] = compiled
+    if form == "APART":
+        symbol, entries = compiled.fndesc.mangled_name, made._cache
+        _lying[symbol] = compiled
+        name = entries.entry(sig, compiled.codegen) if isinstance(entries, _Entries) else ""
+        # Whatever links it is loaded after it.
+        compiled.library._reload_init.add(partial(_need, getattr(entries, "shelf", None), name, sig, symbol))
+
+
+_lying: dict[str, CompileResult] = {}
+"""By its name, the code in this process that lies apart: it stays, for what was linked to it."""
+
+
+class _LacksError(Exception):
+    """What lies apart from some code is not on file, or another one is."""
+
+
+def _need(shelf: Shelf | None, name: str, sig: Any, symbol: str) -> None:
+    """Load what code that is being loaded is linked to."""
+    if symbol not in _lying:
+        made = None if shelf is None else shelf.load(name, sig)
+        if made is None or made.fndesc.mangled_name != symbol:
+            raise _LacksError
+        _lying[symbol] = made
 
 
 def _called(entire: Callable[[], Any], *args: Any) -> Any:

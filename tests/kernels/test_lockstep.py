@@ -58,11 +58,11 @@ def both_ways(simulation: Simulation, networks: int, trials: int) -> tuple[np.nd
     assert fit_lanes(cores.world)
     nets = random_networks(simulation, stream=7, count=networks)
     work = cores.scratch(nets)
-    scratch = new_lanes(cores.world, nets), work
+    lanes = new_lanes(cores.world, nets)
     paths = np.zeros((2, networks, trials, 6, cores.trial.steps))
     for w in range(networks):
         streams = batch_streams(100 + w, trials)
-        run_lockstep(cores.world, nets, w, streams, paths[0, w], scratch)
+        run_lockstep(cores.world, nets, w, streams, paths[0, w], lanes)
         batch.run_trials(cores.world, nets, np.full(trials, w), streams, paths[1, w], work)
     return paths.view(np.int64)
 
@@ -96,9 +96,10 @@ def test_the_same_bits_of_other_robots_in_other_rooms():
 
 
 @kernel
-def _both_lights(world, n, lanes, work, exact):
+def _both_lights(world, n, lanes, exact):
     """What comes back to each sensor: in single precision into lanes, in double into `exact`, less b."""
-    robot, d, rays = world.robot, lanes.double, fan_of(world.robot, work)
+    robot, d, work = world.robot, lanes.double, lanes.work
+    rays = fan_of(robot, work)
     count = notice(np.uint64(n), robot, world.arena, lanes)
     for first in range(0, np.int64(count), 128):
         some = np.uint64(min(128, np.int64(count) - first))
@@ -124,7 +125,7 @@ def test_single_precision_errs_by_a_fraction_of_its_margin(name):
     """A third at most, at 64 000 places that the body can be at; and what is not noticed reads 0."""
     random, cores = np.random.default_rng(45), Simulation(AVOIDANCE, name, 1.0)._cores
     nets = random_networks(Simulation(AVOIDANCE, name), stream=1, count=1)
-    lanes, work, worst, seen = new_lanes(cores.world, nets), cores.scratch(nets), 0.0, 0
+    lanes, worst, seen = new_lanes(cores.world, nets), 0.0, 0
     robot, radius, poles = cores.robot, cores.robot.radius, cores.arena.cylinders
     exact, sums = np.zeros((8, WIDE)), robot.proximity_b * robot.proximity_weight.sum(axis=1)
     for _ in range(1000):
@@ -133,7 +134,7 @@ def test_single_precision_errs_by_a_fraction_of_its_margin(name):
         lanes.double[X : X + WIDE], lanes.double[Y : Y + WIDE] = places[(gap > 0).all(axis=0)][:WIDE].T
         angle = random.uniform(0, 7, WIDE)
         lanes.double[COS : COS + WIDE], lanes.double[SIN : SIN + WIDE] = np.cos(angle), np.sin(angle)
-        _both_lights(cores.world, WIDE, lanes, work, exact)
+        _both_lights(cores.world, WIDE, lanes, exact)
         light = (
             lanes.single[LIGHT : LIGHT + 8 * WIDE].astype(float).reshape(8, WIDE) * robot.proximity_a[:, None]
         )

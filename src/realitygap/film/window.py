@@ -19,7 +19,7 @@ _SHELF = Shelf(
     b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("window", "pattern"))
 )
 jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
-step = partial(jit, forceinline=True, part=True)
+step = partial(jit, forceinline=True, form="PART")
 
 LEAST, UPHILL = 0.5, 6
 """A mask's response that is a top, and how many steps it is from a place on the ring to one, at most."""

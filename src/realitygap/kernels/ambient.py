@@ -2,7 +2,7 @@
 
 import math
 
-from realitygap.kernels.jit import step
+from realitygap.kernels.jit import apart, step
 from realitygap.kernels.light import (
     first_sensor,
     follow_rays,
@@ -35,7 +35,7 @@ def illuminate(robot, arena, enough, work, out):
             out[k] += work.light[sensors + k] + reflected_light(k * used, (k + 1) * used, work)
 
 
-@step
+@apart
 def ambient(robot, arena, work, out):
     """Noise-free readings of all ambient sensors into `out` ([A], counts, unrounded).
 

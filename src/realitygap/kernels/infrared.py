@@ -6,7 +6,7 @@ conditions that never exclude a sensor wrongly.
 """
 
 from realitygap.kernels.geometry import TOUCHING, Rays, Spot, added, is_brighter, is_tinted, see, tint
-from realitygap.kernels.jit import step
+from realitygap.kernels.jit import apart, step
 from realitygap.kernels.near import SPARE, cell_at, is_beyond
 from realitygap.kernels.params import LANES, RAYS
 from realitygap.kernels.replay import replay
@@ -238,7 +238,7 @@ def by_table_or_rays(table, robot, arena, work, out):
         by_rays(robot, arena, work, out)
 
 
-@step
+@apart
 def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
     by_table_or_rays(robot.proximity_table, robot, arena, work, out)

@@ -5,11 +5,14 @@ another machine give the same bits. With NUMBA_DISABLE_JIT=1 the same functions 
 """
 
 import warnings
-from functools import partial
+from collections.abc import Callable
+from functools import partial, update_wrapper
 from pathlib import Path
+from typing import Any
 
 import numba
 
+from realitygap.kernels.pointed import pointed
 from realitygap.machine_code import Shelf
 
 _FLAGS = {"nnan", "ninf", "nsz"}
@@ -35,11 +38,34 @@ helper = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", forceinli
 Without Numba's reference counts, which cost more than the step itself: so no step allocates.
 """
 
-step = partial(helper, part=True)
+step = partial(helper, form="PART")
 """For the parts of a step: inlined into the kernel that calls them. Python's calls compile it again."""
 
-kernel = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", nogil=True, _nrt=False)
-"""For what is called from Python: releases the interpreter's lock while it runs, never allocates."""
+apart = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", form="APART", _nrt=False)
+"""For large parts that several kernels call: compiled once for all of them."""
+
+
+def kernel(function: Callable[..., Any], *, like: Any = None, **options: Any) -> Any:
+    """For what is called from Python: releases the interpreter's lock while it runs, never allocates.
+
+    It meets large tuples by a pointer, to where the way in lays them down.
+
+    Args:
+        function: what to compile.
+        like: as of `Shelf.compiled`.
+        options: others of Numba's.
+    """
+    if numba.config.DISABLE_JIT:
+        return function
+    body = apart(function, like=like, **options)
+
+    def way_in(*given: Any) -> Any:
+        return body(*pointed(given))
+
+    update_wrapper(way_in, function)
+    del vars(way_in)["__wrapped__"]  # Numba would take its parameters for this one's
+    return SHELF.compiled(way_in, like=body, error_model="numpy", nogil=True, _nrt=False)
+
 
 routine = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", nogil=True)
 """For what runs once an evaluation, not once a step, and may allocate."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from realitygap.kernels.network import ROWS
 from realitygap.kernels.params import RAYS, F, Networks, World
 from realitygap.kernels.trial import PROXIMITY
-from realitygap.kernels.work import spread_fan
+from realitygap.kernels.work import Work, new_work, spread_fan
 
 WIDE = 64
 """Trials at once."""
@@ -71,6 +71,8 @@ class Lanes(NamedTuple):
     """[8, P] as Work.fan."""
     discs: G
     """[CYLINDERS, 3] x, y, radius; those that are not there lie far off."""
+    work: Work
+    """Of what goes one by one."""
 
 
 def new_lanes(world: World, nets: Networks) -> Lanes:
@@ -91,6 +93,7 @@ def new_lanes(world: World, nets: Networks) -> Lanes:
         apart=np.zeros(WIDE, np.uint64),
         fan=np.array([cosines, sines, robot.proximity_weight[0, :RAYS]], np.float32),
         edges=spread_fan(robot).astype(np.float32), discs=discs,
+        work=new_work(robot, world.task, nets),
     )  # fmt: skip
 
 

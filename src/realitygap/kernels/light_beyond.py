@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from realitygap.kernels.geometry import circle_blocks, covers
-from realitygap.kernels.jit import step
+from realitygap.kernels.jit import apart, step
 from realitygap.kernels.light import (
     first_sensor,
     follow_sensor,
@@ -239,7 +239,7 @@ def goes_beyond(robot):
     return direct + reflected > 0.0 or robot.ambient_ray.shape[0] > robot.ambient_place.shape[0]
 
 
-@step
+@apart
 def illuminate_beyond(robot, arena, enough, work, out):
     """As illuminate, with all extensions.
 

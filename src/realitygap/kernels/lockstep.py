@@ -202,12 +202,9 @@ def note_lanes(k, n, lanes, paths):
 
 
 @kernel
-def run_lockstep(world, nets, w, streams, paths, scratch):
-    """Trials of network `w` on up to WIDE streams, into `paths`: the bits of batch.run_trials.
-
-    scratch: Lanes and a Work.
-    """
-    robot, arena, (lanes, work) = world.robot, world.arena, scratch
+def run_lockstep(world, nets, w, streams, paths, lanes):
+    """Trials of network `w` on up to WIDE streams, into `paths`: the bits of batch.run_trials."""
+    robot, arena, work = world.robot, world.arena, lanes.work
     n = U((streams.shape[0] + 7) & -8)  # whole vectors
     wake_lanes(nets, w, streams, lanes)
     stand_lanes(n, world.task, lanes, work)

@@ -151,11 +151,8 @@ def _own(given: Any, name: str, inputs: int) -> Form:
 @lru_cache(maxsize=16)
 def _compiled(decide: Any, may_allocate: bool) -> Callable[..., int]:
     """Trials under a controller: ours never allocate, which halves their time."""
-    from realitygap.kernels.jit import SHELF
+    from realitygap.kernels.jit import kernel
 
-    made = SHELF.compiled(
-        policy.trials_under(decide), like=decide, error_model="numpy", nogil=True,
-        fastmath={"nnan", "ninf", "nsz"} if not may_allocate else False, _nrt=may_allocate,
-    )  # fmt: skip
-    run: Callable[..., int] = made
+    options = {"fastmath": False, "_nrt": True} if may_allocate else {}
+    run: Callable[..., int] = kernel(policy.trials_under(decide), like=decide, **options)
     return run

@@ -22,6 +22,7 @@ from realitygap.kernels.lanes import WIDE, Lanes, fit_lanes, new_lanes
 from realitygap.kernels.lockstep import run_lockstep
 from realitygap.kernels.network import think
 from realitygap.kernels.params import Networks, Path, Room, Trial, World
+from realitygap.kernels.pointed import met
 from realitygap.kernels.trial import move
 from realitygap.kernels.work import Work, farthest_notice, new_work, spread_fan
 from realitygap.simulation.spread import drawn
@@ -159,7 +160,7 @@ class Cores:
         if name == "near":
             calls = [(infrared, sensing), (move, (robot, arena, work)), (think, (nobody, 0, work))]
         for part, arguments in calls:
-            part.compile(tuple(map(numba.typeof, arguments)))
+            part.compile(tuple(met(numba.typeof(one)) for one in arguments))
 
     def scratch(self, networks: Networks) -> Work:
         """Scratch for networks of this size, kept for the next batch."""
@@ -236,7 +237,6 @@ class Cores:
         self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats
     ) -> None:
         """Up to WIDE trials of a network at once."""
-        work = self.scratch(networks)
         size = (networks.thresholds.shape[1], networks.links.shape[1])
         if size not in self._lanes:
             self._lanes[size] = new_lanes(self.world, networks)
@@ -245,4 +245,4 @@ class Cores:
         for first, end in zip([0, *ends], ends, strict=False):
             for t in range(first, end, WIDE):
                 some = slice(t, min(t + WIDE, end))
-                run_lockstep(self.world, networks, which[t], streams[some], paths[some], (lanes, work))
+                run_lockstep(self.world, networks, which[t], streams[some], paths[some], lanes)

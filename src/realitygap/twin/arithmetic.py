@@ -32,7 +32,7 @@ routine = partial(_SHELF.compiled, error_model="numpy", nogil=True)
 jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
 """For what allocates nothing: Numba's reference counts cost as much as the work itself."""
 
-step = partial(jit, forceinline=True, part=True)
+step = partial(jit, forceinline=True, form="PART")
 """For a part of it, inlined: arrays would cost more to hand over than the step itself."""
 
 Array = NDArray[np.float64]
