@@ -15,7 +15,7 @@ from realitygap.work.processes import Processes
 
 __all__ = ["Ahead", "compile_ahead", "compile_side_by_side"]
 
-STAGES = ("light", "near", "breeding", "decoding"), ("trials", "record")
+STAGES = ("light", "near", "breeding"), ("trials", "record")
 """The longest first; what encloses others comes when they are on file."""
 
 
@@ -31,8 +31,6 @@ class Ahead:
         bench = self._benches[0]
         if job == "breeding":
             bench.breed()
-        elif job == "decoding":
-            bench.encoding.decode(bench.individual[np.newaxis])
         elif job == "record":
             networks = bench.encoding.decode(bench.individual[np.newaxis])
             bench.simulation(bench.noise).trajectory(networks, stream=0)

@@ -24,7 +24,12 @@ class Plan:
     task: str
     noise: float
     index: int
-    stream: np.uint64
+    seed: int
+
+    @property
+    def stream(self) -> np.uint64:
+        """Where the run's randomness comes from; made where a run is, for it takes compiled code."""
+        return run_stream(self.seed, self.task, self.noise, self.index)
 
 
 def plans(materials: Materials) -> tuple[Plan, ...]:
@@ -40,7 +45,7 @@ def plans(materials: Materials) -> tuple[Plan, ...]:
                 task=task.name,
                 noise=condition.noise,
                 index=index,
-                stream=run_stream(config.seed, task.name, condition.noise, index),
+                seed=config.seed,
             )
             made.append(plan)
     return tuple(made)
