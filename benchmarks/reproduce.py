@@ -24,8 +24,6 @@ from typing import NamedTuple
 import numpy as np
 
 from realitygap.cli.bench import random_networks
-from realitygap.controller.network import decode
-from realitygap.kernels.batch import run_trials
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather
@@ -98,25 +96,23 @@ def proportional_mb(pid: int) -> float:
 
 
 def serial_share(task: str) -> tuple[float, float]:
-    """Microseconds of an evaluation in all, and of its compiled trials alone, in pairs."""
+    """Microseconds of an evaluation in all, and of its trials with their scores alone."""
     materials = gather(StudyConfig.single(task))
     bench, plan = Bench(materials, 0), plans(materials)[0]
-    state, _ = advance(bench, plan, begin(bench, plan), 300)
-    pairs = []
-    for _ in range(7):
-        start = time.thread_time()
-        _, records = advance(bench, plan, state, 300)
-        middle = time.thread_time()
-        networks = [decode(genes, bench.layout) for genes in records.genes]
-        simulation, streams = bench.simulation, batch_streams(1, 2)
-        which = np.zeros(2, np.int64)
-        compiled = time.thread_time()
-        for one in networks:
-            paths, work = simulation._cores._paths, simulation._cores.scratch(one)
-            run_trials(simulation._cores.world, one, which, streams, paths, work)
-        end = time.thread_time()
-        pairs.append(((middle - start) / 300e-6, (end - compiled) / 300e-6))
-    return tuple(np.median(pairs, axis=0))
+    simulation, state, pairs = bench.simulation(bench.noise), begin(bench, plan), []
+    for _ in range(8):  # the first compiles, and fills the cells
+        start, trials, told, run = time.thread_time(), 0.0, None, advance(bench, plan, state, 300)
+        try:
+            while True:
+                asked = run.send(told)
+                networks = bench.encoding.decode(asked.genes.copy())
+                before = time.thread_time()
+                told = simulation.scores(networks, asked.streams)
+                trials += time.thread_time() - before
+        except StopIteration as ended:
+            state, _ = ended.value
+        pairs.append(((time.thread_time() - start) / 300e-6, trials / 300e-6))
+    return tuple(np.median(pairs[1:], axis=0))
 
 
 def seconds_for_trials(trials: int) -> float:
