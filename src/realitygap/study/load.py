@@ -26,7 +26,7 @@ from realitygap.kernels.params import Networks
 from realitygap.lazy import above
 from realitygap.study.folder import agree, read_materials, read_profile
 from realitygap.study.materials import Materials
-from realitygap.study.plan import Plan, run_stream
+from realitygap.study.plan import Plan
 from realitygap.study.tables import Tables
 from realitygap.tasks.task import Task
 from realitygap.text import as_path
@@ -222,10 +222,9 @@ class Run:
     @property
     def plan(self) -> Plan:
         """The run's plan; its `stream` is the source of its randomness."""
-        stream = run_stream(self.seed, self.task, self.noise, self.index)
         return Plan(
             id=self.id, name=self.name, condition=(self.id - 1) // self.study.config.runs, task=self.task,
-            noise=self.noise, index=self.index, stream=stream,
+            noise=self.noise, index=self.index, seed=self.seed,
         )  # fmt: skip
 
     @property
