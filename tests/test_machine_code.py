@@ -288,7 +288,7 @@ def told():
 
 
 def test_code_that_lies_apart_is_there_before_what_calls_it(tmp_path: Path) -> None:
-    """A second process loads both; where it is gone, or another in its place, the caller is compiled again."""
+    """A second process loads both; where it is gone or damaged, both are compiled again."""
     place = Place(tmp_path)
     (tmp_path / "small.py").write_text(APART)
     assert place.run() == ("2.0 0 0", "") and place.run() == ("2.0 1 0", "")

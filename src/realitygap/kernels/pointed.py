@@ -17,6 +17,7 @@ __all__ = ["met", "pointed"]
 
 SMALL = 6
 """Fields up to which a tuple is handed on by its values, unless one of them is a large tuple."""
+_MANY = ir.LiteralStructType | ir.ArrayType
 
 
 class Pointed(types.Type):
@@ -35,7 +36,19 @@ def met(kind):
     return Pointed(kind) if large else kind
 
 
-register_model(Pointed)(models.PointerModel)
+@register_model(Pointed)
+class _Model(models.PointerModel):  # type: ignore[misc]
+    def from_argument(self, builder, value):
+        """Where it may be read at any time, what a loop asks at each turn is read once before it."""
+        value.attributes.dereferenceable = 8 * _count(value.type.pointee)
+        return value
+
+
+def _count(kind):
+    """Of the numbers of eight bytes in a tuple or an array."""
+    if not isinstance(kind, _MANY):
+        return 1
+    return sum(_count(kind.gep(ir.IntType(32)(i))) for i in range(len(kind)))
 
 
 @infer_getattr
@@ -59,7 +72,7 @@ def _field(context, builder, kind, value, name):
 def _read(builder, there):
     """All that lies there, number by number."""
     kind = there.type.pointee
-    if not isinstance(kind, ir.LiteralStructType | ir.ArrayType):
+    if not isinstance(kind, _MANY):
         value = builder.load(there)
         value.set_metadata("invariant.load", builder.module.add_metadata([]))
         return value
