@@ -23,6 +23,7 @@ from realitygap.calibration.forward import scene_of
 from realitygap.calibration.recorder import camera
 from realitygap.calibration.recorder import record as recorder
 from realitygap.calibration.recorder.acts import drive_trial
+from realitygap.calibration.recorder.grid import Grid
 from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, sensor_plans
 from realitygap.calibration.recorder.record import Wanted, record
 from realitygap.calibration.recorder.site import EnoughError, OwnSite, PersonSite
@@ -36,6 +37,7 @@ from realitygap.film.calibrate import calibrate_camera
 from realitygap.film.marker import load_marker
 from realitygap.robots.address import Address
 from realitygap.robots.body import Channel
+from realitygap.robots.enki import EnkiBody
 from realitygap.robots.khepera.body import KheperaBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
@@ -221,6 +223,65 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
         record(wanted, tmp_path / "broken", body, resume=True)
     for table in ("infrared-wall/readings.csv", "wheels/steps.csv"):
         assert (tmp_path / "broken" / table).read_text() == (tmp_path / "whole" / table).read_text(), table
+
+
+GRIDS = [
+    (["--bearings", 0], "expected 1 or more"),
+    (["--bearings", 2.5], "expected a whole number"),
+    (["--distances", "1,x"], "expected numbers of cm, as in 0.5,1,2, got '1,x'"),
+    (["--distances", "2,1"], "expected rising ones from 0.1 to 20 cm, got 2, 1"),
+    (["--distances", "1,30"], "expected rising ones from 0.1 to 20 cm"),
+    (["--distances", "nan"], "expected rising ones"),
+    (["wheels", "--bearings", 8], "belongs to the infrared's plan"),
+]
+
+
+@pytest.mark.parametrize(("words", "why"), GRIDS)
+def test_places_that_cannot_be_are_refused(tmp_path, words, why):
+    """In one line that names the option, before a folder is made."""
+    plan = ["--plan", *([] if words[0] == "wheels" else ["infrared"]), *words]
+    code, _, told = run("record", "--robot", "twin:3", "--out", tmp_path / "a", *plan)
+    assert code == 2 and f"{words[-2]}" in told and why in told and told.count("\n") == 1
+    assert not (tmp_path / "a").exists()
+
+
+def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
+    """So many bearings at these distances; another plan does not go on with them."""
+    chosen = [*WORDS, "--robot", "twin:3", "--out", tmp_path / "a", "--bearings", 5, "--distances", "1,12"]
+    assert run(*chosen)[0] == 0
+    made = load_recording(tmp_path / "a")
+    assert len(made.counts) == 10
+    assert made.facts["bearings"] == 5 and made.facts["distances_cm"] == [1.0, 12.0]
+    assert sorted(set(made.bearing_deg.tolist())) == [-144.0, -72.0, 0.0, 72.0, 144.0]
+    assert run(*chosen, "--resume")[0] == 0
+    for other, begun in (
+        (["--bearings", 2, "--distances", "1,2,3,4,5"], "5, not 2"),
+        ([], "5, not the usual"),
+    ):
+        code, _, told = run(*WORDS, "--robot", "twin:3", "--out", tmp_path / "a", *other, "--resume")
+        assert code == 2 and f"bearings: this recording was begun with {begun};" in told
+
+
+def test_each_robot_has_its_own_places():
+    """Enki's are recorded closely and farther out; others as ever; all as a person asks."""
+
+    def grid(body: object, **asked: object) -> tuple[int, float, int]:
+        found = Wanted(plan="infrared", **asked).grid(body)
+        return found.bearings, found.distances_cm[-1], len(found.distances_cm)
+
+    enki = SimpleNamespace(infrared_grid=EnkiBody.infrared_grid)
+    assert grid(SimpleNamespace()) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
+    assert grid(enki, bearings=6) == (6, 15.0, 11) and grid(enki, distances_cm=(1.0,)) == (180, 1.0, 1)
+    usual = infrared_plan("cylinder:4")
+    assert len(usual.places) == 192 and usual.room["size_cm"] == [100.0, 100.0] and usual.facts == {}
+
+
+def test_a_room_grows_with_its_distances():
+    """So that its other walls stay as far from the robot as ever."""
+    far = infrared_plan("cylinder:4", grid=Grid(distances_cm=(15.0,), bearings=4))
+    near = infrared_plan("cylinder:4")
+    gaps = [plan.room["size_cm"][0] - max(p.pose.x for p in plan.places) for plan in (far, near)]
+    assert gaps[0] == pytest.approx(gaps[1])
 
 
 def test_ctrl_c_ends_a_recording_in_order(tmp_path):

@@ -122,12 +122,11 @@ def test_wheels_are_judged(driven, robot):
     assert judged.noise["wheel"] == (pytest.approx(0.06, rel=0.1), good.noise.wheel) and judged.warnings == ()
 
 
-def test_a_part_of_a_unit_is_recorded(tmp_path, monkeypatch):
+def test_a_part_of_a_unit_is_recorded(tmp_path):
     """By its own process's code: there as a whole, with the unit and its seed in it."""
-    monkeypatch.setattr(plans, "DISTANCES_CM", (1.0, 3.0))
-    monkeypatch.setattr(plans, "BEARINGS", 6)
     told: list[tuple[str, int, int]] = []
-    (tmp_path / "unit.toml").write_text(to_toml({"unit": 11, "twin_noise": 1.0, "seed": 3}), "utf-8")
+    settings = {"unit": 11, "twin_noise": 1.0, "seed": 3, "bearings": 6, "distances_cm": [1.0, 3.0]}
+    (tmp_path / "unit.toml").write_text(to_toml(settings), "utf-8")
     unit.record_part(tmp_path, "infrared-cylinder", lambda *said: told.append(said))
     made = load_recording(tmp_path / "recordings" / "infrared-cylinder")
     assert made.object == plans.CYLINDER and made.facts["unit"] == 11 and len(made.counts) == 2 * 6 * 10

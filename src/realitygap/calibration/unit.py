@@ -58,6 +58,8 @@ def calibrated_unit(
     seed: int,
     workers: Workers = 1,
     parts: Sequence[str] | None = None,
+    bearings: int | None = None,
+    distances_cm: Sequence[float] | None = None,
     meanwhile: Sequence[Work] = (),
     on_progress: Progress | None = None,
 ) -> Path:
@@ -73,6 +75,8 @@ def calibrated_unit(
         seed: of its noise, and of what is random in the plans.
         workers: processes that record at the same time, one a core if None; or a pool.
         parts: those of PARTS that are recorded, all that it has if None; the rest stays as in its base.
+        bearings, distances_cm: of the infrared's places, as `realitygap record` takes them; the robot's own
+            if None.
         meanwhile: what they do besides, functions that can be sent to them.
         on_progress: is told how far it is; whoever raises there stops the work.
 
@@ -85,8 +89,11 @@ def calibrated_unit(
     """
     for key, value, kind in (("unit", unit, int | str), ("seed", seed, int), ("noise", noise, int | float)):
         must_be(value, kind, key, "See `realitygap record --help`.")
-    which = {"unit": unit} if isinstance(unit, int) else {"robot": unit, "parts": _parts_of(unit)}
-    chosen = {} if parts is None else {"parts": list(parts)}
+    from realitygap.calibration.recorder.grid import given
+
+    which = {"unit": unit} if isinstance(unit, int) else _known_of(unit)
+    chosen: dict[str, Any] = {} if parts is None else {"parts": list(parts)}
+    chosen |= given(bearings, distances_cm)
     settings = {"recipe": RECIPE, **which, "twin_noise": float(noise), "seed": seed, **chosen}
     return _calibrated(folder, settings, workers, on_progress, meanwhile)
 
@@ -136,17 +143,19 @@ def calibrated_robot(
         UsageError: no such robot, or its sensors differ from the base's.
         CalibrationError: the folder belongs to another robot or other settings.
     """
-    settings = {"recipe": RECIPE, "robot": robot, "base": base, "parts": _parts_of(robot), "seed": seed}
+    settings = {"recipe": RECIPE, "base": base, "seed": seed, **_known_of(robot)}
     return _calibrated(folder, settings, workers, on_progress)
 
 
-def _parts_of(robot: str) -> list[str]:
-    """The parts that a robot can record."""
+def _known_of(robot: str) -> dict[str, Any]:
+    """A robot by its address, the parts that it can record, and where, if not at the usual places."""
     from realitygap.robots.address import Address
 
     with closing(Address.parse(robot).open()) as body:
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
-    return [name for name in PARTS if NEEDS[kind_of(name)] in kinds]
+        grid = getattr(body, "infrared_grid", None)
+    places = {"bearings": grid[0], "distances_cm": list(grid[1])} if grid else {}
+    return {"robot": robot, "parts": [name for name in PARTS if NEEDS[kind_of(name)] in kinds], **places}
 
 
 def _calibrated(
@@ -229,7 +238,11 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
     shutil.rmtree(unfinished, ignore_errors=True)  # left by an interrupted call
     plan, _, shape = name.partition("-")
     thing = {"": None, "wall": "wall", "cylinder": CYLINDER}[shape]
-    wanted = Wanted(plan=plan, object=thing, seed=known["seed"], base=base)
+    distances = tuple(known["distances_cm"]) if "distances_cm" in known else None
+    wanted = Wanted(
+        plan=plan, object=thing, seed=known["seed"], base=base, bearings=known.get("bearings"),
+        distances_cm=distances,
+    )  # fmt: skip
     with whole.together(unfinished), closing(address.open(noise=known.get("twin_noise", 1.0))) as body:
         record(wanted, unfinished, body, on_progress=report)
     whole.move(unfinished, finished)

@@ -11,8 +11,8 @@ import click
 from realitygap.errors import UsageError
 
 __all__ = [
-    "FILM", "MOST", "NOISE", "PICTURE", "ROBOT", "SECONDS", "SEED", "SHARD", "FileToWrite", "Finite",
-    "NumberOrPool", "Reflectance", "Whole",
+    "DISTANCES", "FILM", "MOST", "NOISE", "PICTURE", "ROBOT", "SECONDS", "SEED", "SHARD", "FileToWrite",
+    "Finite", "NumberOrPool", "Reflectance", "Whole",
 ]  # fmt: skip
 
 STEP_S = 0.1
@@ -139,6 +139,7 @@ SEED = Whole(0, MOST, "S")
 PICTURE = FileToWrite(".png", ".svg", ".pdf")
 SECONDS = Seconds()
 FILM = FileToWrite(".gif", ".mp4")
+DISTANCES = Parsed("CM,CM,…", "realitygap.calibration.recorder.grid:distances_of", "distances: ")
 NOISE = Parsed("level", "realitygap.world.noise:noise_level")
 ROBOT = Parsed("R", "realitygap.robots.address:Address.parse", "robot: ")
 SHARD = Parsed("I/N", "realitygap.work.shard:Shard.parse", "shard: ")

@@ -11,7 +11,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import ROBOT, Reflectance, Whole
+from realitygap.cli.kinds import DISTANCES, ROBOT, Reflectance, Whole
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 
@@ -46,6 +46,15 @@ PLANS = ("infrared", "ambient", "wheels", "all")
 @click.option(
     "--repeats", type=Whole(1, 1000), default=10, help="Readings at each place, which measure the noise."
 )
+@click.option(
+    "--bearings", type=Whole(1, 720),
+    help="Bearings of the infrared's places, evenly all round [default: 24; of Enki's robots 180].",
+)  # fmt: skip
+@click.option(
+    "--distances", "distances_cm", type=DISTANCES,
+    help="Distances of the infrared's places, rising [default: 0.5,1,1.5,2,3,4,5.5,8; of Enki's robots "
+    "10,12.5,15 too].",
+)  # fmt: skip
 @option.seed(says=" It does not change a twin's constants: those depend on its unit alone.")
 @option.twin_noise()
 @option.baud()
@@ -66,9 +75,9 @@ def record(
 ) -> None:  # fmt: skip
     """Record a robot at known places, for a calibration.
 
-    Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away. Ambient: poses all over the arena of
-    light seeking. Wheels: speed steps, standing starts, straight lines and turns. Each finished place is
-    saved at once; --resume continues after an interruption.
+    Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away (Enki's robots: to 15 cm). Ambient:
+    poses all over the arena of light seeking. Wheels: speed steps, standing starts, straight lines and
+    turns. Each finished place is saved at once; --resume continues after an interruption.
 
     \b
     Examples: all that a calibration of a twin needs; a robot at a wall, and how to continue after "q";
@@ -82,8 +91,10 @@ def record(
     from realitygap.world.profile import load_profile
 
     plan, base = words["plan"], words.pop("base")
-    if words["object"] is not None and plan not in ("infrared", "all"):
-        raise click.UsageError(f"--object belongs to the infrared's plan, not to {plan!r}; leave it out.")
+    for key in ("object", "bearings", "distances_cm"):
+        if words[key] is not None and plan not in ("infrared", "all"):
+            named = f"--{key.removesuffix('_cm')}"
+            raise click.UsageError(f"{named} belongs to the infrared's plan, not to {plan!r}; leave it out.")
     if words["reflectance"] != 1.0 and words["object"] is None:
         raise click.UsageError("--reflectance: expected --object beside it, whose surface it describes.")
     if math.isnan(words["reflectance"]) and robot.unit is not None:

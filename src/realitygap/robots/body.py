@@ -29,6 +29,8 @@ Optional members are found by name:
     facts       what recordings say of it: "robot", its name; "units" of its commands, "base", the shipped
                 profile of what is known of it, and "pulses_per_mm"; your own needs no more
     read_at     when what `sense` gives arrived, by its clock: of a body whose line may miss a step
+    infrared_grid   (bearings, distances in cm) of the infrared's plan (`record`), if not the usual ones: of a
+                body that is set down at many places in no time
     attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
                 body that cannot read all of them in one period
 """

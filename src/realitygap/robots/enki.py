@@ -21,6 +21,10 @@ __all__ = ["EnkiBody", "opened"]
 MM_PER_CM = 10.0
 ROOM: dict[str, Any] = {"size_cm": [60.0, 60.0]}
 """Where it stands until it enters another."""
+GRID = (180, (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 10.0, 12.5, 15.0))
+"""Bearings and distances (cm) at which its infrared is recorded: 2 degrees apart, and on to where none of its
+robots sees anything. Where a ray just meets a thing, or just not, tells where a sensor looks only as nearly
+as places are apart."""
 
 
 class EnkiBody:
@@ -32,7 +36,7 @@ class EnkiBody:
         noise: the scale of Enki's noise.
     """
 
-    period_s = 0.1
+    period_s, infrared_grid = 0.1, GRID
     _film: Path | None
     _seen: list[NDArray[np.float64]]
 

@@ -55,8 +55,14 @@ def _number(told: Any) -> float:
     return float(told)
 
 
+def _grid(told: Any) -> tuple[int, tuple[float, ...]]:
+    bearings, distances = told
+    return int(bearings), tuple(map(float, distances))
+
+
 FORMS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "clock": ("a clock, with waits, now and sleep_until", _clock),
+    "infrared_grid": ("(bearings, distances in cm)", _grid),
     "odometry": ("an Odometry(counters=(left, right))", _odometry),
     "pose": ("a Pose", _pose),
     "pulses_per_mm": ("a number", lambda told: None if told is None else _number(told)),

@@ -15,8 +15,11 @@ from realitygap.toml import read_toml, to_toml
 __all__ = ["ARENA", "Journal", "refuse_another"]
 
 ARENA = "arena.toml"
-SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "marker", "seed", "repeats", "places")
+SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "marker", "seed", "repeats", "bearings",
+        "distances_cm", "places")  # fmt: skip
 """Facts that must not change when a recording is resumed."""
+USUAL = "the usual"
+"""What a fact is that is not said."""
 
 
 class Journal:
@@ -79,9 +82,10 @@ class Journal:
         there = read_toml(path, RecordingError, "Begin the recording anew, in another folder.")
         for name in SAME:
             if there.get(name) != facts.get(name):
+                begun, asked = (repr(said[name]) if name in said else USUAL for said in (there, facts))
                 raise RecordingError(
-                    f"{path}: {name}: this recording was begun with {there.get(name)!r}, not "
-                    f"{facts.get(name)!r}; resume it as it was begun, or choose another folder."
+                    f"{path}: {name}: this recording was begun with {begun}, not {asked}; resume it as it "
+                    "was begun, or choose another folder."
                 )
 
     def _take_up(self, rows: Callable[[tuple[str, ...]], int]) -> None:

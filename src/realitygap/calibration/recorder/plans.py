@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from realitygap.calibration.recorder.grid import Grid
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, check_object, cylinder_radius
 from realitygap.errors import RecordingError
 from realitygap.values import Pose
@@ -15,13 +16,9 @@ from realitygap.world.body import Body
 
 __all__ = ["KHEPERA", "Place", "SensorPlan", "ambient_plan", "infrared_plan", "sensor_plans"]
 
-DISTANCES_CM = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0)
-"""From nearly touching to where a Khepera sees nothing; close together where the curve is steep."""
-BEARINGS = 24
-"""All round, every 15 degrees: sensors and the gaps between them."""
-
-ROOM_CM = 100.0
-"""A room so large that only the object is in reach of the infrared."""
+ROOM_CM, NEAR_CM = 100.0, 8.0
+"""A room so large that only an object that is so near is in reach of the infrared; it grows with
+farther ones."""
 KHEPERA = Body(radius_cm=BODY_RADIUS_CM)
 """Of a robot of which nothing is said."""
 CYLINDER = "cylinder:4"
@@ -62,6 +59,7 @@ class SensorPlan:
         places: in the order in which they are visited.
         begins: what a person prepares.
         reflectance: of the object's surface; NaN: not known.
+        facts: what recording.toml says of the places.
     """
 
     name: str
@@ -73,15 +71,19 @@ class SensorPlan:
     places: tuple[Place, ...]
     begins: str
     reflectance: float = 1.0
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
 
-def infrared_plan(name: str, body: Body = KHEPERA, reflectance: float = 1.0) -> SensorPlan:
-    """A wall or a cylinder at all bearings, from 0.5 to 8 cm before the body's edge.
+def infrared_plan(
+    name: str, body: Body = KHEPERA, reflectance: float = 1.0, grid: Grid | None = None
+) -> SensorPlan:
+    """A wall or a cylinder at all bearings, at several distances from the body's edge.
 
     Args:
         name: "wall" or "cylinder:RADIUS_CM".
         body: the robot's.
         reflectance: of its surface; NaN: not known.
+        grid: the distances and bearings; the usual ones if None.
 
     Raises:
         RecordingError: another object.
@@ -91,11 +93,13 @@ def infrared_plan(name: str, body: Body = KHEPERA, reflectance: float = 1.0) -> 
     if radius is not None and radius > ROOM_CM / 4:
         most = f"a cylinder of at most {ROOM_CM / 4:g} cm"
         raise RecordingError(f"--object: expected {most}, got {radius:g} cm.")
+    grid = grid or Grid()
+    size = ROOM_CM + 2.0 * max(0.0, max(grid.distances_cm) - NEAR_CM)
     # the object lies towards −x: the room's own wall at x = 0, or a cylinder in its middle
-    edge = 0.0 if radius is None else ROOM_CM / 2 + radius
-    room: dict[str, Any] = {"size_cm": [ROOM_CM, ROOM_CM]}
+    edge = 0.0 if radius is None else size / 2 + radius
+    room: dict[str, Any] = {"size_cm": [size, size]}
     if radius is not None:
-        room["cylinders"] = [[ROOM_CM / 2, ROOM_CM / 2, radius]]
+        room["cylinders"] = [[size / 2, size / 2, radius]]
     if math.isfinite(reflectance) and reflectance != 1.0:
         room["reflectance"] = [reflectance] if radius is None else [1.0, reflectance]
     short = "wall" if radius is None else "cylinder"
@@ -108,12 +112,13 @@ def infrared_plan(name: str, body: Body = KHEPERA, reflectance: float = 1.0) -> 
         room=room,
         arena=None,
         places=tuple(
-            _before(edge, radius, distance, k * 360.0 / BEARINGS, body)
-            for distance in DISTANCES_CM
-            for k in range(BEARINGS)
+            _before((edge, size / 2), radius, distance, k * 360.0 / grid.bearings, body)
+            for distance in grid.distances_cm
+            for k in range(grid.bearings)
         ),
         begins=f"Put up {what}, with nothing else within 20 cm, and keep lamps away.",
         reflectance=reflectance,
+        facts=grid.facts,
     )
 
 
@@ -142,7 +147,11 @@ def ambient_plan() -> SensorPlan:
 
 
 def sensor_plans(
-    plan: str, name: str | None = None, body: Body = KHEPERA, reflectance: float = 1.0
+    plan: str,
+    name: str | None = None,
+    body: Body = KHEPERA,
+    reflectance: float = 1.0,
+    grid: Grid | None = None,
 ) -> tuple[SensorPlan, ...]:
     """The sensors' part of the plan "infrared", "ambient", "wheels" or "all".
 
@@ -151,22 +160,26 @@ def sensor_plans(
         name: the infrared's one object; None: a wall and a cylinder.
         body: the robot's.
         reflectance: of the objects' surfaces; NaN: not known.
+        grid: the infrared's distances and bearings; the usual ones if None.
     """
     out = []
     if plan in ("infrared", "all"):
-        out += [infrared_plan(one, body, reflectance) for one in ((name,) if name else ("wall", CYLINDER))]
+        names = (name,) if name else ("wall", CYLINDER)
+        out += [infrared_plan(one, body, reflectance, grid) for one in names]
     if plan in ("ambient", "all"):
         out.append(ambient_plan())
     return tuple(out)
 
 
-def _before(edge: float, radius: float | None, distance: float, bearing: float, body: Body) -> Place:
-    """The place before an object whose edge is at x = edge, on the middle line: a wall, or round."""
+def _before(
+    edge: tuple[float, float], radius: float | None, distance: float, bearing: float, body: Body
+) -> Place:
+    """The place before an object with this edge, x and y: a wall, or round."""
     bearing = 180.0 - (180.0 - bearing) % 360.0
     what = "wall" if radius is None else "cylinder"
     gap = None if radius is None else np.array([distance + radius])
     reach = float(body.reach_cm(np.radians([bearing]), gap)[0])
-    pose = Pose(x=edge + distance + reach, y=ROOM_CM / 2, heading=math.radians(180.0 - bearing))
+    pose = Pose(x=edge[0] + distance + reach, y=edge[1], heading=math.radians(180.0 - bearing))
     return Place(
         pose=pose,
         where=(distance, bearing),

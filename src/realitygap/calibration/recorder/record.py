@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from realitygap import whole
 from realitygap.calibration.recorder.acts import drive_trial, read_standing
+from realitygap.calibration.recorder.grid import Grid
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
 from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
@@ -58,6 +59,7 @@ class Wanted:
             base, or a Khepera.
         marker: what the robot wears under a camera over the wheels' floor, as `load_marker` reads it; None:
             the disk.
+        bearings, distances_cm: of the infrared's plan, as of `Grid`; None: the robot's own, or the usual.
     """
 
     plan: str
@@ -68,6 +70,17 @@ class Wanted:
     notes: str = ""
     base: Profile | None = None
     marker: str | None = None
+    bearings: int | None = None
+    distances_cm: tuple[float, ...] | None = None
+
+    def grid(self, body: Body) -> Grid:
+        """Where an object stands for this robot's infrared."""
+        usual = Grid()
+        bearings, distances = getattr(body, "infrared_grid", (usual.bearings, usual.distances_cm))
+        return Grid(
+            bearings=bearings if self.bearings is None else self.bearings,
+            distances_cm=distances if self.distances_cm is None else self.distances_cm,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +169,8 @@ def _parts(wanted: Wanted, body: Body) -> list[_Part]:
     """
     base, kinds = wanted.base, [one.name for one in body.channels]
     parts: list[_Part] = []
-    for part in sensor_plans(wanted.plan, wanted.object, base.body if base else KHEPERA, wanted.reflectance):
+    shape, grid = base.body if base else KHEPERA, wanted.grid(body)
+    for part in sensor_plans(wanted.plan, wanted.object, shape, wanted.reflectance, grid):
         kind = CHANNELS[part.kind]
         if wanted.plan != "all" or kind in kinds:
             has = channel(body, kind).sensors
@@ -191,7 +205,7 @@ def check_period(body: Body, base: Profile) -> None:
 def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> _Part:
     """The part of a plan that reads sensors of a standing robot."""
     one = channel(body, CHANNELS[plan.kind])
-    own = {"kind": plan.kind, "object": plan.object, **stated_shape(wanted.base, one)}
+    own = {"kind": plan.kind, "object": plan.object, **plan.facts, **stated_shape(wanted.base, one)}
     if plan.reflectance != 1.0:
         own["reflectance"] = plan.reflectance if math.isfinite(plan.reflectance) else UNKNOWN
     if plan.arena is not None:

@@ -60,8 +60,8 @@ WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
 KNOWN = (
     "kind", "object", "reflectance", "sensors", "full_scale", "body_radius_cm", "body_outline_cm",
     *HEIGHTS_CM, "arena", "units", "notes", "robot", "unit", "twin_noise", "port", "bios", "protocol",
-    "firmware", "plan", "seed", "repeats", "places", "date", "base", "pulses_per_mm", "marker",
-    "id", "productId", "fwversion", "prox.comm.tx",
+    "firmware", "plan", "seed", "repeats", "bearings", "distances_cm", "places", "date", "base",
+    "pulses_per_mm", "marker", "id", "productId", "fwversion", "prox.comm.tx",
 )  # fmt: skip
 """Keys of recording.toml: a calibration reads those about the body, surfaces and units, the others are for
 the record; the last ones come from a Thymio."""
