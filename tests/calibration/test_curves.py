@@ -24,7 +24,7 @@ def test_bends_are_penalised_over_what_errs_least(linear):
     counts = true + 20 * random.normal(size=u.shape)
     use = ~((u > 0.3) & (u < 0.55))
     seen = Seen(counts=counts, use=use, top=1023.0, most=1023.0, noise=20.0)
-    chosen = smoothness(seen, u, np.arange(len(u)) % 4)
+    _, chosen = smoothness(seen, u, np.arange(len(u)) % 4)
     assert chosen.linear == linear and chosen.smooth > Seen.smooth
 
     def off(way: bool) -> float:

@@ -9,6 +9,7 @@ converter are censored (Tobin 1958).
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ Use = NDArray[np.bool_]
 
 STEPS = 80
 """Of a curve."""
+BRIGHT = 0.9
+"""Share from which on a step is as much light as there: towards 1 it is without end, and a curve that is to
+be straight over the light would hang on its own far end, and that on rounding errors."""
 ROUNDS, STEEP = 12, 1e6
 """Rounds of one fit, and the weight that keeps a curve from falling."""
 SETTLED = 1e-3
@@ -30,6 +34,13 @@ ALIKE, ALIKES = 0.3, (0.3, 0.1, 0.03, 0.01)
 held-out places."""
 SMOOTH = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """Weights of bends that are tried on held-out places."""
+
+
+def _light() -> Floats:
+    """[STEPS + 1] the light at each step of a curve, up to a factor."""
+    share = np.arange(STEPS) / STEPS
+    gap = np.diff((share / (1.0 - share)) ** 2)
+    return np.cumsum([0.0, *np.minimum(gap, gap[int(BRIGHT * STEPS)]), gap[int(BRIGHT * STEPS)]])
 
 
 def _bends(at: Floats) -> Floats:
@@ -45,9 +56,8 @@ def _bends(at: Floats) -> Floats:
     return bands
 
 
-SHARE = np.arange(STEPS) / STEPS
 OVER_SHARE = _bends(np.arange(STEPS + 1.0))
-OVER_LIGHT = _bends(np.append((SHARE / (1.0 - SHARE)) ** 2, (STEPS + 1.0) ** 2))
+OVER_LIGHT = _bends(_light())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,9 +93,27 @@ def on_curves(curves: Floats, u: Floats) -> Floats:
     return np.asarray(curves[k, j] + (at - j) * (curves[k, j + 1] - curves[k, j]))
 
 
+class Ends(NamedTuple):
+    """Readings at an end of the converter: their cell, how far up it, and what they weigh on either side.
+
+    `counts` are what was read: of those at 0 nothing."""
+
+    cell: NDArray[np.int64]
+    share: Floats
+    here: Floats
+    there: Floats
+    counts: Floats
+
+    def on(self, curves: Floats) -> Floats:
+        """What curves [S, STEPS + 1] read there."""
+        values = curves.ravel()
+        below = values[self.cell]
+        return np.asarray(below + self.share * (values[self.cell + 1] - below))
+
+
 class Curves:
     """The fit at shares u [n, S]: the normal equations are gathered once, their right side as often as
-    readings at the ends are taken anew."""
+    readings at the ends are taken anew. Dark readings that no ray reaches count as one of each sensor."""
 
     def __init__(self, seen: Seen, u: Floats) -> None:
         self._seen, self._u = seen, u
@@ -96,26 +124,39 @@ class Curves:
         weight, self._size = np.where(seen.use, 1.0, 0.0) / seen.noise**2, sensors * (STEPS + 1)
         self._here, self._there = (1 - self._share) * weight, self._share * weight
         diagonal = self._sum(self._here * (1 - self._share), self._there * self._share)
-        beside = self._sum(self._here * self._share, None)
+        beside = self._sum(self._here * self._share, np.zeros(u.shape))
         self._most = np.broadcast_to(np.asarray(seen.most), (sensors,))
-        ends = seen.use & (seen.counts <= 0), seen.use & (seen.counts >= seen.most)
-        self._inside, self._ends = seen.use & ~ends[0] & ~ends[1], [np.flatnonzero(end) for end in ends]
+        low, high = seen.use & (seen.counts <= 0), seen.use & (seen.counts >= seen.most)
+        self._inside, unlit = seen.use & ~low & ~high, low & (u <= 0)
+        inside = np.where(self._inside, seen.counts, 0.0)
+        self._right = self._sum(inside * self._here, inside * self._there)
+        dark, first = self._at(low & ~unlit), np.arange(sensors) * (STEPS + 1)
+        none, weight = np.zeros(sensors), (self._here * unlit).sum(axis=0)
+        self._low = Ends(
+            np.append(dark.cell, first), np.append(dark.share, none), np.append(dark.here, weight),
+            np.append(dark.there, none), np.append(dark.counts, none),
+        )  # fmt: skip
+        self._high = self._at(high)
         self._dark = 0.0 if seen.dead else seen.dark()
         self._bread = np.zeros((3, sensors, STEPS + 1))
         self._bread[2], self._bread[1, :, 1:] = diagonal, beside[:, :-1]
 
-    def _sum(self, here: Floats, there: Floats | None) -> Floats:
+    def _sum(self, here: Floats, there: Floats) -> Floats:
         """[S, STEPS + 1] sums over the readings of each cell."""
-        total = np.bincount(self._cell.ravel(), here.ravel(), self._size + 1)
-        if there is not None:
-            total += np.bincount(self._cell.ravel() + 1, there.ravel(), self._size + 1)
+        return self._gathered(self._cell.ravel(), here.ravel(), there.ravel())
+
+    def _gathered(self, cell: NDArray[np.int64], here: Floats, there: Floats) -> Floats:
+        total = np.bincount(cell, here, self._size + 1)
+        total += np.bincount(cell + 1, there, self._size + 1)
         return np.asarray(total[: self._size].reshape(-1, STEPS + 1))
 
-    def fitted(self) -> Floats:
-        """The curves [S, STEPS + 1], from 0 to where each saturates, never falling."""
+    def fitted(self, *, beyond: bool = False) -> Floats:
+        """The curves [S, STEPS + 1], from 0 to where each saturates, never falling; or `beyond` that: a step
+        in which one ends is no straight line."""
         common = self._solved(self._bread.sum(axis=1, keepdims=True), np.zeros((1, STEPS + 1)), pooled=True)
         curves = self._solved(self._bread, np.repeat(common, self._bread.shape[1], 0), pooled=False)
-        curves = np.clip(np.maximum.accumulate(curves, axis=1), 0.0, self._most[:, None])
+        most = np.inf if beyond else self._most[:, None]
+        curves = np.clip(np.maximum.accumulate(curves, axis=1), 0.0, most)
         # Below half a count there is nothing: so that a sensor's reach ends.
         return np.where(curves < curves[:, :1] + 0.5, curves[:, :1], curves)
 
@@ -124,8 +165,7 @@ class Curves:
         size, matrix, pulled = bread[2].mean(), bread + held, _times(held, towards)
         curves, falls = towards.copy(), np.zeros((len(towards), STEPS))
         for _ in range(ROUNDS):
-            full = self._full(np.repeat(curves, self._bread.shape[1], 0) if pooled else curves)
-            right = self._sum(full * self._here, full * self._there)
+            right = self._right_side(np.repeat(curves, self._bread.shape[1], 0) if pooled else curves)
             right = right.sum(axis=0, keepdims=True) if pooled else right
             steep = matrix.copy()
             steep[2, :, :-1] += STEEP * size * falls
@@ -163,24 +203,26 @@ class Curves:
         size = np.sqrt(np.diagonal(np.linalg.inv(dense), axis1=1, axis2=2))
         return np.where(self._bread[2] > 0, size * left[:, None], np.inf)
 
-    def _full(self, curves: Floats) -> Floats:
-        """Readings, with what is expected beyond where one ends at 0, in the dead zone or at the top."""
+    def _right_side(self, curves: Floats) -> Floats:
+        """[S, STEPS + 1] sums of readings, with what is expected beyond where one ends at 0, in the dead zone
+        or at the top."""
         from scipy.special import ndtr
 
-        counts, (low, high) = self._seen.counts, self._ends
-        out = counts.flatten()
-        out[high] = np.maximum(self._at(curves, high), out[high])
-        model = self._at(curves, low)
+        model = self._low.on(curves)
         if self._dark > 0:
             a = np.clip(-model / self._dark, -6.0, 6.0)
             model = model - self._dark * np.exp(-a * a / 2) / np.sqrt(2 * np.pi) / ndtr(a)
-        out[low] = np.minimum(model, self._seen.dead)
-        return out.reshape(counts.shape)
+        dark, most = np.minimum(model, self._seen.dead), np.maximum(self._high.on(curves), self._high.counts)
+        low, high = (
+            self._gathered(ends.cell, full * ends.here, full * ends.there)
+            for ends, full in ((self._low, dark), (self._high, most))
+        )
+        return self._right + low + high
 
-    def _at(self, curves: Floats, where: NDArray[np.int64]) -> Floats:
-        """What curves read there, by the number of a reading."""
-        values, cell, share = curves.ravel(), self._cell.ravel()[where], self._share.ravel()[where]
-        return np.asarray(values[cell] + share * (values[cell + 1] - values[cell]))
+    def _at(self, where: Use) -> Ends:
+        """The readings there."""
+        share, here, there = self._share[where], self._here[where], self._there[where]
+        return Ends(self._cell[where], share, here, there, self._seen.counts[where])
 
 
 def _solve(bands: Floats, right: Floats) -> Floats:
@@ -202,8 +244,11 @@ def _times(bands: Floats, vectors: Floats) -> Floats:
     return np.asarray(out)
 
 
-def smoothness(seen: Seen, u: Floats, folds: NDArray[np.int64], alikes: Sequence[float] = (ALIKE,)) -> Seen:
-    """The same, with the bends, and as alike, with which curves err least on places held out.
+def smoothness(
+    seen: Seen, u: Floats, folds: NDArray[np.int64], alikes: Sequence[float] = (ALIKE,)
+) -> tuple[float, Seen]:
+    """The same, with the bends, and as alike, with which curves err least on places held out; and how much,
+    the sum of squares.
 
     Args:
         seen: what the curves are fitted to.
@@ -221,9 +266,10 @@ def smoothness(seen: Seen, u: Floats, folds: NDArray[np.int64], alikes: Sequence
         off = np.zeros(u.shape)
         for fold in np.unique(folds):
             out = (folds == fold)[:, None]
-            model = on_curves(Curves(replace(one, use=seen.use & ~out), u).fitted(), u)
+            model = on_curves(Curves(replace(one, use=seen.use & ~out), u).fitted(beyond=True), u)
             error = np.minimum(model, seen.most) - np.where(silent, seen.dead, seen.counts)
             error = np.where(silent, np.maximum(error, 0.0), error)
             off = np.where(out & seen.use, error, off)
         errors.append(float((off**2).sum()))
-    return tried[int(np.argmin(errors))]
+    best = int(np.argmin(errors))
+    return errors[best], tried[best]

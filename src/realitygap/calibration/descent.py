@@ -23,6 +23,8 @@ ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
 NEARER, LIKE = (0.08, 0.015, 0.002), 1.0 + 1e-6
 AT_END = 0.015
 """By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
+HAIR_DEG = 0.3
+"""And so are those that jump where a sensor turns by so little: a ray just meets a thing, or just not."""
 SHIFT = {"low": -1.0, "high": 1.0, "prior": 0.2, "step": 1e-3}
 """Offset of a straight series, cm, common to all its distances."""
 LIGHT, LIT = {"low": 0.0, "high": 0.05, "prior": 0.002, "step": 1e-5}, 1.1
@@ -50,7 +52,8 @@ class Descent:
 
     def __init__(self, rows: Rows, sensors: Sequence[ProximitySensor], noise: float, *, draws: int) -> None:
         self._rows, self._sensors, self._noise, self._draws = rows, sensors, noise, draws
-        self._blocks = rows.block[np.unique(rows.place, return_index=True)[1]]
+        first_of = np.unique(rows.place, return_index=True)[1]
+        self._blocks, self._few = rows.block[first_of], rows.sparse()[first_of]
         self.straight = all(r.from_sensor is not None for r in rows.recordings)
 
     def frees(self, lobe: Sequence[str]) -> list[Free]:
@@ -76,7 +79,7 @@ class Descent:
             Free(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1, jump=0.5),
             *shares,
             *free_reflectances(scenes),
-            *free_turns([name for (name, _), r in zip(scenes, recordings, strict=True) if r.pose is None]),
+            *free_turns([name for (name, _), r in zip(scenes, recordings, strict=True) if not r.exact]),
         ]
 
     def _backgrounds(self) -> list[Free]:
@@ -114,13 +117,15 @@ class Descent:
         return optics, self.solved(optics, values, noise).values
 
     def searched(self, optics: Optics, values: Values) -> dict[str, Floats]:
-        """Better values: at random first, and then by least squares."""
+        """Better values: at random first, by some of the bearings if there are many; then by all of them, and
+        by least squares."""
         if not self.straight:
-            use = optics.seen.use
+            few = optics.at(self._few)
+            use = few.seen.use
             end = Free(key="range_cm", start=values["range_cm"], low=1.0, high=100.0, jump=0.1)
             frees = [*self.frees(optics.lobe), *([end] if values["range_cm"] > 0 else [])]
             found = search(
-                frees, lambda v: optics.readings(about_rig(v, -1.0), use), self._seen(optics, self._noise),
+                frees, lambda v: few.readings(about_rig(v, -1.0), use), self._seen(few, self._noise),
                 about_rig(values, 1.0), draws=self._draws,
             )  # fmt: skip
             values = about_rig(found, -1.0)
@@ -167,7 +172,8 @@ class Descent:
         return {**values, "range_cm": np.array([best if left(best) * PLAIN < left(0.0) else 0.0])}
 
     def solved(self, optics: Optics, start: Values, noise: float, *, intervals: bool = False) -> Fit:
-        """Least squares over all that is free, without the readings that hang on a ray's end by a hair.
+        """Least squares over all that is free, without the readings that hang on a ray by a hair: a
+        difference over a jump is no derivative.
 
         Args:
             optics: the optics, held fixed.
@@ -178,17 +184,24 @@ class Descent:
         use, seen, frees = optics.seen.use, self._seen(optics, noise), self.frees(optics.lobe)
         if not self.straight and background_of(self._rows.scenes[0][0]) in start:
             frees += self._backgrounds()
+        hang = np.zeros(use.shape, bool)
         if start["range_cm"] > 0:
-            near, far = (
-                optics.readings({**start, "range_cm": start["range_cm"] * share}, use)
-                for share in (1 - AT_END, 1 + AT_END)
-            )
-            seen = replace(seen, use=use & ~(np.abs(near - far) > noise))
+            near, far = self._beside(optics, start, "range_cm", AT_END * start["range_cm"])
+            hang |= np.abs(near - far) > noise
+        if not self.straight:
+            right, left = self._beside(optics, start, "direction_deg", HAIR_DEG)
+            hang |= np.abs(right + left - 2.0 * optics.readings(start, use)) > noise
+        seen = replace(seen, use=use & ~hang)
         fit = solve(
             frees, lambda values: optics.readings({**start, **values}, use), seen,
             start=start, intervals=intervals,
         )  # fmt: skip
         return replace(fit, values={**start, **fit.values})
+
+    def _beside(self, optics: Optics, values: Values, key: str, by: Floats | float) -> list[Floats]:
+        """The readings with a constant on either side of where it is."""
+        use = optics.seen.use
+        return [optics.readings({**values, key: values[key] + off}, use) for off in (-by, by)]
 
     def _seen(self, optics: Optics, noise: float) -> Measured:
         seen = optics.seen

@@ -180,11 +180,12 @@ def _fitted_out(
     from scipy.optimize import least_squares
 
     known = recording.pose is not None and recording.arena is not None
+    straight = known or (recording.exact and profile.infrared.measured)
     lamp = recording.kind == "ambient" and not known
     paint = math.isnan(recording.reflectance)
 
     def readings(theta: Floats) -> Floats:
-        turn = 0.0 if known else float(theta[0])
+        turn = 0.0 if straight else float(theta[0])
         if recording.kind == "infrared":
             return proximity(profile, scene.painted(math.exp(theta[1])) if paint else scene, turn)
         scale = float(np.exp(theta[1])) if lamp else 1.0
@@ -193,7 +194,7 @@ def _fitted_out(
         made = replace(profile, ambient=replace(law, sensors=sensors))
         return light_readings(made, illumination(profile, scene, turn))
 
-    if known:
+    if known or (straight and not (lamp or paint)):
         return 0.0, 1.0, readings(np.zeros(2))
     size = 2 if lamp or paint else 1
     scales = np.linspace(-14, 14, 15) if lamp else np.linspace(-3, 2, 11) if paint else (0.0,)

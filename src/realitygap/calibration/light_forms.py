@@ -125,7 +125,7 @@ class LightCurves:
         self._knee = float(np.median(bright)) if len(bright) else 1.0
         top = rows.top
         seen = Seen(counts=top - rows.counts, use=rows.use, top=top, most=top, noise=noise)
-        self._seen = smoothness(seen, self._share(light), rows.folds())
+        self._seen = smoothness(seen, self._share(light), rows.folds())[1]
         self._values = values
 
     def model(self) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS, moved
-from realitygap.calibration.curves import ALIKE, ALIKES, STEPS, Curves, Seen, smoothness
+from realitygap.calibration.curves import ALIKE, ALIKES, SMOOTH, STEPS, Curves, Seen, smoothness
 from realitygap.calibration.descent import BY_HAND, ENDS_CM, PLAIN, Descent
 from realitygap.calibration.forms import Tick, with_columns
 from realitygap.calibration.optics import SHARES, Optics
@@ -82,6 +82,7 @@ class Measured:
         self._first = Optics(
             base=replace(base, infrared=law), scenes=rows.scenes, seen=seen, place=np.arange(len(seen.counts))
         )
+        self._few = self._first.at(rows.sparse()[self._first_of])
 
     def fit(self) -> tuple[Profile, Fit]:
         """The profile and its constants, from the most promising start."""
@@ -99,7 +100,10 @@ class Measured:
 
     def _promising(self) -> tuple[Optics, dict[str, Floats]]:
         """Where the start ends that promises most; `optics` has it with curves fitted to all readings."""
-        found = [self._start_at(i, *self._nearer(*one[2:])) for i, one in enumerate(self._begun())]
+        begun = [
+            (replace(self._first, base=optics.base, lobe=optics.lobe), v) for *_, optics, v in self._begun()
+        ]
+        found = [self._start_at(i, *self._nearer(*one)) for i, one in enumerate(begun)]
         places, values = self._nearer(*min(found, key=itemgetter(0, 1))[2:])
         values = self._step.lit(places, values)
         chosen = places.seen
@@ -120,10 +124,19 @@ class Measured:
         ]  # fmt: skip
 
     def _nearer(self, optics: Optics, values: Values) -> tuple[Optics, dict[str, Floats]]:
-        """The curves as smooth as suits the optics, which shows only where that is right; then that."""
+        """The curves as smooth as suits the optics, which shows only where that is right; then that.
+
+        Curves that may bend make up for optics that are wrong: so what suits straight ones is tried too.
+        """
         folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
         alikes = ALIKES if self._step.straight else (ALIKE,)
-        seen = smoothness(seen, optics.share(optics.profile(values), values), folds, alikes)
+        plain = replace(optics, seen=replace(seen, smooth=SMOOTH[-1], linear=True))
+        solved = self._step.solved(plain, values, self._noise).values
+        tried = [values, self._step.mended(plain, values, solved)]
+        found = [
+            (*smoothness(seen, optics.share(optics.profile(one), one), folds, alikes), one) for one in tried
+        ]
+        _, seen, values = min(found, key=itemgetter(0))
         optics = replace(optics, seen=seen)
         return optics, self._step.searched(optics, values)
 
@@ -136,7 +149,7 @@ class Measured:
         for lobe, width, matt in product(lobes, WIDTHS_CM, (1.0,) if straight else (1.0, 0.0)):
             values = self._start(lobe, width)
             law = replace(self._first.base.infrared, matt=matt)
-            optics = replace(self._first, base=replace(self._first.base, infrared=law), lobe=tuple(lobe))
+            optics = replace(self._few, base=replace(self._few.base, infrared=law), lobe=tuple(lobe))
             optics = optics.centred(values)
             values = self._step.turned(optics, values, FIRST * self._rows.top, COARSE[FIRST])
             begun.append(self._start_at(len(begun), optics, values))

@@ -90,14 +90,25 @@ class Optics:
         light = (share / (1.0 - share) / law.curve_cm) ** 2 + mean * [s.a for s in law.sensors]
         return np.asarray(on_curves(curves, up_curve(light, law.curve_cm)).T)
 
-    def curves(self, values: Values, use: Use) -> tuple[Floats, Floats]:
-        """The curves [S, n] that suit the optics, and each reading's share."""
+    def at(self, few: NDArray[np.bool_]) -> Optics:
+        """The same of some of its places [m] only."""
+        of = np.split(few, np.cumsum([len(scene.poses) for _, scene in self.scenes])[:-1])
+        scenes = [
+            (name, replace(scene, poses=scene.poses[there], row=np.arange(int(there.sum()))))
+            for (name, scene), there in zip(self.scenes, of, strict=True)
+        ]
+        seen = replace(self.seen, counts=self.seen.counts[few], use=self.seen.use[few])
+        return replace(self, scenes=scenes, seen=seen, place=np.arange(len(seen.counts)))
+
+    def curves(self, values: Values, use: Use, *, beyond: bool = False) -> tuple[Floats, Floats]:
+        """The curves [S, n] that suit the optics, on beyond where readings end or not, and all shares."""
         u = self.share(self.profile(values), values)
-        return Curves(replace(self.seen, use=use), u).fitted(), u
+        return Curves(replace(self.seen, use=use), u).fitted(beyond=beyond), u
 
     def readings(self, values: Values, use: Use) -> Floats:
         """Noise-free readings [n, S] by curves fitted to those in `use`; in the dead zone what exceeds it."""
-        model, dead = on_curves(*self.curves(values, use)), self.seen.dead
+        model, dead = on_curves(*self.curves(values, use, beyond=True)), self.seen.dead
+        model = np.minimum(model, self.seen.most)
         return np.where((self.seen.counts <= 0) & (dead > 0), np.maximum(model - dead, 0.0), model)
 
     def shown(self, values: Values, use: Use) -> Floats:

@@ -27,7 +27,10 @@ __all__ = [
     "repeated_noise", "saturation",
 ]  # fmt: skip
 
-FOLDS = 4
+FOLDS, BESIDE_DEG = 4, 10.0
+"""Folds of places held out; and so near to those, all round, none is fitted to."""
+ENOUGH = 60
+"""Bearings."""
 REFLECTANCE = "reflectance_"
 """Prefix of the key of a recording's reflectance; its number follows."""
 PROXIMITY_COUNTS = 21.0
@@ -89,10 +92,29 @@ class Rows:
         self.block = self._blocks()
 
     def without(self, out: NDArray[np.bool_]) -> "Rows":
-        """The same with no reading of the rows `out` [n] in use."""
+        """The same with no reading of the rows `out` [n] in use, nor any at their distances and nearly their
+        bearings, which would tell what was read there."""
         some = copy(self)
-        some.use = self.use & ~out[:, None]
+        some.use = self.use & ~(out | self._beside(out))[:, None]
         return some
+
+    def _beside(self, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """[n] rows that stand within BESIDE_DEG of others, at their distances."""
+        near = np.zeros(len(out), bool)
+        if self.block is self.place:  # no patches: places of a room, or of a straight series
+            return near
+        of = np.repeat(np.arange(len(self.recordings)), [len(r.counts) for r in self.recordings])
+        ring = np.unique(np.column_stack([of, self.distance]), axis=0, return_inverse=True)[1].ravel()
+        for k in np.unique(ring[out]).tolist():
+            here = ring == k
+            apart = self.bearing[here, None] - np.unique(self.bearing[here & out])
+            near[here] = np.abs((apart + 180.0) % 360.0 - 180.0).min(axis=1) < BESIDE_DEG
+        return near
+
+    def sparse(self) -> NDArray[np.bool_]:
+        """[n] rows at some of the bearings, where there are many: enough to begin a search with."""
+        bearings, rank = np.unique(np.nan_to_num(self.bearing), return_inverse=True)
+        return np.asarray(rank % max(1, len(bearings) // ENOUGH) == 0)
 
     def names(self) -> list[str]:
         """One a recording: its object, or its file where objects repeat, numbered where files repeat too."""

@@ -186,6 +186,11 @@ class SensorRecording(Recorded):
         body = Body(radius_cm=self.body_radius_cm, outline_cm=self.body_outline_cm)
         return body.reach_cm(np.radians(self.bearing_deg), gap)
 
+    @property
+    def exact(self) -> bool:
+        """Whether its places are poses, or a program's that put the robot down: no rig stood turned."""
+        return self.pose is not None or "unit" in self.facts
+
     def place(self) -> NDArray[np.int64]:
         """[n] the number of each row's place, from 0 in the order of first appearance."""
         where = np.stack([self.distance_cm, self.bearing_deg], 1) if self.pose is None else self.pose
