@@ -35,7 +35,7 @@ using namespace Enki;
 const double STEP_S = 0.02;        // part of the model: the wheels' noise is drawn anew each step
 const double BOARD_CM = 0.6;       // a partition's thickness
 const double HIGH_CM = 20;         // of whatever stands in the room: every sensor sees it
-const int SIDES = 32;              // of a cylinder that is none
+const int SIDES = 128;             // of a cylinder that is none
 const double FIXED = -1;           // mass of what cannot be moved
 
 // Enki handles objects in the order of their addresses. Here that order is always the same: the robot, then
