@@ -131,8 +131,10 @@ class Measured:
         folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
         alikes = ALIKES if self._step.straight else (ALIKE,)
         plain = replace(optics, seen=replace(seen, smooth=SMOOTH[-1], linear=True))
-        solved = self._step.solved(plain, values, self._noise).values
-        tried = [values, self._step.mended(plain, values, solved)]
+        tried = [values]
+        if not self._step.straight:
+            solved = self._step.solved(plain, values, self._noise).values
+            tried += [self._step.mended(plain, values, solved)]
         found = [
             (*smoothness(seen, optics.share(optics.profile(one), one), folds, alikes), one) for one in tried
         ]
