@@ -66,3 +66,57 @@ def test_places_recorded_twice_contradict_each_other(recorded):
     assert contradicted(Rows(noisy, PAPER), 21.0) == []
     other = replace(twice[1], object="cylinder:4")
     assert np.isnan(contradiction(Rows([twice[0], other], PAPER), 21.0))
+
+
+def test_straight_curves_do_not_hang_on_rounding():
+    """A share that differs in its tenth digit moves a curve that is straight over the light hardly."""
+    random = np.random.default_rng(3)
+    u = random.uniform(0.02, 0.6, (400, 2))
+    counts = np.minimum(2000.0 * (u / (1 - u)) ** 2 + 10 * random.normal(size=u.shape), 4095.0)
+    seen = Seen(
+        counts=counts,
+        use=np.ones(u.shape, bool),
+        top=4095.0,
+        most=4095.0,
+        noise=18.0,
+        smooth=0.1,
+        linear=True,
+    )
+    here, there = (on_curves(Curves(seen, share).fitted(beyond=True), u) for share in (u, u * (1 + 1e-10)))
+    assert np.abs(here - there).max() < 0.02  # with the light without end 1.7
+
+
+def test_curves_go_on_beyond_their_end_where_asked():
+    """So that a reading just below it lies on a straight line, not on one towards the end's own step."""
+    u = np.random.default_rng(5).uniform(0.1, 0.6, (2000, 1))
+    true = 2500.0 * (u / (1 - u)) ** 2
+    seen = Seen(
+        counts=np.minimum(true, 4095.0), use=np.ones(u.shape, bool), top=4095.0, most=4095.0, noise=18.0,
+        smooth=0.1, linear=True,
+    )  # fmt: skip
+    fit, near = Curves(seen, u), (true > 3600) & (true < 4090)
+    off = [
+        np.abs(np.minimum(on_curves(fit.fitted(beyond=far), u), 4095.0) - true)[near].max()
+        for far in (True, False)
+    ]
+    assert off[0] < 10 < 25 < off[1] and fit.fitted().max() <= 4095.0
+
+
+def test_what_stands_beside_a_place_held_out_is_not_fitted(recorded):
+    """At its distance, within 10 degrees, round the back too; places at 15 degrees are all kept."""
+    table = recorded("wall", repeats=1)
+    kept = {}
+    for step in (2.0, 15.0):
+        bearing = np.arange(-180.0, 180.0, step)
+        row = np.resize(np.arange(len(table.counts)), len(bearing))
+        few = replace(
+            table, bearing_deg=bearing, distance_cm=np.full(len(bearing), 2.0),
+            repeat=np.zeros(len(bearing), np.int64), counts=table.counts[row],
+        )  # fmt: skip
+        rows = Rows.__new__(Rows)
+        rows.recordings, rows.distance, rows.bearing = [few], few.distance_cm, few.bearing_deg
+        rows.place, rows.use = np.arange(len(bearing)), np.ones((len(bearing), 8), bool)
+        rows.block = rows._blocks()
+        out = np.abs(np.abs(bearing) - 180.0) < 1
+        kept[step] = bearing[rows.without(out).use.all(axis=1)]
+    assert np.abs(kept[2.0]).max() == 170.0 and len(kept[2.0]) == 171 and len(kept[15.0]) == 23
