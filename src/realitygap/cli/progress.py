@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import sys
 import time
 from types import TracebackType
@@ -147,17 +146,18 @@ class _NotebookBar:
 
     def update(self, _: object, *, description: str, completed: int, total: int, says: str) -> None:
         """Show how far it is."""
-        words = html.escape(f"{description} {completed}/{total}{', ' * bool(says)}{says}")
         bar = f'<progress max="{total}" value="{completed}" style="vertical-align: middle"></progress>'
-        self._say(words, f"<div>{bar} {words}</div>")
+        self._say(f"{description} {completed}/{total}{', ' * bool(says)}{says}", "div", bar)
 
     def stop(self) -> None:
         """Leave the last line where it is worth keeping."""
-        took = self._line.took()
-        self._say(took, f"<small>{html.escape(took)}</small>")
+        self._say(self._line.took(), "small")
 
-    def _say(self, plain: str, rich: str) -> None:
-        self._handle.update({"text/plain": plain, "text/html": rich}, raw=True)
+    def _say(self, words: str, tag: str, bar: str = "") -> None:
+        from html import escape
+
+        rich = f"<{tag}>{bar} {escape(words)}</{tag}>"
+        self._handle.update({"text/plain": words, "text/html": rich}, raw=True)
 
 
 def _in_notebook() -> bool:
