@@ -18,9 +18,8 @@ def main(folder: Path) -> None:
     run = run_study(folder / "study", config).runs[0]
     board = on_board(run, "champion", run.champion, name="avoider")
     header, source, test = write_source(board, "c99", folder / "avoider")
-    print(
-        f"{header.name}, {source.name}: {len(board.thresholds)} neurons, {board.state_bytes} bytes of state"
-    )
+    size = f"{len(board.thresholds)} neurons, {board.state_bytes} bytes of state"
+    print(f"{header.name}, {source.name}: {size}", flush=True)  # before what the test program prints
     program = folder / "test_avoider"
     subprocess.run(["cc", "-std=c99", "-Wall", "-Werror", "-o", program, test, source], check=True)
     subprocess.run([program], check=True)

@@ -45,11 +45,12 @@ class Place:
     def start(self, more: str = "", cache: str = "") -> subprocess.Popen[str]:
         """The program begun: it prints two sums and how many of the two functions were on file."""
         names = {"XDG_CACHE_HOME": cache or str(self.cache), "TMPDIR": str(self.temporary)}
+        names["PYTHONDONTWRITEBYTECODE"] = "1"  # a file edited within a second would be taken for the old one
         dropped = ("REALITYGAP_SPARE_CACHE", "NUMBA_CACHE_DIR")
         environment = {key: value for key, value in os.environ.items() if key not in dropped} | names
         return subprocess.Popen(
-            [sys.executable, "-c", f"from small import told; print(*told())\n{more}"], cwd=self.folder,
-            env=environment | {"PYTHONPATH": str(self.folder)}, text=True,
+            [sys.executable, "-c", f"from small import told; print(*told(), flush=True)\n{more}"], text=True,
+            env=environment | {"PYTHONPATH": str(self.folder)}, cwd=self.folder,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.PIPE,
         )  # fmt: skip
 
