@@ -1,6 +1,6 @@
-"""What Numba's compiler leaves for others to link: all that was written, to be optimized there, or a name.
+"""Options for Numba's compiler: whether other code links a function's whole code or only its name.
 
-What this project compiles is compiled by these; how they are kept on file, machine_code.py knows.
+Everything that this project compiles uses one of these; machine_code.py keeps the results on file.
 """
 
 import gc
@@ -14,8 +14,8 @@ __all__ = ["APART", "ENTIRE", "PART"]
 
 
 class _Code(JITCodeLibrary):  # type: ignore[misc]
-    """Where LLVM, before it has inlined anything, takes no call of a part for cheap enough to write it down
-    twice, as it does for a loop that asks something at each turn."""
+    """Code in which LLVM may not duplicate a call that it will inline later: a call looks cheap, so LLVM
+    would otherwise copy whole loops around it."""
 
     def add_ir_module(self, module: Any) -> None:
         for function in module.functions:
@@ -25,13 +25,13 @@ class _Code(JITCodeLibrary):  # type: ignore[misc]
 
 
 class _PartsCode(_Code):
-    """Code that is only ever linked into other code, and optimized and made into the machine's there: here
-    only the variables are, which Numba fills in."""
+    """Code that is only ever linked into other code, and optimized and compiled there; here only the
+    variables that Numba fills in are compiled."""
 
     _final_module: Any
 
     def _optimize_final_module(self) -> None:
-        """Nothing is gained by doing it twice."""
+        """Left to the code that links it."""
 
     def _finalize_final_module(self) -> None:
         linked = self._final_module
@@ -44,7 +44,7 @@ class _PartsCode(_Code):
 
 
 class _ApartCode(_Code):
-    """Code that lies by itself: into what calls it no more is linked than its name."""
+    """Code compiled on its own: callers link only a declaration of it."""
 
     _shared_module: Any
 
@@ -58,7 +58,7 @@ class _ApartCode(_Code):
 
 
 class _Compiler(Compiler):  # type: ignore[misc]
-    """Numba's own, while no garbage is collected: of what it makes there is little, and looking for it is a
+    """Numba's own, with garbage collection off: there is little to collect, and looking for it takes a
     seventh of the time."""
 
     into = _Code
@@ -87,7 +87,7 @@ class _ApartCompiler(_Compiler):
 
 
 ENTIRE = {"no_cfunc_wrapper": True, "pipeline_class": _Compiler}
-"""Numba's options: without C's way into a function, which nobody goes."""
+"""Numba's options, without the entry point for C, which nobody uses."""
 PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _PartsCompiler}
-"""Without Python's either, which takes its arguments apart."""
+"""Without Python's entry point either."""
 APART = PART | {"pipeline_class": _ApartCompiler}

@@ -23,8 +23,8 @@ Use = NDArray[np.bool_]
 STEPS = 80
 """Of a curve."""
 BRIGHT = 0.9
-"""Share from which on a step is as much light as there: towards 1 it is without end, and a curve that is to
-be straight over the light would hang on its own far end, and that on rounding errors."""
+"""Beyond this share all steps count as equally much light. Towards a share of 1 the light goes to infinity,
+and a curve penalised for bends over the light would depend on its far end, and so on rounding errors."""
 ROUNDS, STEEP = 12, 1e6
 """Rounds of one fit, and the weight that keeps a curve from falling."""
 SETTLED = 1e-3
@@ -37,7 +37,7 @@ SMOOTH = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 
 
 def _light() -> Floats:
-    """[STEPS + 1] the light at each step of a curve, up to a factor."""
+    """[STEPS + 1] light at each step of a curve, in arbitrary units."""
     share = np.arange(STEPS) / STEPS
     gap = np.diff((share / (1.0 - share)) ** 2)
     return np.cumsum([0.0, *np.minimum(gap, gap[int(BRIGHT * STEPS)]), gap[int(BRIGHT * STEPS)]])
@@ -94,9 +94,9 @@ def on_curves(curves: Floats, u: Floats) -> Floats:
 
 
 class Ends(NamedTuple):
-    """Readings at an end of the converter: their cell, how far up it, and what they weigh on either side.
+    """Readings at an end of the converter: their cell, position in it, and weights on either side.
 
-    `counts` are what was read: of those at 0 nothing."""
+    `counts` are the readings; unused for those at 0."""
 
     cell: NDArray[np.int64]
     share: Floats
@@ -105,7 +105,7 @@ class Ends(NamedTuple):
     counts: Floats
 
     def on(self, curves: Floats) -> Floats:
-        """What curves [S, STEPS + 1] read there."""
+        """Values of curves [S, STEPS + 1] there."""
         values = curves.ravel()
         below = values[self.cell]
         return np.asarray(below + self.share * (values[self.cell + 1] - below))
@@ -151,8 +151,8 @@ class Curves:
         return np.asarray(total[: self._size].reshape(-1, STEPS + 1))
 
     def fitted(self, *, beyond: bool = False) -> Floats:
-        """The curves [S, STEPS + 1], from 0 to where each saturates, never falling; or `beyond` that: a step
-        in which one ends is no straight line."""
+        """The curves [S, STEPS + 1], never falling, from 0 to where each saturates; `beyond` leaves out that
+        upper limit, because a curve cut off within a step is no straight line there."""
         common = self._solved(self._bread.sum(axis=1, keepdims=True), np.zeros((1, STEPS + 1)), pooled=True)
         curves = self._solved(self._bread, np.repeat(common, self._bread.shape[1], 0), pooled=False)
         most = np.inf if beyond else self._most[:, None]

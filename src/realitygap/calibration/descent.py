@@ -24,7 +24,7 @@ NEARER, LIKE = (0.08, 0.015, 0.002), 1.0 + 1e-6
 AT_END = 0.015
 """By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
 HAIR_DEG = 0.3
-"""And so are those that jump where a sensor turns by so little: a ray just meets a thing, or just not."""
+"""Readings that jump when a sensor turns by this angle are left out too: a ray only just hits or misses."""
 SHIFT = {"low": -1.0, "high": 1.0, "prior": 0.2, "step": 1e-3}
 """Offset of a straight series, cm, common to all its distances."""
 LIGHT, LIT = {"low": 0.0, "high": 0.05, "prior": 0.002, "step": 1e-5}, 1.1
@@ -172,8 +172,8 @@ class Descent:
         return {**values, "range_cm": np.array([best if left(best) * PLAIN < left(0.0) else 0.0])}
 
     def solved(self, optics: Optics, start: Values, noise: float, *, intervals: bool = False) -> Fit:
-        """Least squares over all that is free, without the readings that hang on a ray by a hair: a
-        difference over a jump is no derivative.
+        """Least squares over all free constants, without readings near a jump, where a difference quotient is
+        no derivative.
 
         Args:
             optics: the optics, held fixed.

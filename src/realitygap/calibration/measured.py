@@ -124,9 +124,10 @@ class Measured:
         ]  # fmt: skip
 
     def _nearer(self, optics: Optics, values: Values) -> tuple[Optics, dict[str, Floats]]:
-        """The curves as smooth as suits the optics, which shows only where that is right; then that.
+        """Choose the curves' smoothness, which only shows near the right optics; then refine the optics.
 
-        Curves that may bend make up for optics that are wrong: so what suits straight ones is tried too.
+        Curves that may bend can compensate for wrong optics, so the optics that suit straight curves are
+        tried too.
         """
         folds, seen = self._rows.folds()[self._first_of], replace(optics.seen, noise=self._noise)
         alikes = ALIKES if self._step.straight else (ALIKE,)

@@ -28,7 +28,7 @@ __all__ = [
 ]  # fmt: skip
 
 FOLDS, BESIDE_DEG = 4, 10.0
-"""Folds of places held out; and so near to those, all round, none is fitted to."""
+"""Folds of held-out places; and nothing is fitted within this bearing of a held-out place at its distance."""
 ENOUGH = 60
 """Bearings."""
 REFLECTANCE = "reflectance_"
@@ -92,8 +92,8 @@ class Rows:
         self.block = self._blocks()
 
     def without(self, out: NDArray[np.bool_]) -> "Rows":
-        """The same with no reading of the rows `out` [n] in use, nor any at their distances and nearly their
-        bearings, which would tell what was read there."""
+        """The same without the readings of the rows `out` [n], and without those at their distances and
+        nearly their bearings, which would give them away."""
         some = copy(self)
         some.use = self.use & ~(out | self._beside(out))[:, None]
         return some

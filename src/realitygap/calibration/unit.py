@@ -42,8 +42,8 @@ TURNS = "turns"
 NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for each plan."""
 FIT = "fit"
-RECIPE = 3
-"""Increased whenever the same settings would make another profile."""
+RECIPE, ROBOTS_RECIPE = 3, 4
+"""Of a twin's unit, and of other robots: increased whenever the same settings would make another profile."""
 
 Work = Callable[[], None]
 Progress = Callable[[str, int, int], None]
@@ -143,7 +143,7 @@ def calibrated_robot(
         UsageError: no such robot, or its sensors differ from the base's.
         CalibrationError: the folder belongs to another robot or other settings.
     """
-    settings = {"recipe": RECIPE, "base": base, "seed": seed, **_known_of(robot)}
+    settings = {"base": base, "seed": seed, **_known_of(robot)}
     return _calibrated(folder, settings, workers, on_progress)
 
 
@@ -155,7 +155,8 @@ def _known_of(robot: str) -> dict[str, Any]:
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
         grid = getattr(body, "infrared_grid", None)
     places = {"bearings": grid[0], "distances_cm": list(grid[1])} if grid else {}
-    return {"robot": robot, "parts": [name for name in PARTS if NEEDS[kind_of(name)] in kinds], **places}
+    parts = [name for name in PARTS if NEEDS[kind_of(name)] in kinds]
+    return {"recipe": ROBOTS_RECIPE, "robot": robot, "parts": parts, **places}
 
 
 def _calibrated(

@@ -48,7 +48,7 @@ apart = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", form="APAR
 def kernel(function: Callable[..., Any], *, like: Any = None, **options: Any) -> Any:
     """For what is called from Python: releases the interpreter's lock while it runs, never allocates.
 
-    It meets large tuples by a pointer, to where the way in lays them down.
+    Inside, large tuples are passed by pointer (`pointed.py`).
 
     Args:
         function: what to compile.

@@ -1,7 +1,7 @@
-"""Large tuples by a pointer: a call then hands on one value, not the hundreds that a World is made of.
+"""Large tuples passed by pointer: a call then passes one value, not the hundreds in a World.
 
-A kernel's way in lays them down in its frame, and whatever it calls reads a field there where it needs it.
-Nobody writes there meanwhile, which LLVM is told: so a loop knows its length as if the tuple were its own.
+A kernel's entry stores them in its stack frame, and the functions that it calls read fields from there.
+LLVM is told that nobody writes to them meanwhile, so it can move such reads out of loops.
 """
 
 # mypy: allow-untyped-defs, no-check-untyped-defs
@@ -16,21 +16,21 @@ from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, mod
 __all__ = ["met", "pointed"]
 
 SMALL = 6
-"""Fields up to which a tuple is handed on by its values, unless one of them is a large tuple."""
+"""Tuples with at most this many fields are passed by value, unless a field is a large tuple itself."""
 _MANY = ir.LiteralStructType | ir.ArrayType
 
 
 class Pointed(types.Type):
-    """A tuple of a type, where it lies."""
+    """A pointer to a tuple of type `dtype`."""
 
     def __init__(self, dtype):
         self.dtype = dtype
-        # A short name, for it is in the name of each function that is told one.
+        # A short name, because it is part of the name of each function that takes one.
         super().__init__(f"Pointed.{hashlib.sha256(str(dtype).encode()).hexdigest()[:16]}")
 
 
 def met(kind):
-    """The type as which kernels meet what has a type outside."""
+    """The type that a kernel's inside uses for a value of type `kind`."""
     named = isinstance(kind, types.NamedTuple | types.NamedUniTuple)
     large = named and (len(kind) > SMALL or any(isinstance(met(one), Pointed) for one in kind))
     return Pointed(kind) if large else kind
@@ -39,13 +39,13 @@ def met(kind):
 @register_model(Pointed)
 class _Model(models.PointerModel):  # type: ignore[misc]
     def from_argument(self, builder, value):
-        """Where it may be read at any time, what a loop asks at each turn is read once before it."""
+        """Mark the memory as always readable, so that LLVM may read it once, before a loop."""
         value.attributes.dereferenceable = 8 * _count(value.type.pointee)
         return value
 
 
 def _count(kind):
-    """Of the numbers of eight bytes in a tuple or an array."""
+    """Number of eight-byte numbers in a tuple or an array."""
     if not isinstance(kind, _MANY):
         return 1
     return sum(_count(kind.gep(ir.IntType(32)(i))) for i in range(len(kind)))
@@ -62,7 +62,7 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
 
 @lower_getattr_generic(Pointed)
 def _field(context, builder, kind, value, name):
-    """A field's value; of one that is a large tuple, where it lies."""
+    """A field's value, or a pointer to it if it is a large tuple."""
     at = kind.dtype.fields.index(name)
     there, field = cgutils.gep_inbounds(builder, value, 0, at), met(kind.dtype[at])
     found = there if isinstance(field, Pointed) else _read(builder, there)
@@ -70,7 +70,7 @@ def _field(context, builder, kind, value, name):
 
 
 def _read(builder, there):
-    """All that lies there, number by number."""
+    """The value at a pointer, loaded number by number."""
     kind = there.type.pointee
     if not isinstance(kind, _MANY):
         value = builder.load(there)
@@ -84,7 +84,7 @@ def _read(builder, there):
 
 @intrinsic
 def pointed(typingctx, given):
-    """The same tuple, and of the tuples in it the large ones by a pointer."""
+    """The same tuple, with the large tuples in it replaced by pointers."""
     kinds = types.Tuple([met(kind) for kind in given])
 
     def lay_down(context, builder, signature, arguments):

@@ -1,4 +1,4 @@
-"""Where an object stands before a robot's infrared while that is recorded: distances, bearings all round."""
+"""The places of an object while a robot's infrared is recorded: distances, and bearings all round."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ class Grid:
     """The places of the infrared's plan.
 
     Attributes:
-        distances_cm: from the body's edge, rising. The usual ones go from nearly touching to where a Khepera
-            sees nothing, close together where the curve is steep.
-        bearings: so many at each distance, evenly all round from straight ahead on. The usual ones are 15
-            degrees apart: sensors and the gaps between them.
+        distances_cm: from the body's edge, increasing. The default ones go from nearly touching to where a
+            Khepera sees nothing, and are close together where the curve is steep.
+        bearings: their number at each distance, evenly spaced all round, starting straight ahead. The default
+            ones are 15 degrees apart: they show the sensors and the gaps between them.
 
     Raises:
         RecordingError: names the option, what was expected and what came.
@@ -43,15 +43,15 @@ class Grid:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What recording.toml says of it: nothing of the usual one."""
+        """Its entries in recording.toml; none for the default grid."""
         return {} if self == Grid() else {"bearings": self.bearings, "distances_cm": list(self.distances_cm)}
 
 
 def given(bearings: int | None, distances_cm: Sequence[float] | None) -> dict[str, Any]:
-    """What is given of a grid, ready for TOML.
+    """The given parts of a grid, ready for TOML.
 
     Raises:
-        RecordingError: it cannot be.
+        RecordingError: no grid can have them.
     """
     usual, distances = Grid(), None if distances_cm is None else list(map(float, distances_cm))
     Grid(
@@ -66,7 +66,7 @@ def distances_of(text: str) -> tuple[float, ...]:
     """Distances as a person types them: "0.5,1,2".
 
     Raises:
-        RecordingError: names what is none.
+        RecordingError: names the text that is no such list.
     """
     try:
         said = tuple(map(float, text.split(",")))
