@@ -42,8 +42,8 @@ TURNS = "turns"
 NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for each plan."""
 FIT = "fit"
-RECIPE, ROBOTS_RECIPE = 3, 4
-"""Of a twin's unit, and of other robots: increased whenever the same settings would make another profile."""
+RECIPE, MEASURED_RECIPE = 3, 4
+"""Of printed and of measured sensors: increased whenever the same settings would make another profile."""
 
 Work = Callable[[], None]
 Progress = Callable[[str, int, int], None]
@@ -114,6 +114,8 @@ def calibrated_again(
         The path of `folder/robot.toml`.
     """
     settings = settings_of(of) | ({"share": share} if share < 1 else {}) | ({"form": form} if form else {})
+    if form in ("auto", "measured"):
+        settings["recipe"] = MEASURED_RECIPE
     settings["of"] = os.path.relpath(of.resolve(), Path(folder).resolve())
     return _calibrated(folder, settings, workers)
 
@@ -156,7 +158,7 @@ def _known_of(robot: str) -> dict[str, Any]:
         grid = getattr(body, "infrared_grid", None)
     places = {"bearings": grid[0], "distances_cm": list(grid[1])} if grid else {}
     parts = [name for name in PARTS if NEEDS[kind_of(name)] in kinds]
-    return {"recipe": ROBOTS_RECIPE, "robot": robot, "parts": parts, **places}
+    return {"recipe": MEASURED_RECIPE, "robot": robot, "parts": parts, **places}
 
 
 def _calibrated(
