@@ -203,6 +203,7 @@ def calibrate(
     light: str | None = None,
     beside: bool = True,
     out: Place | None = None,
+    workers: Workers = 1,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Fit a robot's constants to recordings, as `realitygap calibrate` does.
@@ -218,6 +219,8 @@ def calibrate(
         light: another form for ambient light.
         beside: fit ambient light in all other forms too, for comparison.
         out: the profile's TOML file to write.
+        workers: processes for the measured form's searches, one a core if None; or a pool. Never changes a
+            result.
         on_progress: called with fits done and fits in all; None shows them.
 
     Raises:
@@ -241,7 +244,7 @@ def calibrate(
     start = load_profile(base_of(read) if base is None else base)
     with ProgressLine() if on_progress is None else nullcontext() as line:
         told = on_progress if line is None else partial(line.calibrating, "fit")
-        made = fit(read, start, form=form, light=light, beside=beside, on_progress=told)
+        made = fit(read, start, form=form, light=light, beside=beside, workers=workers, on_progress=told)
     if out is not None:
         made = made.named(Path(out).stem)
         write_profile(made, Path(out))

@@ -19,6 +19,7 @@ from realitygap.calibration.wheels.fit import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.lazy import above
 from realitygap.text import must_be
+from realitygap.work.workers import Workers, opened
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, Provenance, SourceFile
 
@@ -97,6 +98,7 @@ def calibrate(
     form: str = "auto",
     light: str | None = None,
     beside: bool = True,
+    workers: Workers = 1,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Calibration:
     """Fit a profile to recordings; constants that no recording covers keep the base's values.
@@ -108,10 +110,13 @@ def calibrate(
             places.
         light: another form for ambient light.
         beside: fit ambient light in all other forms too, for comparison.
+        workers: processes for the searches of "measured" and "auto", one a core if None; or a pool. Never
+            changes a bit.
         on_progress: called with the number of fits done and of all fits.
 
     Raises:
         CalibrationError: the recordings give no plausible profile.
+        StudyError: a worker process died repeatedly.
     """
     base = load_profile(base)
     _refuse(recordings, form)
@@ -121,15 +126,16 @@ def calibrate(
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     infrared_form, light_form, wheel_form = FORMS[form]
     total = len(driven) + ticks(near, infrared_form) + ticks(lit, light_form, beside=beside)
-    begun, report = count(), on_progress or (lambda done, total: None)
+    done, report = count(), on_progress or (lambda done, total: None)
 
     def tick() -> None:
-        report(next(begun), total)
+        report(next(done), total)
 
-    infrared = fit_infrared(near, base, infrared_form, tick=tick) if near else None
+    tick()
+    with opened(workers, one_thread=True) as pool:
+        infrared = fit_infrared(near, base, infrared_form, pool, tick=tick) if near else None
     ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
     wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None
-    tick()
     made = Calibration(
         profile=base, infrared=infrared, ambient=ambient, wheels=wheels, recordings=tuple(recordings)
     )

@@ -11,11 +11,10 @@ from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.descent import PLAIN
 from realitygap.calibration.forms import Tick, fit_forms, mended, with_columns
 from realitygap.calibration.forward import lit_readings
-from realitygap.calibration.infrared import INFRARED_FORMS, infrared_problems, with_infrared
+from realitygap.calibration.infrared import INFRARED_FORMS
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, LightCurves, light_problems
 from realitygap.calibration.lookup import fit_lookup
-from realitygap.calibration.measured import fit_measured
 from realitygap.calibration.misfit import (
     Yardstick,
     contradiction,
@@ -28,9 +27,11 @@ from realitygap.calibration.noise import noise_tables
 from realitygap.calibration.optics import backgrounds, in_mean
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, REFLECTANCE, Rows
+from realitygap.calibration.searches import searched
 from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.values import Floats
+from realitygap.work.pool import Pool
 from realitygap.world.look_up import LookUp
 from realitygap.world.profile import Profile
 
@@ -54,7 +55,12 @@ def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = Tr
 
 
 def fit_infrared(
-    recordings: Sequence[SensorRecording], base: Profile, form: str, *, tick: Tick = lambda: None
+    recordings: Sequence[SensorRecording],
+    base: Profile,
+    form: str,
+    pool: Pool,
+    *,
+    tick: Tick = lambda: None,
 ) -> ChannelFit:
     """Fit the proximity sensors to all recordings together.
 
@@ -62,6 +68,7 @@ def fit_infrared(
         recordings: of infrared.
         base: the profile whose values stay where recordings say nothing.
         form: which constants are free.
+        pool: of workers, for the searches of the measured form.
         tick: called after each fit.
 
     Raises:
@@ -70,16 +77,11 @@ def fit_infrared(
     base = replace(base, infrared=replace(base.infrared, table=LookUp())) if base.infrared.table else base
     rows = Rows(recordings, base)
     if form == LOOKUP:
+        found = _looked_up(rows, base)
         tick()
-        return _looked_up(rows, base)
-    problems, doubt = infrared_problems(rows, base)
-    printed = form if form in problems else "extended"
-    fits, held_out, _ = fit_forms(rows, problems, printed, PROXIMITY_COUNTS * rows.unit, tick)
-    fits[printed] = mended(fits[printed], problems[printed].frees, rows.dead)
-    made = {printed: with_infrared(problems[printed].base, fits[printed].values)}
-    off = {printed: held_out}
-    if form != printed:
-        made[MEASURED], fits[MEASURED], off[MEASURED] = fit_measured(rows, base, tick)
+        return found
+    printed = form if form in INFRARED_FORMS else "extended"
+    made, fits, off, doubt = searched(rows, base, printed, pool, tick, measured=form != printed)
     best = min(off, key=lambda name: rows.rmse_lit(off[name])) if form == AUTO else form
     found = _channel("infrared", best, rows, fits, off, made[best])
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}

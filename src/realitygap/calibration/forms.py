@@ -110,11 +110,10 @@ def fit_forms(
         problems: by form, the simplest first.
         form: the requested one.
         noise: counts.
-        tick: called before each fit.
+        tick: called after each fit.
     """
     fits: dict[str, Fit] = {}
     for name, problem in problems.items():
-        tick()
         fits[name] = solve_form(rows, problem, noise, intervals=name == form)
         simpler = list(fits.values())[:-1]
         if simpler and _lost(rows, fits[name], simpler[-1]):
@@ -123,6 +122,7 @@ def fit_forms(
             again = solve_form(rows, problem, noise, start=start, intervals=name == form)
             if rows.rmse(again.model) < rows.rmse(fits[name].model):
                 fits[name] = again
+        tick()
     problem, begin = problems[form], fits[form].values
     if problem.steep:
         fits[form] = _searched(problem, rows.measured(noise), begin, draws=DRAWS, last=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.constants import SIGMAS, moved
 from realitygap.calibration.curves import ALIKE, ALIKES, SMOOTH, STEPS, Curves, Seen, smoothness
 from realitygap.calibration.descent import BY_HAND, ENDS_CM, PLAIN, Descent
-from realitygap.calibration.forms import Tick, with_columns
+from realitygap.calibration.forms import with_columns
 from realitygap.calibration.optics import SHARES, Optics
 from realitygap.calibration.rows import Rows, at_places, dead_zone, means, repeated_noise, saturation
 from realitygap.calibration.solve import Fit, Values
@@ -23,7 +23,7 @@ from realitygap.values import Floats
 from realitygap.world.profile import Profile
 from realitygap.world.provenance import Constant
 
-__all__ = ["Measured", "fit_measured"]
+__all__ = ["Measured", "fit_measured", "read_unseen"]
 
 Use = NDArray[np.bool_]
 Begun = tuple[float, int, Optics, dict[str, Floats]]
@@ -194,17 +194,16 @@ class Measured:
         return start | {key: np.array([value]) for key, value in (none | lobe | {"width_cm": width}).items()}
 
 
-def fit_measured(rows: Rows, base: Profile, tick: Tick) -> tuple[Profile, Fit, Floats]:
-    """The profile, its constants, and its readings [n, S] on held-out places."""
+def fit_measured(rows: Rows, base: Profile) -> tuple[Profile, Fit]:
+    """The profile and its constants."""
+    return _form(rows, base, judging=False).fit()
 
+
+def read_unseen(rows: Rows, base: Profile, out: Use) -> Floats:
+    """[m, S] readings at m of the rows, `out` [n], by a search that saw none of them."""
+    return _form(rows.without(out), base, judging=True).read()[out]
+
+
+def _form(rows: Rows, base: Profile, *, judging: bool) -> Measured:
     finest = BY_HAND if all(r.from_sensor is not None for r in rows.recordings) else FINEST
-
-    def form(rows: Rows, *, judging: bool) -> Measured:
-        return Measured(rows, base, max(repeated_noise(rows), finest * rows.top), judging=judging)
-
-    tick()
-    profile, fit = form(rows, judging=False).fit()
-    held_out = fit.model.copy()
-    for out in rows.held_out(tick):
-        held_out[out] = form(rows.without(out), judging=True).read()[out]
-    return profile, fit, held_out
+    return Measured(rows, base, max(repeated_noise(rows), finest * rows.top), judging=judging)

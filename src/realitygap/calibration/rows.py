@@ -161,13 +161,17 @@ class Rows:
         return np.asarray(order[numbers] % FOLDS)
 
     def held_out(self, tick: Callable[[], None]) -> Iterator[NDArray[np.bool_]]:
-        """The rows [n] of each fold that leaves others to fit; `tick` is called before each."""
-        folds = self.folds()
+        """The rows [n] of each fold that leaves others to fit; `tick` is called after each."""
         for fold in range(FOLDS):
-            tick()
-            out = folds == fold
-            if out.any() and not out.all():
+            out = self.fold(fold)
+            if out.any():
                 yield out
+            tick()
+
+    def fold(self, number: int) -> NDArray[np.bool_]:
+        """[n] rows of a fold; none of them if it leaves no others to fit."""
+        out = self.folds() == number
+        return np.asarray(out & (not out.all()))
 
     def rmse(self, model: Floats) -> float:
         """RMSE of the readings in use, counts."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ def thinned(recording: SensorRecording, share: float, seed: int) -> SensorRecord
 
 
 def calibrate_share(
-    recordings: Sequence[Recording], base: Profile, *, share: float, seed: int, form: str
+    recordings: Sequence[Recording], base: Profile, *, share: float, seed: int, **how: Any
 ) -> Calibration:
     """A calibration by a share of the places; recordings of wheels are used whole.
 
@@ -36,12 +37,12 @@ def calibrate_share(
         base: a profile.
         share: of the places of each, above 0.
         seed: of the choice of places.
-        form: as of `calibrate`.
+        how: its form, and the rest, as of `calibrate`.
     """
     kept = [thinned(one, share, seed) if isinstance(one, SensorRecording) else one for one in recordings]
     for few in range(len(kept), 0, -1):
         try:
-            return calibrate(kept[:few], base, form=form, beside=False)
+            return calibrate(kept[:few], base, beside=False, **how)
         except CalibrationError:
             continue
-    return calibrate([], base, form=form, beside=False)
+    return calibrate([], base, beside=False, **how)

@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 from realitygap import whole
 from realitygap.calibration.unit_folder import (
+    MEASURING,
     PARTS,
     PROFILE,
     claim,
+    form_of,
     is_recorded,
     kind_of,
     parts_of,
@@ -114,7 +116,7 @@ def calibrated_again(
         The path of `folder/robot.toml`.
     """
     settings = settings_of(of) | ({"share": share} if share < 1 else {}) | ({"form": form} if form else {})
-    if form in ("auto", "measured"):
+    if form in MEASURING:
         settings["recipe"] = MEASURED_RECIPE
     settings["of"] = os.path.relpath(of.resolve(), Path(folder).resolve())
     return _calibrated(folder, settings, workers)
@@ -169,7 +171,7 @@ def _calibrated(
     meanwhile: Sequence[Work] = (),
 ) -> Path:
     """Make missing recordings and fit, one job for each kind: one kind is fitted while another is recorded,
-    and other work is done meanwhile."""
+    and other work is done meanwhile. A fit that all workers share begins when all parts are recorded."""
     folder = as_path(folder, "folder").resolve()
     claim(folder, settings)
     if (folder / PROFILE).is_file():
@@ -189,19 +191,24 @@ def _calibrated(
         if not left:
             report(FIT, len(fits), len(kinds))
 
-    jobs: list[str | Work] = [*meanwhile, *kinds]
-    with _recorders(workers, len(jobs)) as pool:
+    def searching(done: int, total: int) -> None:
+        report(FIT, len(fits) * total + done, len(kinds) * total)
+
+    shared = [name for name in parts if kind_of(name) == "infrared" and form_of(folder) in MEASURING]
+    jobs = [*meanwhile, *dict.fromkeys(name if name in shared else kind_of(name) for name in parts)]
+    with _recorders(workers) as pool:
         pool.work(Setup(Bench, (str(folder),)), jobs, heard)
+        if shared:
+            fits.append(fitted(folder, shared, workers=pool, on_progress=searching))
     whole.write(folder / PROFILE, _profile(folder, fits))
     return folder / PROFILE
 
 
-def _recorders(workers: Workers, jobs: int) -> AbstractContextManager[Pool]:
+def _recorders(workers: Workers) -> AbstractContextManager[Pool]:
     """Always other processes: this one may have several threads, from which small matrices gain nothing."""
     if isinstance(workers, Pool):
         return opened(workers)
-    size = cores() if workers is None else max(1, workers)
-    return closing(Processes(min(size, max(1, jobs)), one_thread=True))
+    return closing(Processes(cores() if workers is None else max(1, workers), one_thread=True))
 
 
 class Bench:
@@ -212,15 +219,17 @@ class Bench:
         self._folder = Path(folder)
 
     def carry_out(self, job: str | Work, tell: Tell) -> None:
-        """Make missing recordings and report progress; then fit, and send the calibration."""
+        """Make the missing recordings of a part or of a kind, and report progress; fit a kind, and send the
+        calibration."""
         if not isinstance(job, str):
             job()
             return
-        names = [name for name in parts_of(self._folder) if kind_of(name) == job]
+        names = [name for name in parts_of(self._folder) if job in (name, kind_of(name))]
         for name in names:
             if not is_recorded(self._folder, name):
                 record_part(self._folder, name, lambda *said: tell(said))
-        tell(fitted(self._folder, names))
+        if job == kind_of(job):
+            tell(fitted(self._folder, names))
 
     def close(self) -> None:
         """It holds nothing."""
@@ -251,8 +260,8 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
     whole.move(unfinished, finished)
 
 
-def fitted(folder: Path, names: Sequence[str]) -> Calibration:
-    """The calibration by some of the folder's parts."""
+def fitted(folder: Path, names: Sequence[str], **how: Any) -> Calibration:
+    """The calibration by some of the folder's parts; `how` is for `calibrate`."""
     from realitygap.calibration.calibrate import calibrate
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.calibration.share import calibrate_share
@@ -260,12 +269,11 @@ def fitted(folder: Path, names: Sequence[str]) -> Calibration:
     known = settings_of(folder)
     recordings = [load_recording(recordings_of(folder) / name) for name in sorted(names)]
     base = _base(folder, recordings)
-    # On the twin the printed form has the smallest error, which "auto" finds in three times the time.
-    form = known.get("form", "extended" if "unit" in known else "auto")
+    how |= {"form": form_of(folder)}
     if "share" in known:  # a wall is more informative than a cylinder
         share, seed = known["share"], known["seed"]
-        return calibrate_share(recordings[::-1], base, share=share, seed=seed, form=form)
-    return calibrate(recordings, base, form=form, beside=False)
+        return calibrate_share(recordings[::-1], base, share=share, seed=seed, **how)
+    return calibrate(recordings, base, beside=False, **how)
 
 
 def _profile(folder: Path, fits: Sequence[Calibration]) -> str:

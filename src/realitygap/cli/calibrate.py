@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap import whole
+from realitygap.cli import option
 from realitygap.cli.kinds import FileToWrite
-from realitygap.cli.option import as_json
 from realitygap.cli.output import Figure, print_json, table, warn
 from realitygap.cli.progress import ProgressLine
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
     from realitygap.calibration.judge import Judgement
     from realitygap.calibration.recordings.recording import Recording
+    from realitygap.work.workers import Workers
 
 __all__ = ["calibrate", "load_all", "write_profile"]
 
@@ -48,17 +49,17 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
     "[default: what the recorded robot names, or paper].",
 )  # fmt: skip
 @click.option(
-    "--out",
-    type=FileToWrite(".toml", name="TOML"),
+    "--out", type=FileToWrite(".toml", name="TOML"),
     help="The profile to write; its report is saved beside it.",
-)
+)  # fmt: skip
 @click.option(
     "--report", "page", type=FileToWrite(".html", ".htm", name="HTML"),
     help="Where to write the report instead.",
 )  # fmt: skip
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option("--check", is_flag=True, help="Judge a profile (last argument) by the recordings before it.")
-@as_json
+@option.workers
+@option.as_json
 def calibrate(
     recordings: tuple[str, ...],
     form: str,
@@ -69,6 +70,7 @@ def calibrate(
     page: Path | None,
     no_report: bool,
     check: bool,
+    workers: Workers,
     json_output: bool,
 ) -> None:
     """Fit a robot's constants to recordings, and write a profile for --profile.
@@ -101,7 +103,7 @@ def calibrate(
     start = load_profile(base or base_of(read))
     with ProgressLine() as line:
         report = partial(line.calibrating, "fit")
-        made = fit(read, start, form=form, light=light, on_progress=report).named(out.stem)
+        made = fit(read, start, form=form, light=light, workers=workers, on_progress=report).named(out.stem)
     write_profile(made, out)
     where = None
     if page is not None and not no_report:
@@ -242,10 +244,10 @@ def _refuse_unused() -> None:
     from click.core import ParameterSource
 
     given = click.get_current_context()
-    for name, option in (("form", "--form"), ("light", "--light"), ("base", "--base"), ("out", "--out"),
-                         ("page", "--report"), ("no_report", "--no-report")):  # fmt: skip
-        if given.get_parameter_source(name) is not ParameterSource.DEFAULT:
-            raise click.UsageError(f"{option}: belongs to a fit; --check only judges. Leave it out.")
+    for one in given.command.params:
+        used = one.name in ("recordings", "objects", "check", "json_output")
+        if not used and given.get_parameter_source(str(one.name)) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"{one.opts[0]}: belongs to a fit; --check only judges. Leave it out.")
 
 
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
@@ -263,12 +265,8 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
     found = [judge(recording, profile) for recording in load_all(words[:-1], objects)]
     warnings = list(dict.fromkeys(warning for one in found for warning in one.warnings))
     if json_output:
-        print_json(
-            {
-                **found[0].to_dict(), "profile": profile.name, "warnings": warnings,
-                "recordings": [one.to_dict() for one in found],
-            }
-        )  # fmt: skip
+        every = [one.to_dict() for one in found]
+        print_json({**every[0], "profile": profile.name, "warnings": warnings, "recordings": every})
     else:
         for one in found:
             _tell_judgement(one)

@@ -87,7 +87,6 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     Raises:
         CalibrationError: the recording is too short, or impossible for such a robot.
     """
-    tick()
     recording = recording.of_robot(base)
     odometry = measure_odometry(recording, base.wheels.track_cm)
     refuse_odd(recording, odometry, base)
@@ -108,6 +107,7 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     left = {name: wheel_speeds(one.profile, recording) - measured for name, one in fits.items()}
     speeds = [c for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *_speed_bounds(base))]
     refuse_wheels(recording, measured, model, {c.key: c.value for c in speeds})
+    tick()
     return WheelFit(
         profile=profile, form=form, constants=constants, alike=alike,
         rmse={name: float(np.sqrt(np.nanmean(off**2))) for name, off in left.items()},
