@@ -108,7 +108,7 @@ class Ends(NamedTuple):
         """Values of curves [S, STEPS + 1] there."""
         values = curves.ravel()
         below = values[self.cell]
-        return np.asarray(below + self.share * (values[self.cell + 1] - below))
+        return np.asarray(below + self.share * (values[1:][self.cell] - below))
 
 
 class Curves:
@@ -147,7 +147,7 @@ class Curves:
 
     def _gathered(self, cell: NDArray[np.int64], here: Floats, there: Floats) -> Floats:
         total = np.bincount(cell, here, self._size + 1)
-        total += np.bincount(cell + 1, there, self._size + 1)
+        total[1:] += np.bincount(cell, there, self._size)
         return np.asarray(total[: self._size].reshape(-1, STEPS + 1))
 
     def fitted(self, *, beyond: bool = False) -> Floats:
@@ -212,12 +212,13 @@ class Curves:
         if self._dark > 0:
             a = np.clip(-model / self._dark, -6.0, 6.0)
             model = model - self._dark * np.exp(-a * a / 2) / np.sqrt(2 * np.pi) / ndtr(a)
-        dark, most = np.minimum(model, self._seen.dead), np.maximum(self._high.on(curves), self._high.counts)
-        low, high = (
-            self._gathered(ends.cell, full * ends.here, full * ends.there)
-            for ends, full in ((self._low, dark), (self._high, most))
-        )
-        return self._right + low + high
+        right = self._right + self._ended(self._low, np.minimum(model, self._seen.dead))
+        if not len(self._high.cell):
+            return right
+        return right + self._ended(self._high, np.maximum(self._high.on(curves), self._high.counts))
+
+    def _ended(self, ends: Ends, full: Floats) -> Floats:
+        return self._gathered(ends.cell, full * ends.here, full * ends.there)
 
     def _at(self, where: Use) -> Ends:
         """The readings there."""

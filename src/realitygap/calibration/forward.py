@@ -23,7 +23,7 @@ from realitygap.world.profile import Profile
 
 __all__ = [
     "Scene", "illumination", "light_readings", "lit_readings", "proximity", "received", "scene_of",
-    "up_curve", "wheel_speeds",
+    "up_curve", "wheel_speeds", "work_of",
 ]  # fmt: skip
 
 ROOM_CM = 1000.0
@@ -100,20 +100,21 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
 
     robot = _robot(profile)
     out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
-    sweep_infrared(robot, scene.arena, scene.turned(turn_deg, away_cm), _work(robot), out)
+    sweep_infrared(robot, scene.arena, scene.turned(turn_deg, away_cm), work_of(robot), out)
     return np.where(out < profile.infrared.dead, 0.0, out)[scene.row]
 
 
-def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]]) -> Floats:
+def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Work) -> Floats:
     """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes.
 
     Args:
         robot: the kernels' form.
         rigs: each scene, its rig's rotation (degrees) and extra distance (cm).
+        work: of a robot with as many sensors and rays.
     """
     from realitygap.kernels.sweep import sweep_received
 
-    work, parts = _work(robot), []
+    parts = []
     for scene, turn_deg, away_cm in rigs:
         out = np.zeros((len(scene.poses), len(robot.proximity_place)))
         sweep_received(robot, scene.arena, scene.turned(turn_deg, away_cm), work, out)
@@ -132,7 +133,7 @@ def lit_readings(
         more: light of the room beyond the profile's own, 1/cm², [P] or one for all.
     """
     robot, law = _robot(profile), profile.infrared
-    light = received(robot, [(scene, turn_deg, away_cm)]) + more * robot.proximity_a
+    light = received(robot, [(scene, turn_deg, away_cm)], work_of(robot)) + more * robot.proximity_a
     return _on_curves([s.curve for s in law.sensors], up_curve(light, law.curve_cm))[scene.row]
 
 
@@ -154,7 +155,7 @@ def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Float
     robot = _robot(profile)
     out = np.zeros((len(scene.poses), len(profile.ambient.sensors)))
     follow = sweep.sweep_direct if scene.bare else sweep.sweep_light
-    follow(robot, scene.arena, scene.turned(turn_deg), _work(robot), out)
+    follow(robot, scene.arena, scene.turned(turn_deg), work_of(robot), out)
     return out[scene.row]
 
 
@@ -182,7 +183,7 @@ def wheel_speeds(profile: Profile, recording: WheelRecording) -> Floats:
     robot = _robot(profile)
     speeds = np.zeros(recording.commands.shape)
     first = np.concatenate([[1], (np.diff(recording.trial) != 0).astype(np.int64)]).astype(np.int64)
-    sweep_wheels(robot, np.ascontiguousarray(recording.commands, np.float64), first, _work(robot), speeds)
+    sweep_wheels(robot, np.ascontiguousarray(recording.commands, np.float64), first, work_of(robot), speeds)
     return speeds
 
 
@@ -191,7 +192,8 @@ def _robot(profile: Profile) -> Robot:
     return profile.to_kernel()
 
 
-def _work(robot: Robot) -> Work:
+def work_of(robot: Robot) -> Work:
+    """Scratch arrays for its sensors and wheels."""
     trial, networks = _nobody()
     return new_work(robot, trial, networks)
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.curves import STEPS, Curves, Seen, on_curves
 from realitygap.calibration.forms import columns_of
-from realitygap.calibration.forward import Scene, received, up_curve
+from realitygap.calibration.forward import Scene, received, up_curve, work_of
 from realitygap.calibration.solve import Values
 from realitygap.kernels.params import Robot
+from realitygap.kernels.work import Work
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
@@ -41,6 +42,10 @@ class Optics:
     @cached_property
     def _robot(self) -> Robot:
         return self.base.to_kernel()
+
+    @cached_property
+    def _work(self) -> Work:
+        return work_of(self._robot)
 
     def profile(self, values: Values) -> Profile:
         """The base with the optics in place and placeholder curves; unchecked, since checks would take a
@@ -71,7 +76,7 @@ class Optics:
         for name, scene in self.scenes:
             turn, away = (float(values[k][0]) if k in values else 0.0 for k in (name, shift_of(name)))
             rigs.append((scene.tried(values), turn, away))
-        light = received(robot, rigs) + np.outer(self._lit(values), robot.proximity_a)
+        light = received(robot, rigs, self._work) + np.outer(self._lit(values), robot.proximity_a)
         return up_curve(light, profile.infrared.curve_cm)[self.place]
 
     def _lit(self, values: Values) -> Floats:
