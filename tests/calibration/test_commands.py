@@ -93,8 +93,9 @@ def test_a_judge_refuses_steps_of_another_length(tmp_path, driven):
 
 @pytest.mark.parametrize(
     "words",
-    [("--out", "x.toml"), ("--base", "paper"), ("--form", "paper"), ("--light", "paper"), ("--no-report",)],
-)
+    [("--out", "x.toml"), ("--base", "paper"), ("--form", "paper"), ("--light", "paper"), ("--no-report",),
+     ("--workers", "2")],
+)  # fmt: skip
 def test_a_judge_refuses_what_belongs_to_a_fit(words):
     """An option that would do nothing is named."""
     result = call("calibrate", "--check", "x.sam", "paper", *words)

@@ -251,6 +251,24 @@ def test_light_of_a_room_is_found_where_there_is_some(lit):
     assert judge(bright[2], made.profile).background == pytest.approx(lit * share / 2, abs=2e-4)
 
 
+def test_workers_change_no_bit():
+    """Two processes find what this one finds; all fits are told, one after another."""
+    made, base, told = [], load_profile("thymio"), []
+    for workers in (1, 2):
+        heard = []
+        made.append(
+            calibrate(
+                [series(2, 1.0, 1e-9)], base, form="auto", workers=workers,
+                on_progress=lambda *said, heard=heard: heard.append(said),
+            )
+        )  # fmt: skip
+        told.append(heard)
+    one, two = made
+    assert one.profile == two.profile and one.infrared.held_out == two.infrared.held_out
+    assert np.array_equal(one.infrared.model, two.infrared.model, equal_nan=True)
+    assert told[0] == told[1] == [(k, 12) for k in range(13)]
+
+
 @pytest.mark.usefixtures("fewer_starts")
 def test_a_rig_in_another_light_is_found():
     """Of a robot's two recordings, one in a room that adds 0.01/cm², the difference is found; none where

@@ -10,7 +10,7 @@ import pytest
 
 import realitygap.calibration.calibrate as calibrate
 from realitygap.calibration import unit as module
-from realitygap.calibration.unit import calibrated_robot, calibrated_unit
+from realitygap.calibration.unit import calibrated_again, calibrated_robot, calibrated_unit
 from realitygap.calibration.unit_folder import PARTS
 from realitygap.errors import CalibrationError, StudyError
 from realitygap.work.pool import Setup
@@ -46,7 +46,9 @@ def jobs(monkeypatch):
 
     monkeypatch.setattr(module, "Processes", Marks)
     monkeypatch.setattr(module, "record_part", mark)
-    monkeypatch.setattr(module, "fitted", lambda folder, names: started.append("fit") or names)
+    monkeypatch.setattr(
+        module, "fitted", lambda folder, names, **how: started.append(" ".join(["fit", *how])) or names
+    )
     monkeypatch.setattr(module, "_profile", lambda folder, fits: repr(fits))
     return started
 
@@ -70,6 +72,15 @@ def test_other_work_is_done_meanwhile(tmp_path, jobs):
     for _ in range(2):
         calibrated_unit(tmp_path / "unit", **SETTINGS, meanwhile=[lambda: jobs.append("other")])
     assert jobs[0] == "other" and jobs.count("other") == 1 and jobs.count("fit") == 3
+
+
+def test_all_workers_share_a_long_fit(tmp_path, jobs):
+    """In the measured form the sensors' two parts are recorded side by side, and fitted last, by the pool."""
+    parts = ["infrared-wall", "infrared-cylinder"]
+    calibrated_unit(tmp_path / "unit", **SETTINGS, parts=["wheels", *parts])
+    jobs.clear()
+    calibrated_again(tmp_path / "again", of=tmp_path / "unit", form="auto")
+    assert jobs == ["fit", "fit workers on_progress"]
 
 
 @pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])

@@ -104,17 +104,17 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
     return np.where(out < profile.infrared.dead, 0.0, out)[scene.row]
 
 
-def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Work) -> Floats:
+def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Work | None = None) -> Floats:
     """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes.
 
     Args:
         robot: the kernels' form.
         rigs: each scene, its rig's rotation (degrees) and extra distance (cm).
-        work: of a robot with as many sensors and rays.
+        work: scratch arrays of a robot with as many sensors; None: new ones.
     """
     from realitygap.kernels.sweep import sweep_received
 
-    parts = []
+    work, parts = work or work_of(robot), []
     for scene, turn_deg, away_cm in rigs:
         out = np.zeros((len(scene.poses), len(robot.proximity_place)))
         sweep_received(robot, scene.arena, scene.turned(turn_deg, away_cm), work, out)
@@ -133,7 +133,7 @@ def lit_readings(
         more: light of the room beyond the profile's own, 1/cm², [P] or one for all.
     """
     robot, law = _robot(profile), profile.infrared
-    light = received(robot, [(scene, turn_deg, away_cm)], work_of(robot)) + more * robot.proximity_a
+    light = received(robot, [(scene, turn_deg, away_cm)]) + more * robot.proximity_a
     return _on_curves([s.curve for s in law.sensors], up_curve(light, law.curve_cm))[scene.row]
 
 
