@@ -7,6 +7,7 @@ carry_out("out/realities", Realities(runs=2, starts=2, evaluations=200))
 
 import shlex
 from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +20,7 @@ from realitygap.experiments.noise.situated import check_robot
 from realitygap.robots.address import Address
 from realitygap.study.lock import lock
 from realitygap.work.progress import OnProgress, Progress
-from realitygap.work.workers import Workers
+from realitygap.work.workers import Workers, opened
 from realitygap.world.files import require
 
 __all__ = ["ASKED", "AT_HAND", "Place", "Realities", "carry_out"]
@@ -140,12 +141,16 @@ def carry_out(
     folder = Path(folder)
     if requested is not None:
         list(_places(folder, requested))  # missing named ones are reported before a folder is created
-    with lock(folder):
+    # One pool for all of them: its processes load once. A single worker is this process.
+    shared: AbstractContextManager[Workers] = (
+        nullcontext(workers) if workers == 1 else opened(workers, one_thread=True)
+    )
+    with lock(folder), shared as pool:
         asked = open_folder(folder, Realities, requested, resume=resume)
         places = list(_places(folder, asked))
         for robot, place, _ in (one for one in places if not one.why):
             begun, heard = (place / CONFIG).is_file(), _named(robot, on_progress)
-            noise_study(place, asked.study(robot), workers=workers, resume=begun, on_progress=heard)
+            noise_study(place, asked.study(robot), workers=pool, resume=begun, on_progress=heard)
     return places
 
 
