@@ -1,6 +1,7 @@
 """The robot and its arena for MuJoCo: bodies, wheels, motors (SI units)."""
 
 from collections.abc import Mapping
+from itertools import count
 from typing import Any
 
 from realitygap.twin.arena import WALL_HALF
@@ -36,27 +37,29 @@ def _arena(arena: Mapping[str, Any]) -> str:
     """Floor, walls, partitions, cylinders and lamps."""
     w, h = (v / 100.0 for v in arena["size_cm"])
     z = WALL_HEIGHT / 2
-    box = f'type="box" material="wall" contype="2" conaffinity="2" friction="0.3 0 0" {CONTACT}'
+    number = count()
+
+    def solid(kind: str, rest: str) -> str:
+        name = f'name="solid {next(number)}" type="{kind}"'
+        return f'<geom {name} material="wall" {rest}/>'
+
     rows = [
         f'<geom name="floor" type="plane" pos="{w / 2} {h / 2} 0" size="{w / 2 + 0.3} {h / 2 + 0.3} 0.1" '
-        f'material="floor" contype="1" conaffinity="1" friction="1 0 0" {CONTACT}/>'
+        f'material="floor"/>'
     ]
     sides = ((w / 2, -0.005, w / 2 + 0.01, 0.005), (w / 2, h + 0.005, w / 2 + 0.01, 0.005),
              (-0.005, h / 2, 0.005, h / 2), (w + 0.005, h / 2, 0.005, h / 2))  # fmt: skip
-    rows += [f'<geom {box} pos="{x} {y} {z}" size="{a} {b} {z}"/>' for x, y, a, b in sides]
+    rows += [solid("box", f'pos="{x} {y} {z}" size="{a} {b} {z}"') for x, y, a, b in sides]
     for x0, y0, x1, y1 in ([v / 100.0 for v in wall] for wall in arena["walls"]):
         half = hypot(x1 - x0, y1 - y0) / 2 + WALL_HALF
         angle = float(arctan2(y1 - y0, x1 - x0))
-        rows.append(
-            f'<geom {box} pos="{(x0 + x1) / 2} {(y0 + y1) / 2} {z}" size="{half} {WALL_HALF} {z}" '
-            f'euler="0 0 {angle}"/>'
-        )
+        place = f'pos="{(x0 + x1) / 2} {(y0 + y1) / 2} {z}" euler="0 0 {angle}"'
+        rows.append(solid("box", f'{place} size="{half} {WALL_HALF} {z}"'))
     for x, y, r in ([v / 100.0 for v in cylinder] for cylinder in arena["cylinders"]):
-        rows.append(f'<geom {box.replace("box", "cylinder")} pos="{x} {y} {z}" size="{r} {z}"/>')
+        rows.append(solid("cylinder", f'pos="{x} {y} {z}" size="{r} {z}"'))
     for x, y in ([v / 100.0 for v in lamp] for lamp in arena["lamps"]):
         rows.append(
-            f'<geom type="sphere" pos="{x} {y} 0.05" size="0.008" rgba="1 1 0.8 1" '
-            'contype="0" conaffinity="0" group="2"/>'
+            f'<geom type="sphere" pos="{x} {y} 0.05" size="0.008" rgba="1 1 0.8 1" group="2"/>'
         )
     return "\n    ".join(rows)
 
@@ -66,8 +69,7 @@ def _wheel(side: str, y: float, unit: Unit, radius: float) -> str:
       <body name="{side}" pos="0 {y} {radius}">
         <joint name="{side}" type="hinge" axis="0 1 0" armature="{ROTOR}"/>
         <geom name="{side}" type="ellipsoid" size="{radius} {WHEEL_HALF_WIDTH} {radius}" mass="{WHEEL_MASS}"
-              material="tyre" contype="0" conaffinity="1" friction="{unit.friction} 0 0" priority="1"
-              {CONTACT}/>
+              material="tyre"/>
       </body>"""
 
 
@@ -76,8 +78,8 @@ def _robot(unit: Unit) -> str:
     half = (BODY_TOP - bottom) / 2
     mass = BODY_MASS - 2 * WHEEL_MASS
     left, right = unit.wheel_radius
-    caster = (f'type="sphere" size="{CASTER_RADIUS}" mass="0" contype="0" conaffinity="1" priority="1" '
-              f'friction="0.08 0 0" group="1" rgba="0.3 0.3 0.3 1" {CONTACT}')  # fmt: skip
+    caster = (f'type="sphere" size="{CASTER_RADIUS}" mass="0" group="1" '
+              'rgba="0.3 0.3 0.3 1"')  # fmt: skip
     z = CLEARANCE + CASTER_RADIUS
     inertia = f"{mass * (3 * BODY_RADIUS**2 + 4 * half**2) / 12}"
     return f"""
@@ -85,12 +87,25 @@ def _robot(unit: Unit) -> str:
       <freejoint name="robot"/>
       <inertial pos="0 0 0.012" mass="{mass}" diaginertia="{inertia} {inertia} {mass * BODY_RADIUS**2 / 2}"/>
       <geom name="body" type="cylinder" pos="0 0 {bottom + half}" size="{BODY_RADIUS} {half}" group="1"
-            material="body" contype="2" conaffinity="2" friction="0.3 0 0" {CONTACT}/>
-      <geom {caster} pos="{CASTER_X} 0 {z}"/>
-      <geom {caster} pos="{-CASTER_X} 0 {z}"/>
+            material="body"/>
+      <geom {caster} name="front" pos="{CASTER_X} 0 {z}"/>
+      <geom {caster} name="back" pos="{-CASTER_X} 0 {z}"/>
       {{disk}}{_wheel("left", unit.track / 2, unit, left)}
       {_wheel("right", -unit.track / 2, unit, right)}
     </body>"""
+
+
+def _pairs(arena: Mapping[str, Any], unit: Unit) -> str:
+    """What can touch and how it slips, so that MuJoCo need not search for it; in the order in which its search
+    names it, on which last bits depend."""
+    solids = 4 + len(arena["walls"]) + len(arena["cylinders"])
+    touching = [("floor", "front", 0.08), ("floor", "back", 0.08)]
+    touching += [(f"solid {k}", "body", 0.3) for k in range(solids)]
+    touching += [("floor", "left", unit.friction), ("floor", "right", unit.friction)]
+    return "\n    ".join(
+        f'<pair geom1="{one}" geom2="{other}" friction="{slip} {slip} 0 0 0" {CONTACT}/>'
+        for one, other, slip in touching
+    )
 
 
 def build_xml(arena: Mapping[str, Any], unit: Unit, *, timestep: float = 0.001, extra: str = "",
@@ -121,6 +136,12 @@ def build_xml(arena: Mapping[str, Any], unit: Unit, *, timestep: float = 0.001, 
     <material name="body" rgba="0.2 0.22 0.2 1" specular="0"/>
     <material name="tyre" rgba="0.1 0.1 0.1 1" specular="0"/>
   </asset>
+  <default>
+    <geom contype="0" conaffinity="0"/>
+  </default>
+  <contact>
+    {_pairs(arena, unit)}
+  </contact>
   <worldbody>
     {_arena(arena)}
     {extra}{_robot(unit).replace("{disk}", disk)}

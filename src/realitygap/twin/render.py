@@ -65,7 +65,7 @@ def _scene(arena: Mapping[str, Any], lens: Lens) -> dict[str, Any]:
     place = " ".join(f"{v:.9f}" for v in lens.position)
     fovy = np.degrees(2.0 * np.arctan(PAD_HEIGHT / 2.0 / lens.focal))  # degrees, whatever the compiler says
     w, h = (v / 100.0 for v in arena["size_cm"])
-    flat = 'type="cylinder" contype="0" conaffinity="0" mass="0" group="2"'
+    flat = 'type="cylinder" mass="0" group="2"'
     return {
         "visual": f'<global offwidth="{PAD_WIDTH}" offheight="{PAD_HEIGHT}"/>'
         '<quality offsamples="4" shadowsize="0"/><map znear="0.05"/>'
