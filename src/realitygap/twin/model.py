@@ -58,9 +58,7 @@ def _arena(arena: Mapping[str, Any]) -> str:
     for x, y, r in ([v / 100.0 for v in cylinder] for cylinder in arena["cylinders"]):
         rows.append(solid("cylinder", f'pos="{x} {y} {z}" size="{r} {z}"'))
     for x, y in ([v / 100.0 for v in lamp] for lamp in arena["lamps"]):
-        rows.append(
-            f'<geom type="sphere" pos="{x} {y} 0.05" size="0.008" rgba="1 1 0.8 1" group="2"/>'
-        )
+        rows.append(f'<geom type="sphere" pos="{x} {y} 0.05" size="0.008" rgba="1 1 0.8 1" group="2"/>')
     return "\n    ".join(rows)
 
 
@@ -96,8 +94,8 @@ def _robot(unit: Unit) -> str:
 
 
 def _pairs(arena: Mapping[str, Any], unit: Unit) -> str:
-    """What can touch and how it slips, so that MuJoCo need not search for it; in the order in which its search
-    names it, on which last bits depend."""
+    """What can touch, and its friction: MuJoCo need not search for it. The order is that of its search,
+    because the last bits depend on it."""
     solids = 4 + len(arena["walls"]) + len(arena["cylinders"])
     touching = [("floor", "front", 0.08), ("floor", "back", 0.08)]
     touching += [(f"solid {k}", "body", 0.3) for k in range(solids)]
