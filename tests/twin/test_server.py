@@ -20,8 +20,10 @@ from realitygap.cli import realitygap
 from realitygap.errors import RobotError, UsageError
 from realitygap.robots.clock import VirtualClock
 from realitygap.twin.process import TwinProcess, start_twin
+from realitygap.twin.server import Settings, serving
 from realitygap.values import Pose
 from tests.robots.conftest import ARENA, BODY, ROOT, Bench, bench
+from tests.robots.kinematic import KinematicBody
 
 __all__ = ["bench"]
 
@@ -97,6 +99,16 @@ def test_a_clock_for_a_real_time_twin_is_refused(bench: Bench) -> None:
     twin = bench.twin(clock="real")
     with pytest.raises(RobotError, match="runs in real time"):
         VirtualClock(twin.channel)
+
+
+@pytest.mark.parametrize("clock", ["real", "virtual"])
+def test_what_is_compiled_is_called_before_real_time_runs(monkeypatch, clock: str) -> None:
+    """A driver does not wait for a compilation; in virtual time, which waits, nothing happens beforehand."""
+    called = []
+    for name in ("advance", "proximity", "ambient"):
+        monkeypatch.setattr(KinematicBody, name, lambda *_, name=name: called.append(name))
+    with serving(Settings(arena=ARENA, unit=1, clock=clock, body=BODY)):
+        assert called == (["advance", "proximity", "ambient"] if clock == "real" else [])
 
 
 def test_virtual_time_stands_until_it_is_let_go(bench: Bench, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from typing import IO, Any, Self
 from realitygap import temporary
 from realitygap.errors import RealityGapError, UsageError
 from realitygap.robots.khepera.protocol import KHEPERA
-from realitygap.twin.firmware import Firmware, RobotBody
+from realitygap.twin.firmware import Firmware
 from realitygap.twin.port import Port
 
 __all__ = ["BODY", "STRANGER", "Server", "Settings", "serving"]
@@ -238,9 +238,11 @@ def serving(settings: Settings) -> Iterator[Server]:
     make = getattr(importlib.import_module(module), name)
 
     def switch_on(seed: int) -> Firmware:
-        body: RobotBody = make(settings.arena, unit=settings.unit, noise=settings.noise, seed=seed)
+        body = make(settings.arena, unit=settings.unit, noise=settings.noise, seed=seed)
         if settings.pose:
             body.place(*settings.pose)
+        if settings.clock == "real":  # what it calls is compiled now: drivers wait a second for an answer
+            body.advance(1), body.proximity(), body.ambient()
         return Firmware(body, baud=settings.baud, banner=banner)
 
     with Server(switch_on, seed=settings.seed, virtual=settings.clock == "virtual") as server:
