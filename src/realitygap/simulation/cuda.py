@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 from realitygap.kernels import halves, trial
+from realitygap.kernels.jit import kernel
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.work import Work, new_work
 from realitygap.simulation.engine import Cores, Streams
@@ -181,6 +182,8 @@ def device(made: Dispatcher) -> Any:
 def trials() -> Any:
     """The kernel that carries out a trial in each thread."""
     draw_start, run_trial, own = device(trial.draw_start), device(trial.run_trial), _own()
+    if SIMULATED:  # Python's usual way in, with hundreds of values, takes far longer to compile
+        run_trial = kernel(run_trial.py_func)
 
     def carry_out(world: Any, nets: Any, work: Any, batch: Any) -> None:
         t = cuda.grid(1)
