@@ -11,7 +11,8 @@ from hypothesis import settings
 from tests.browser import NAMES, Browser, find_browser
 
 # Before NumPy is imported: on small matrices its threads only wait for each other, at twice the cost.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(threads, "1")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background: Ctrl-C is tried here
     signal.signal(signal.SIGINT, signal.default_int_handler)
