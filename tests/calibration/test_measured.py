@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.calibration import measured, rows
+from realitygap.calibration import measured, rows, searches
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.curves import Curves, Seen, on_curves
 from realitygap.calibration.forward import lit_readings, proximity, received, scene_of
@@ -59,18 +59,20 @@ def before(
 
 @pytest.fixture
 def fewer_starts(monkeypatch):
-    """The quicker: one beam and two, of one width."""
+    """The quicker: one beam and two, of one width; two folds, and shorter searches."""
     monkeypatch.setattr(measured, "WIDTHS_CM", (3.0,))
     monkeypatch.setattr(measured, "LOBES", (measured.LOBES[0], measured.LOBES[2]))
+    for module in (rows, searches):
+        monkeypatch.setattr(module, "FOLDS", 2)
+    monkeypatch.setattr(searches, "SEARCHES", (searches.MEASURED, 0, 1, searches.PRINTED))
+    monkeypatch.setattr(measured, "DRAWS", 200)
+    monkeypatch.setattr(measured, "DRAWS_HELD_OUT", 100)
 
 
 @pytest.mark.usefixtures("fewer_starts")
-def test_a_sensor_outside_every_closed_form_is_found(monkeypatch):
+def test_a_sensor_outside_every_closed_form_is_found():
     """`auto` takes "measured" for it; an object not fitted it errs on by less than the noise, and places held
     out, each by a search that never saw them, by hardly more."""
-    monkeypatch.setattr(rows, "FOLDS", 3)
-    monkeypatch.setattr(measured, "DRAWS", 300)
-    monkeypatch.setattr(measured, "DRAWS_HELD_OUT", 150)
     robot = odd()
     made = calibrate([before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)], PAPER, form="auto")
     fit = made.infrared
@@ -126,10 +128,8 @@ def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
 
 
 @pytest.mark.usefixtures("fewer_starts")
-def test_a_printed_law_is_taken_where_it_holds(recorded, monkeypatch):
+def test_a_printed_law_is_taken_where_it_holds(recorded):
     """`auto` keeps the printed law's fit where nothing errs less on places held out."""
-    monkeypatch.setattr(rows, "FOLDS", 2)
-    monkeypatch.setattr(measured, "DRAWS_HELD_OUT", 100)
     made = calibrate([recorded("wall", turn=1.0, repeats=3)], PAPER, form="auto")
     fit = made.infrared
     assert fit is not None and min(fit.held_out, key=fit.held_out.__getitem__) == fit.form
@@ -227,6 +227,7 @@ def series(sensor: int, gain: float, background: float) -> SensorRecording:
     )  # fmt: skip
 
 
+@pytest.mark.usefixtures("fewer_starts")
 @pytest.mark.parametrize("lit", [0.0015, 0.0])
 def test_light_of_a_room_is_found_where_there_is_some(lit):
     """Of three sensors' series, half of them in a room that adds 0.0015/cm², that light is found, and said;
