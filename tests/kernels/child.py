@@ -24,6 +24,7 @@ from realitygap.kernels.jit import SHELF
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
+from realitygap.twin.body import TwinBody
 from realitygap.world.profile import load_profile
 
 PROJECT = Path(__file__).parents[2]
@@ -80,5 +81,7 @@ if __name__ == "__main__":
             decode(braitenberg(one.task.feeds, Layout()), Layout()), stream=0, seconds=0.1
         )
         one.probe(course.end)
+        twin = TwinBody({"size_cm": [50, 50]}, unit=1)
+        twin.advance(1), twin.proximity(), twin.ambient()
     else:
         print("\n".join(fingerprints(float(sys.argv[1]), int(sys.argv[2]), whole=sys.argv[3] == "whole")))
