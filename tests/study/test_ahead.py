@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
+from pathlib import Path
 
 import pytest
 
@@ -12,39 +11,13 @@ from realitygap.kernels.jit import SHELF
 from realitygap.study import ahead
 from realitygap.work.pool import Here
 from realitygap.work.processes import Processes
-
-PARTS = """
-from numba.core import event
-
-from realitygap.study.ahead import STAGES, Ahead
-
-compiled = []
-
-
-class Names(event.Listener):
-    def on_start(self, event):
-        compiled.append(event.data["dispatcher"].py_func.__name__)
-
-    def on_end(self, event):
-        pass
-
-
-event.register("numba:compile", Names())
-done = Ahead()
-for job in (*STAGES[0][:2], STAGES[1][0]):
-    done.carry_out(job, print)
-print(*compiled)
-"""
+from tests.kernels.child import compiled_into
 
 
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="the compiler is off")
 def test_a_part_that_was_compiled_alone_is_the_one_that_trials_need(tmp_path):
     """Compiled from nothing: none is compiled again when what encloses it is; a kernel has a way in."""
-    done = subprocess.run(
-        [sys.executable, "-c", PARTS], capture_output=True, text=True, check=True,
-        env={**os.environ, "XDG_CACHE_HOME": str(tmp_path)},
-    )  # fmt: skip
-    names = done.stdout.split()
+    names, _ = compiled_into(Path(os.environ.get("COMPILED_AFRESH", tmp_path)))
     assert [names.count(one) for one in ("ambient", "infrared", "move", "run_trials")] == [1, 1, 1, 2]
     assert names.index("ambient") < names.index("infrared") < names.index("run_trials")
 
