@@ -90,18 +90,18 @@ def test_whoever_holds_a_folder_is_named(tmp_path):
 
 
 def test_ctrl_c_ends_workers_at_once(requested):
-    """After Ctrl-C to all of its processes a study ends in one line, soon, and leaves none running."""
+    """After Ctrl-C to all of its processes a study ends in one line, long before it is done, and leaves none
+    running."""
     process = start(requested, "--workers", "2")
     wait_for(process, "evolving", 1)
     workers = children(process.pid)
     assert len(workers) >= 2
-    begun = time.monotonic()
     for pid in [process.pid, *workers]:
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGINT)
     code, said = end(process)
     assert code == 130 and said.startswith("StudyInterruptedError: stopped.") and len(said.splitlines()) == 1
-    assert time.monotonic() - begun < 5
+    assert not all(run.finished for run in load_study(requested).runs)
     assert gone(workers)
 
 
