@@ -24,11 +24,16 @@ settings.load_profile("patient")
 
 LONGEST = (
     "kernels/test_same_bits", "calibration/test_measured", "test_site",
-    "test_examples", "transfer/test_transfer", "tasks/test_entries",
-    "report/test_situated", "study/test_killed", "calibration/test_fits",
-    "film/test_tracker", "correspondence/test_score", "transfer/test_transfer_live",
-    "work/test_dask", "problem/test_problem", "report/test_notebook",
-    "simulation/test_cuda", "cli/test_shards",
+    "test_examples", "transfer/test_transfer", "calibration/test_fits",
+    "correspondence/test_score", "film/test_tracker", "study/test_killed",
+    "test_machine_code", "transfer/test_transfer_live", "film/test_tag",
+    "report/test_second_page", "cli/test_transfer", "report/test_situated",
+    "calibration/test_record", "export/test_export", "correspondence/test_names",
+    "simulation/test_cuda", "cli/test_studies", "kernels/test_trials",
+    "calibration/test_room", "report/test_noise", "report/test_build",
+    "work/test_dask", "experiments/test_noise_arms", "twin/test_twin_noise",
+    "correspondence/test_twin", "kernels/test_lockstep", "kernels/test_ambient",
+    "robots/test_epuck", "robots/test_thymio", "test_bodies",
 )  # fmt: skip
 """Files of ten seconds and more; the first compiles what others load."""
 
