@@ -23,6 +23,8 @@ ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
 NEARER, LIKE = (0.08, 0.015, 0.002), 1.0 + 1e-6
 AT_END = 0.015
 """By this share of their range rays are doubtful: readings that hang on it are left out of a descent."""
+TIE_DEG = 0.02
+"""How well the directions' mean is known where rigs may be turned: turned sensors look like a turned rig."""
 HAIR_DEG = 0.3
 """Readings that jump when a sensor turns by this angle are left out too: a ray only just hits or misses."""
 SHIFT = {"low": -1.0, "high": 1.0, "prior": 0.2, "step": 1e-3}
@@ -55,6 +57,7 @@ class Descent:
         first_of = np.unique(rows.place, return_index=True)[1]
         self._blocks, self._few = rows.block[first_of], rows.sparse()[first_of]
         self.straight = all(r.from_sensor is not None for r in rows.recordings)
+        self._turned = not any(r.exact for r in rows.recordings)
 
     def frees(self, lobe: Sequence[str]) -> list[Free]:
         """The constants that are free with this lobe."""
@@ -74,7 +77,7 @@ class Descent:
                      for k in np.flatnonzero(self._rows.use.any(axis=0))]  # fmt: skip
             return [*size, *shifts, *gains, *self._backgrounds()]
         return [
-            free_directions(self._sensors, tie=None, jump=0.5),
+            free_directions(self._sensors, tie=TIE_DEG if self._turned else None, jump=0.5),
             *size,
             Free(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1, jump=0.5),
             *shares,
@@ -131,15 +134,25 @@ class Descent:
             values = about_rig(found, -1.0)
             for reach in FINE_DEG:
                 values = self.turned(optics, values, self._noise, reach)
+            values = self._level(values)
         return self.mended(optics, values, self.solved(optics, values, self._noise).values)
 
     def mended(self, optics: Optics, values: Values, solved: Values) -> dict[str, Floats]:
         """The least-squares values with directions and ray ends readjusted, or the values before: whichever
         have the smaller residual."""
-        found = self.turned(optics, solved, self._noise, FINE_DEG[-1])
+        found = self._level(self.turned(optics, solved, self._noise, FINE_DEG[-1]))
         tried: tuple[Values, ...] = (values, self.ended(optics, found))
         best = min(tried, key=lambda v: self.left(optics, v))
         return dict(best)
+
+    def _level(self, values: Values) -> dict[str, Floats]:
+        """The values with the directions' mean where it was and the rigs turned instead, if none stood
+        exactly."""
+        if not self._turned:
+            return dict(values)
+        by = values["direction_deg"].mean() - np.mean([s.direction_deg for s in self._sensors])
+        turns = {key: value + by for key, value in values.items() if key.startswith("turn_")}
+        return {**values, **turns, "direction_deg": values["direction_deg"] - by}
 
     def turned(self, optics: Optics, values: Values, noise: float, reach: float) -> dict[str, Floats]:
         """The values with each sensor's direction at its smallest residual.
