@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.misfit import LIMITS, Misfit, lit_ratio
+from realitygap.calibration.misfit import LIMITS, Misfit, lit_ratio, without
 from realitygap.calibration.noise import NoiseEstimate
 from realitygap.calibration.solve import Fit
 from realitygap.values import Floats
@@ -85,7 +85,7 @@ class ChannelFit:
     @property
     def ratio_placed(self) -> float:
         """The ratio without the error that places a millimetre off would explain; NaN like `misplaced`."""
-        return float(np.sqrt(max(self.ratio**2 - self.misplaced**2, 0.0)))
+        return without(self.ratio, self.misplaced)
 
 
 def doubts(made: ChannelFit) -> list[str]:

@@ -24,7 +24,18 @@ from realitygap.calibration.forward import (
     wheel_speeds,
 )
 from realitygap.calibration.light_forms import AMBIENT_COUNTS
-from realitygap.calibration.misfit import LIMITS, Misfit, Yardstick, lit_ratio, measure_noise, misfits, within
+from realitygap.calibration.misfit import (
+    LIMITS,
+    Misfit,
+    Yardstick,
+    displaced,
+    explained,
+    lit_ratio,
+    measure_noise,
+    misfits,
+    within,
+    without,
+)
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording, count_unit
 from realitygap.calibration.rows import PROXIMITY_COUNTS
 from realitygap.calibration.series import set_up
@@ -48,7 +59,8 @@ class Judgement:
     doubtful. `within` is the share of lit places on which the model errs by at most two deviations of the
     noise: where it is near 1 and `ratio` is large, single places err. For a series of one sensor facing a
     wall, `shift_cm` is its extra distance and `background` the room's infrared beyond the profile's (1/cm²);
-    both are fitted out.
+    both are fitted out, as is the `reflectance` of an unknown surface (`painted`). `misplaced` is as of a
+    calibration.
     """
 
     kind: str
@@ -62,7 +74,9 @@ class Judgement:
     background: float
     brightness: float
     reflectance: float
+    painted: bool
     within: float
+    misplaced: float
     counts: Floats = field(repr=False)
     model: Floats = field(repr=False)
     warnings: tuple[str, ...] = ()
@@ -74,6 +88,8 @@ class Judgement:
         if self.shift_cm or self.background:
             said.append(f"set down {10 * self.shift_cm:+.1f} mm farther away")
             said.append(f"the room's infrared adds {self.background:+.5f}/cm² to that of the profile's room")
+        if self.painted:
+            said.append(f"a surface that reflects {self.reflectance:.2f} times as much as the profile's")
         return said
 
     @property
@@ -88,6 +104,11 @@ class Judgement:
         figure as a calibration's for held-out places; NaN without such readings."""
         return lit_ratio(self.per_sensor)
 
+    @property
+    def ratio_placed(self) -> float:
+        """The ratio without the error that places a millimetre off would explain; NaN like `misplaced`."""
+        return without(self.ratio, self.misplaced)
+
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
         sensors = [
@@ -101,6 +122,8 @@ class Judgement:
         return {
             "kind": self.kind, "source": self.source, "rmse": self.rmse, "bias": self.bias,
             "error_over_noise_lit": self.ratio, "within_two_deviations": self.within,
+            "explained_by_places_1_mm_off": self.misplaced,
+            "model_error_over_noise_without_them": self.ratio_placed,
             "per_sensor": sensors, "noise": {**noise, "fits": self.noise_fits},
             "turn_deg": self.turn_deg, "shift_cm": self.shift_cm,
             "background": self.background, "brightness": self.brightness, "reflectance": self.reflectance,
@@ -142,14 +165,17 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
         dead=profile.infrared.dead if main == "proximity" else 0.0,
     )
     warnings += () if measured else (f"{recording.source}: {unmeasured(deviation)}",)
-    off = (model - recording.counts)[:, live]
+    off, change = (model - recording.counts)[:, live], np.full(known.shape, np.nan)
+    if recording.kind == "infrared" and not profile.infrared.table:
+        change = displaced(recording, profile, scene.painted(scale) if paint else scene, turn)
     found = misfits(recording.counts, model, recording.place(), of_noise)
     return Judgement(
         kind=recording.kind, source=recording.source, rmse=float(np.sqrt((off**2).mean())),
         bias=float(off.mean()), per_sensor=tuple(m for m in found if m.sensor in live), noise=noise,
         turn_deg=turn, shift_cm=shift, background=light, brightness=1.0 if paint else scale,
-        reflectance=scale if paint else recording.reflectance,
+        reflectance=scale if paint else recording.reflectance, painted=paint,
         within=within(known, model, recording.place(), of_noise),
+        misplaced=explained(change, known, recording.place(), part.top, deviation),
         counts=recording.counts, model=model, warnings=warnings,
     )  # fmt: skip
 
@@ -239,7 +265,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
-        turn_deg=0.0, shift_cm=0.0, background=0.0, brightness=1.0, reflectance=1.0, within=math.nan,
+        turn_deg=0.0, shift_cm=0.0, background=0.0, brightness=1.0, reflectance=1.0, painted=False, within=math.nan, misplaced=math.nan,
         counts=measured, model=model,
         warnings=tuple(dict.fromkeys(said)),
     )  # fmt: skip

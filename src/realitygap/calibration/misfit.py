@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.forward import proximity
+from realitygap.calibration.forward import Scene, proximity
 from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows, at_places, places_of
@@ -15,8 +15,8 @@ from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = [
-    "LIMITS", "Misfit", "Yardstick", "contradiction", "lit_ratio", "measure_noise", "misfits", "misplaced",
-    "pooled_noise", "within",
+    "LIMITS", "Misfit", "Yardstick", "contradiction", "displaced", "explained", "lit_ratio", "measure_noise",
+    "misfits", "misplaced", "pooled_noise", "within", "without",
 ]  # fmt: skip
 
 PLACED_CM = 0.1
@@ -174,17 +174,36 @@ def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) ->
         values: other fitted values, by name.
         deviation: of the noise, counts.
     """
-    change = np.full(rows.counts.shape, np.nan)
-    for recording, (name, scene), part in zip(rows.recordings, rows.scenes, rows.split(change), strict=True):
-        turn = float(values[name][0]) if name in values else 0.0
-        painted = scene.tried(values)
-        there, *moved = (proximity(profile, painted, turn, away) for away in (0.0, -PLACED_CM, PLACED_CM))
-        if "unit" not in recording.facts and (scene.bare or recording.from_sensor is not None):
-            part[:] = np.sqrt(np.mean(np.square(np.array(moved) - there), axis=0))
-    mean = at_places(rows.live(), rows.place) / np.bincount(rows.place)[:, None]
+    change = [
+        displaced(recording, profile, scene.tried(values), float(values[name][0]) if name in values else 0.0)
+        for recording, (name, scene) in zip(rows.recordings, rows.scenes, strict=True)
+    ]
+    return explained(np.concatenate(change), rows.live(), rows.place, rows.top, deviation)
+
+
+def displaced(recording: SensorRecording, profile: Profile, scene: Scene, turn: float) -> Floats:
+    """[n, S] RMS change of a recording's readings if its places are a millimetre off, counts; NaN unless they
+    were set by hand. The rig is turned by `turn` degrees."""
+    if "unit" in recording.facts or not (scene.bare or recording.from_sensor is not None):
+        return np.full(recording.counts.shape, np.nan)
+    there, *moved = (proximity(profile, scene, turn, away) for away in (0.0, -PLACED_CM, PLACED_CM))
+    return np.asarray(np.sqrt(np.mean(np.square(np.array(moved) - there), axis=0)))
+
+
+def explained(
+    change: Floats, counts: Floats, place: NDArray[np.int64], top: float, deviation: float
+) -> float:
+    """RMS of a change [n, S] where readings [n, S] are neither dark nor saturated, in noise deviations; NaN
+    without any. Other arguments as of `misplaced` and `misfits`."""
+    mean = at_places(counts, place) / np.bincount(place)[:, None]
     edge, dark = 3 * deviation, _dark(mean, deviation)
-    lit = rows.use & (rows.counts > dark + edge) & (rows.counts < rows.top - edge) & np.isfinite(change)
+    lit = (counts > dark + edge) & (counts < top - edge) & np.isfinite(change)
     return float(np.sqrt(np.mean(change[lit] ** 2))) / max(deviation, 1e-9) if lit.any() else np.nan
+
+
+def without(ratio: float, misplaced: float) -> float:
+    """What is left of a ratio without the part that `misplaced` explains."""
+    return float(np.sqrt(np.maximum(ratio**2 - misplaced**2, 0.0)))
 
 
 def contradiction(rows: Rows, deviation: float) -> float:

@@ -53,6 +53,9 @@ class Rows:
     """
 
     def __init__(self, recordings: Sequence[SensorRecording], base: Profile) -> None:
+        first, *others = recordings
+        if not first.facts and all(np.isnan(r.reflectance) for r in recordings):  # tables say nothing of it
+            recordings = [replace(first, reflectance=1.0), *others]
         self.recordings = recordings
         warned: list[str] = []
         self.top = base.channel(recordings[0].kind).top

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from realitygap.calibration.calibrate import Calibration
+    from realitygap.calibration.channel_fit import ChannelFit
     from realitygap.calibration.judge import Judgement
     from realitygap.calibration.recordings.recording import Recording
     from realitygap.work.workers import Workers
@@ -207,11 +208,7 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             "  model error over noise, held out, neither dark nor saturated: "
             f"{Figure(fit.ratio, '.2f')} ({ratios}), {Figure(share, '.1%')} of the full scale"
         )
-        if isfinite(fit.ratio_placed):
-            click.echo(
-                f"  places set by hand, if each is a millimetre off, explain {fit.misplaced:.2f} of it and "
-                f"leave {fit.ratio_placed:.2f}"
-            )
+        _tell_misplaced(fit)
         _tell_alike(fit.fit.alike)
     if made.wheels:
         forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())
@@ -229,6 +226,15 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
     click.echo(f"profile {target}")
     if page:
         click.echo(f"report {page}")
+
+
+def _tell_misplaced(found: ChannelFit | Judgement) -> None:
+    """How much of a model error over noise a millimetre's error of each place explains, where set by hand."""
+    if isfinite(found.ratio_placed):
+        click.echo(
+            f"  places set by hand, if each is a millimetre off, explain {found.misplaced:.2f} of it and leave "
+            f"{found.ratio_placed:.2f}"
+        )
 
 
 def _tell_alike(alike: tuple[tuple[str, str, float], ...]) -> None:
@@ -292,6 +298,7 @@ def _tell_judgement(one: Judgement) -> None:
     if isfinite(one.ratio):
         click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; "
                    f"{one.within:.0%} of places err by two deviations at most")  # fmt: skip
+        _tell_misplaced(one)
     for channel, (measured, stated) in one.noise.items():
         click.echo(f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}")
     if one.noise_fits is not None:

@@ -5,6 +5,7 @@ line of readings for each bearing, 2 degrees apart and clockwise from the front;
 """
 
 import hashlib
+import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -70,6 +71,7 @@ def read_sam(path: str | Path, *, object: str | None = None, kind: str | None = 
         counts=LIGHT_SCALE * (1.0 - table / 1024.0) if kind == "ambient" else table,
         body_radius_cm=BODY_RADIUS_CM,
         full_scale=FULL,
+        reflectance=math.nan if said.startswith("cylinder") else 1.0,  # the table says nothing of its surface
         source=str(path),
         hash=hashlib.sha256(path.read_bytes()).hexdigest(),
         notes=f"a .sam table, {header.distances} distances and {header.bearings} bearings, one reading each",
