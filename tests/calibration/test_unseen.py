@@ -97,6 +97,13 @@ def test_a_series_in_millimetres_is_refused(tmp_path):
         calibrate([load_recording(*find_recordings(series(tmp_path, *fallen("{}0cm"))))], THYMIO)
 
 
+def test_a_series_of_two_distances_is_refused(tmp_path):
+    """It had been called no recording of a wall, because no law fitted it."""
+    few = series(tmp_path, *fallen()[2:5:2])
+    with pytest.raises(CalibrationError, match=r"expected readings at 3 distances or more, got 2.*Record more"):
+        calibrate([load_recording(*find_recordings(few))], THYMIO)
+
+
 def test_a_place_beyond_every_room_is_refused(tmp_path):
     """9999 for "nothing near": the model stands outside its room there and would read a wall at its side."""
     far = written(tmp_path / "far", HEAD, ROW, ROW.replace("1.5", "9999", 1))
@@ -108,6 +115,18 @@ def test_a_spreadsheet_s_empty_columns_are_none(tmp_path):
     """Commas at the end of every line, an index at its beginning: columns without a name say nothing."""
     read = load_recording(written(tmp_path / "r", f",{HEAD},,", f"0,{ROW},,"))
     assert isinstance(read, SensorRecording) and read.counts.tolist() == [[10, 20, 30, 40, 50, 60, 70, 80]]
+
+
+@pytest.mark.parametrize("blank", ["", "nan"])
+def test_a_sensor_that_was_not_recorded_has_an_empty_column(tmp_path, blank):
+    """It is taken to be like the others, and said to be; a gap in a column is refused, as it was."""
+    row = ROW.split(",")
+    rows = [",".join([f"{k % 5}", f"{20 * k}", "0", *row[3:5], blank, *row[6:]]) for k in range(9)]
+    read = load_recording(written(tmp_path / "r", HEAD, *rows))
+    assert isinstance(read, SensorRecording)
+    assert np.isnan(read.counts).all(axis=0).tolist() == [k == 2 for k in range(8)]
+    with pytest.raises(RecordingError, match="line 3: s2: expected a number"):
+        load_recording(written(tmp_path / "p", HEAD, ROW, rows[0]))
 
 
 def test_what_is_bright_goes_by_the_converter(tmp_path):

@@ -18,8 +18,8 @@ from realitygap.world.profile import Profile
 from realitygap.world.sensor_checks import Sensor
 
 __all__ = [
-    "dead_sensors", "recorded", "refuse_mixed", "refuse_nonsense", "refuse_other_kind", "refuse_silent",
-    "refuse_swapped", "refuse_units",
+    "dead_sensors", "recorded", "refuse_few", "refuse_mixed", "refuse_nonsense", "refuse_other_kind",
+    "refuse_silent", "refuse_swapped", "refuse_units",
 ]  # fmt: skip
 
 DARKEST = 10.0
@@ -36,7 +36,7 @@ it by which they answer the wrong way round, where an exchange is likely and whe
 BLIND_CM, DAZZLED_CM, BRIGHT = 15.0, 1.0, 300.0
 """Beyond the first distance a Khepera's infrared sees nothing; within the second any object reads at least
 `BRIGHT` (counts of the paper's robot)."""
-FEWEST_LIT = 40
+FEWEST_LIT, FEWEST = 40, 3
 EXPLAINED = 0.5
 
 
@@ -171,6 +171,23 @@ def refuse_units(recording: SensorRecording, top: float) -> None:
         raise CalibrationError(
             f"{recording.source}: hardly anything is seen at {last:g} cm, where an object dazzles: the "
             "distances are too small. Are units mixed up?"
+        )
+
+
+def refuse_few(recordings: Sequence[SensorRecording]) -> None:
+    """Refuse series of one sensor facing a wall at so few distances that nothing tells how readings fall.
+
+    Raises:
+        CalibrationError: says how many there are.
+    """
+    if any(recording.from_sensor is None for recording in recordings):
+        return
+    many = len(np.unique(np.concatenate([recording.distance_cm for recording in recordings])))
+    if many < FEWEST:
+        named = ", ".join(recording.source for recording in recordings)
+        raise CalibrationError(
+            f"{named}: expected readings at {FEWEST} distances or more, got {many}: how they fall with the "
+            "distance cannot be told. Record more."
         )
 
 

@@ -86,7 +86,8 @@ class Judgement:
         """How the recording's set-up differs from its description or from the profile's room, in words."""
         said = [f"rig turned by {self.turn_deg:+.1f} degrees"] if self.turn_deg else []
         if self.shift_cm or self.background:
-            said.append(f"set down {10 * self.shift_cm:+.1f} mm farther away")
+            where = "farther away" if self.shift_cm > 0 else "nearer"
+            said.append(f"set down {abs(10 * self.shift_cm):.1f} mm {where}")
             said.append(f"the room's infrared adds {self.background:+.5f}/cm² to that of the profile's room")
         if self.painted:
             said.append(f"a surface that reflects {self.reflectance:.2f} times as much as the profile's")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.checks import (
     dead_sensors,
+    refuse_few,
     refuse_other_kind,
     refuse_silent,
     refuse_swapped,
@@ -63,6 +64,7 @@ class Rows:
         for recording in recordings:
             refuse_other_kind(recording, self.top)
             refuse_units(recording, self.top)
+        refuse_few(recordings)
         dead = [dead_sensors(recording, self.top) for recording in recordings]
         self.dead = refuse_silent(recordings, dead, self.top)
         for recording, gone in zip(recordings, dead, strict=True):
@@ -87,11 +89,11 @@ class Rows:
         self.use = np.isfinite(np.concatenate([r.counts for r in recordings]))
         for use, gone in zip(self.split(self.use), dead, strict=True):
             use[:, list(gone)] = False
-        for k in np.flatnonzero(~self.use.any(axis=0)).tolist():
-            if k in self.dead:
-                continue
-            self.dead[k] = f"sensor {k} was not recorded"
-            self.warnings += (f"{self.dead[k]}: it is taken to be like the others",)
+        missing = [k for k in np.flatnonzero(~self.use.any(axis=0)).tolist() if k not in self.dead]
+        self.dead |= {k: f"sensor {k} was not recorded" for k in missing}
+        if missing:
+            named = ", ".join(map(str, missing))
+            self.warnings += (f"not recorded, and taken to be like the others: sensors {named}",)
         self.block = self._blocks()
 
     def without(self, out: NDArray[np.bool_]) -> "Rows":
