@@ -84,7 +84,7 @@ def refuse_silent(
     if middle < FEWEST_LIT:
         raise CalibrationError(
             f"{where}: only {middle} readings lie between dark and saturated, expected {FEWEST_LIT} or "
-            "more. Are the distances right, and the object near enough?"
+            "more. Are the distances right, and the object near enough? If so, record more places."
         )
     return silent
 

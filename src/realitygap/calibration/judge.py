@@ -266,7 +266,8 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
-        turn_deg=0.0, shift_cm=0.0, background=0.0, brightness=1.0, reflectance=1.0, painted=False, within=math.nan, misplaced=math.nan,
+        turn_deg=0.0, shift_cm=0.0, background=0.0, brightness=1.0, reflectance=1.0, painted=False,
+        within=math.nan, misplaced=math.nan,
         counts=measured, model=model,
         warnings=tuple(dict.fromkeys(said)),
     )  # fmt: skip

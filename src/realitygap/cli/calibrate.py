@@ -232,8 +232,8 @@ def _tell_misplaced(found: ChannelFit | Judgement) -> None:
     """How much of a model error over noise a millimetre's error of each place explains, where set by hand."""
     if isfinite(found.ratio_placed):
         click.echo(
-            f"  places set by hand, if each is a millimetre off, explain {found.misplaced:.2f} of it and leave "
-            f"{found.ratio_placed:.2f}"
+            f"  places set by hand, if each is a millimetre off, explain {found.misplaced:.2f} of it and "
+            f"leave {found.ratio_placed:.2f}"
         )
 
 
