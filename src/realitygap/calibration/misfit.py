@@ -182,8 +182,13 @@ def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) ->
 
 
 def displaced(recording: SensorRecording, profile: Profile, scene: Scene, turn: float) -> Floats:
-    """[n, S] RMS change of a recording's readings if its places are a millimetre off, counts; NaN unless they
-    were set by hand. The rig is turned by `turn` degrees."""
+    """[n, S] RMS change of readings if their places are a millimetre off, counts; NaN unless set by hand.
+
+    Args:
+        recording, scene: the places, and the room they are in.
+        profile: the robot.
+        turn: of the rig, degrees.
+    """
     if "unit" in recording.facts or not (scene.bare or recording.from_sensor is not None):
         return np.full(recording.counts.shape, np.nan)
     there, *moved = (proximity(profile, scene, turn, away) for away in (0.0, -PLACED_CM, PLACED_CM))

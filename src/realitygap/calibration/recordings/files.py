@@ -162,8 +162,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
     else:
         distance, bearing = _from_object(table)
     # A column without any reading is a sensor that was not recorded.
-    silent = {s: {cell.lower() for cell in table.texts(s)} <= {"", "nan"} for s in sensors}
-    counts = np.stack([table.numbers(s, empty=silent[s]) for s in sensors], 1)
+    counts = np.stack([table.numbers(s, empty=not any(table.texts(s))) for s in sensors], 1)
     full_scale = number_of(folder, facts, "full_scale", "the highest count")
     warned = check_readings(
         table, kind=kind, distance_cm=distance, bearing_deg=bearing, counts=counts, full_scale=full_scale
