@@ -101,8 +101,8 @@ def test_a_reflectance_that_hangs_on_the_form_is_not_believed():
 
 
 def test_something_must_be_known_of_surfaces(recorded):
-    """Recordings that are all of unknown surfaces tell no reflectance."""
-    unknown = recorded(repeats=1, reflectance=math.nan)
+    """Recordings that are all said to be of unknown surfaces tell no reflectance."""
+    unknown = replace(recorded(repeats=1, reflectance=math.nan), facts={"reflectance": "unknown"})
     with pytest.raises(CalibrationError, match=r"reflectance: expected a number for at least one recording"):
         calibrate([replace(unknown, counts=recorded(repeats=1).counts)], PAPER)
 
