@@ -70,9 +70,14 @@ def fewer_starts(monkeypatch):
 
 
 @pytest.mark.usefixtures("fewer_starts")
-def test_a_sensor_outside_every_closed_form_is_found():
+def test_a_sensor_outside_every_closed_form_is_found(monkeypatch):
     """`auto` takes "measured" for it; an object not fitted it errs on by less than the noise, and places held
     out, each by a search that never saw them, by hardly more."""
+    for module in (rows, searches):
+        monkeypatch.setattr(module, "FOLDS", 3)
+    monkeypatch.setattr(searches, "SEARCHES", (searches.MEASURED, 0, 1, 2, searches.PRINTED))
+    monkeypatch.setattr(measured, "DRAWS", 300)
+    monkeypatch.setattr(measured, "DRAWS_HELD_OUT", 150)
     robot = odd()
     made = calibrate([before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)], PAPER, form="auto")
     fit = made.infrared

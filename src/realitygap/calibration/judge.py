@@ -166,7 +166,8 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
         dead=profile.infrared.dead if main == "proximity" else 0.0,
     )
     warnings += () if measured else (f"{recording.source}: {unmeasured(deviation)}",)
-    off, change = (model - recording.counts)[:, live], np.full(known.shape, np.nan)
+    off = (model - recording.counts)[:, live]
+    change = np.full(known.shape, np.nan)
     if recording.kind == "infrared" and not profile.infrared.table:
         change = displaced(recording, profile, scene.painted(scale) if paint else scene, turn)
     found = misfits(recording.counts, model, recording.place(), of_noise)
