@@ -43,6 +43,12 @@ def ambient(robot, arena, work, out):
     each sensor's measured curve.
     """
     illuminate(robot, arena, True, work, out)
+    answer(robot, out)
+
+
+@step
+def answer(robot, out):
+    """Turn the illumination of all ambient sensors into their readings, in place."""
     if robot.ambient_curve.shape[1] > 0:
         for k in range(out.shape[0]):
             out[k] = respond(robot.ambient_curve, k, robot.ambient_knee, out[k] * robot.ambient_gain[k])

@@ -214,7 +214,7 @@ def light_walls(robot, arena, lamp, a, b, work):
         light[i] = max(light[i], 0.0) / (far[i] * far[i]) * cosine
 
 
-@step
+@apart
 def direct_light(robot, arena, work, out):
     """Direct illumination of all ambient sensors by all lamps into `out`, in any model."""
     stand_by_sensors(robot, work)

@@ -15,6 +15,17 @@ MOTOR_NOISE = 4
 """Normal numbers of a step for the motors: friction left, right; speed left, right."""
 
 
+class Bounds(NamedTuple):
+    """Scratch arrays of light_bounds.py; the first two are empty where it is not used."""
+
+    fans: NDArray[np.float32]
+    """[5, A · f · r + LANES] of each ray: as Work.all_fans, then x and y of its sensor's place."""
+    rows: NDArray[np.float32]
+    """[2, as those] the most light that each ray may bring, and what of it is doubtful."""
+    upper: F
+    """[A] most light of each sensor, and the reading by that."""
+
+
 class Work(NamedTuple):
     """Arrays of one trial; the letters are those of params.py."""
 
@@ -73,6 +84,7 @@ class Work(NamedTuple):
     """[P] 1 unless a proximity sensor certainly reads 0."""
     listed: NDArray[np.uint64]
     """[P or A] numbers of those sensors, or of the ambient sensors with reflections."""
+    bounds: Bounds
 
 
 class Aside(NamedTuple):
@@ -145,8 +157,17 @@ def farthest_notice(robot: Robot, fan: F) -> float:
     return float(np.max(np.hypot(fan[0], fan[1]) + robot.proximity_reach, initial=0.0))
 
 
-def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
-    """Scratch arrays for trials of `task` by `robot` under any of `nets`."""
+def new_bounds(robot: Robot, lit: F, used: bool) -> Bounds:
+    """Room for bounds of light by the rays `lit`."""
+    sensors, wide = robot.ambient_place.shape[0], lit.shape[1] if used else 0
+    each = (lit.shape[1] - LANES) // max(sensors, 1)
+    places = np.repeat(robot.ambient_place.T, each, axis=1)
+    fans = np.concatenate([lit, np.pad(places, ((0, 0), (0, LANES)))])[:, :wide].astype(np.float32)
+    return Bounds(fans=fans.copy(), rows=np.zeros((2, wide), np.float32), upper=np.zeros(sensors))
+
+
+def new_work(robot: Robot, task: Trial, nets: Networks, bounded: bool = False) -> Work:
+    """Scratch arrays for trials of `task` by `robot` under any of `nets`; `bounded`: light by bounds."""
     near, light = len(robot.proximity_place), len(robot.ambient_place)
     sensors = (near, light, near + light)[task.feed]
     inputs = task.channels.shape[0]
@@ -170,4 +191,5 @@ def new_work(robot: Robot, task: Trial, nets: Networks) -> Work:
         inputs=np.zeros(inputs, np.int32), change=np.zeros(inputs, np.int32),
         fan=fan, all_fans=lit, span=np.array([farthest_notice(robot, fan)]), noticed=np.zeros(seen, np.int64),
         listed=np.zeros(max(seen, robot.ambient_place.shape[0]), np.uint64),
+        bounds=new_bounds(robot, lit, bounded),
     )  # fmt: skip

@@ -19,6 +19,7 @@ from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import SHELF
 from realitygap.kernels.lanes import WIDE, Lanes, fit_lanes, new_lanes
+from realitygap.kernels.light_bounds import fit_bounds
 from realitygap.kernels.lockstep import run_lockstep
 from realitygap.kernels.network import think
 from realitygap.kernels.params import Networks, Path, Room, Trial, World
@@ -166,7 +167,7 @@ class Cores:
         """Scratch for networks of this size, kept for the next batch."""
         size = (networks.thresholds.shape[1], networks.links.shape[1])
         if size not in self._work:
-            self._work[size] = new_work(self.robot, self.trial, networks)
+            self._work[size] = new_work(self.robot, self.trial, networks, fit_bounds(self.world))
         return self._work[size]
 
     def require_finite_path(self, *arrays: Floats) -> None:
