@@ -316,6 +316,8 @@ def fit_bounds(world: World) -> bool:
     """Whether light can be bounded here: for a disc with printed or extended laws, in a room with nothing but
     walls and lamps, and constants for which the margins hold."""
     robot, arena = world.robot, world.arena
+    if world.task.feed != 1:  # trial.AMBIENT
+        return False
     furnished = len(arena.cylinders) + len(arena.segments) + len(arena.reflectance)
     measured = robot.ambient_curve.shape[1] + robot.ambient_noise.shape[1] + len(robot.outline)
     if furnished or measured or not len(robot.ambient_gain) or arena.size.max() > LARGEST:
