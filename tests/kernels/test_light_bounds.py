@@ -13,8 +13,9 @@ import pytest
 from realitygap.cli.bench import random_networks
 from realitygap.kernels import batch
 from realitygap.kernels.ambient import illuminate
+from realitygap.kernels.bounded_rays import total
 from realitygap.kernels.jit import kernel
-from realitygap.kernels.light_bounds import about_power, bound_light, fit_bounds, total
+from realitygap.kernels.light_bounds import about_power, bound_light, fit_bounds
 from realitygap.kernels.trial import bound_readings, draw_noise, stand
 from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation, batch_streams

@@ -41,12 +41,12 @@ Without Numba's reference counts, which cost more than the step itself: so no st
 step = partial(helper, form="PART")
 """For the parts of a step: inlined into the kernel that calls them. Python's calls compile it again."""
 
-_LOOSE = _FLAGS | {"contract", "reassoc"}
-loose = partial(SHELF.compiled, fastmath=_LOOSE, error_model="numpy", forceinline=True, _nrt=False, form="PART")
-loose_apart = partial(SHELF.compiled, fastmath=_LOOSE, error_model="numpy", form="APART", _nrt=False)
-
 apart = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", form="APART", _nrt=False)
 """For large parts that several kernels call: compiled once for all of them."""
+
+loose = partial(step, fastmath=_FLAGS | {"contract", "reassoc"})
+loose_apart = partial(apart, fastmath=_FLAGS | {"contract", "reassoc"})
+"""For what no bit of a result follows from: bounds with a margin for rounding in any order."""
 
 
 def kernel(function: Callable[..., Any], *, like: Any = None, **options: Any) -> Any:

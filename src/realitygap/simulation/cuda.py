@@ -36,7 +36,7 @@ BLOCK = 32
 """Threads of a block: one warp, so that few trials spread over all of the GPU."""
 MOST_BYTES = 1 << 31
 """Of paths and scratch at a time."""
-SHARED = ("fan", "all_fans", "span")
+SHARED = ("fan", "all_fans", "span", "bounds")
 """What of a trial's scratch nobody writes."""
 INSTALL = 'Install it: pip install "realitygap[cuda]".'
 CURE = "Leave out --engine, which takes the processor's cores, or see docs/machines.md."
@@ -107,7 +107,10 @@ class Cuda:
         """Trials as they are carried out, so many at a time as there is room for."""
         which, flat = self.cores.named(networks, streams)
         one = new_work(self.cores.robot, self.cores.trial, networks)
-        room = sum(array.nbytes for array in one) + 8 * len(Path._fields) * self.cores.trial.steps
+        room = (
+            sum(array.nbytes for array in one if isinstance(array, np.ndarray))
+            + 8 * len(Path._fields) * self.cores.trial.steps
+        )
         most = max(BLOCK, MOST_BYTES // room)
         nets = _placed(networks)
         for first in range(0, len(flat), most):
@@ -126,7 +129,8 @@ class Cuda:
                 name: np.array(np.broadcast_to(array, (rows, *array.shape)), order=order)
                 for name, array in one._asdict().items() if name not in SHARED
             }  # fmt: skip
-            kept = self._kept[size] = _placed(one._replace(**spread))
+            bounds: Any = one.bounds if SIMULATED else ()  # an uncertain thread would hold up its warp
+            kept = self._kept[size] = _placed(one._replace(bounds=bounds, **spread))
         return kept
 
     def _run(self, nets: Any, which: NDArray[np.int64], streams: Streams, work: Work) -> Batch:
