@@ -13,11 +13,13 @@ import pytest
 from realitygap.cli.bench import random_networks
 from realitygap.kernels import batch
 from realitygap.kernels.ambient import illuminate
-from realitygap.kernels.bounded_rays import total
+from realitygap.kernels.bounded_rays import PART, total
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.light_bounds import about_power, bound_light, fit_bounds
+from realitygap.kernels.params import LANES
 from realitygap.kernels.trial import bound_readings, draw_noise, stand
 from realitygap.kernels.work import new_work
+from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import load_task
 from realitygap.world.arena import Arena, Cylinder
@@ -111,7 +113,7 @@ def _both_lights(world, poses, work, found, certain):
     for t in range(poses.shape[0]):
         stand(poses[t], work)
         bound_light(robot, world.arena, work, found[t, 0], found[t, 1])
-        each = (work.all_fans.shape[1] - 16) // found.shape[2]
+        each = (work.all_fans.shape[1] - LANES) // found.shape[2]
         for k in range(found.shape[2]):
             found[t, 3, k] = 0.0
             if work.listed[k] == 1:
@@ -119,18 +121,24 @@ def _both_lights(world, poses, work, found, certain):
                 found[t, 3, k] = total(rows[1], k * each, (k + 1) * each) / whole
         illuminate(robot, world.arena, True, work, found[t, 2])
         draw_noise(world.level, np.uint64(t), 0, work.readings.shape[0], work)
-        certain[t] = bound_readings(work.bounds.upper, world, work)
+        certain[t] = bound_readings(world, work)
+
+
+def anywhere(cores: Cores, places: int, seed: int) -> np.ndarray:
+    """[places, 3] poses in the room, a third of which touch a wall."""
+    random, r, size = np.random.default_rng(seed), cores.robot.radius, cores.arena.size
+    poses = np.column_stack([random.uniform(r, size - r, (places, 2)), random.uniform(-7, 7, places)])
+    touches = random.random((places, 2)) < 0.18
+    poses[:, :2] = np.where(touches, np.where(random.random((places, 2)) < 0.5, r, size - r), poses[:, :2])
+    return poses
 
 
 def looked_at(simulation: Simulation, places: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """[places, 4, A] lower and upper bound, the light itself, all up to where a reading is constant, and what
-    share of a lamp's is doubtful; and whether the inputs are certain. A third of the places touch a wall."""
-    cores, random = simulation._cores, np.random.default_rng(seed)
+    share of a lamp's is doubtful; and whether the inputs are certain."""
+    cores = simulation._cores
     work = new_work(cores.robot, cores.trial, random_networks(simulation, stream=1, count=1), True)
-    r, size = cores.robot.radius, cores.arena.size
-    poses = np.column_stack([random.uniform(r, size - r, (places, 2)), random.uniform(-7, 7, places)])
-    touches = random.random((places, 2)) < 0.18
-    poses[:, :2] = np.where(touches, np.where(random.random((places, 2)) < 0.5, r, size - r), poses[:, :2])
+    poses = anywhere(cores, places, seed)
     found, certain = np.zeros((places, 4, len(cores.robot.ambient_gain))), np.zeros(places, np.bool_)
     _both_lights(cores.world, poses, work, found, certain)
     found[:, :3] = np.minimum(found[:, :3], cores.robot.ambient_full / cores.robot.ambient_gain)
@@ -158,6 +166,40 @@ def test_bounds_hold_for_any_robot():
         lower, upper, light, doubt = found.transpose(1, 0, 2)
         assert ((lower <= light) & (light <= upper)).all()
         doubted += (doubt > 1e-6).sum()
+    assert doubted > 5000, doubted
+
+
+@kernel
+def _both_rays(world, poses, work, found):
+    """Of each pose and ray: the bounds of what it brings, and what the law has of it."""
+    robot, rows = world.robot, work.bounds.rows
+    for t in range(poses.shape[0]):
+        stand(poses[t], work)
+        bound_light(robot, world.arena, work, work.bounds.ends[0], work.bounds.ends[1])
+        illuminate(robot, world.arena, False, work, work.readings)
+        for i in range(found.shape[2]):
+            found[t, 0, i] = rows[0, i] * (1 - PART) - rows[1, i]
+            found[t, 1, i] = rows[0, i] * (1 + PART)
+            found[t, 2, i] = work.light[i] * work.terms[i]
+
+
+def test_each_ray_has_bounds():
+    """Of thirty robots at 1500 places each, with one lamp and sensors whose rays always matter."""
+    doubted = 0
+    for k, simulation in enumerate(any_simulations(seed=55, count=60, most_lamps=1)):
+        cores = simulation._cores
+        if not np.isinf(cores.robot.ambient_full).all():
+            continue
+        work = new_work(cores.robot, cores.trial, random_networks(simulation, stream=1, count=1), True)
+        poses = anywhere(cores, 1500, k)
+        found = np.zeros((1500, 3, work.all_fans.shape[1] - LANES))
+        _both_rays(cores.world, poses, work, found)
+        lower, upper, exact = found.transpose(1, 0, 2)
+        lamp = 1.0
+        if cores.robot.light_narrow == 1.0:
+            lamp = max(cores.arena.lamp_weights.sum() + cores.arena.lamp_offset[0], 0.0)
+        assert ((lower * lamp <= exact) & (exact <= upper * lamp)).all()
+        doubted += (lower < 0.99 * upper).sum()
     assert doubted > 5000, doubted
 
 

@@ -8,7 +8,7 @@ import math
 from realitygap.kernels.ambient import ambient, answer
 from realitygap.kernels.contact import ground_speeds, settle
 from realitygap.kernels.infrared import infrared
-from realitygap.kernels.jit import step
+from realitygap.kernels.jit import apart, step
 from realitygap.kernels.light_bounds import bound_light
 from realitygap.kernels.network import LIMIT, output, think, wake
 from realitygap.kernels.outline import settle_outline
@@ -117,20 +117,22 @@ def sense(robot, arena, feed, level, work):
         read(robot, AMBIENT, level, wheels_speed(work), work.noise[near:], work.readings[near:])
 
 
-@step
-def bound_readings(upper, world, work):
+@apart
+def bound_readings(world, work):
     """Whether bounds of the light give the same inputs; readings that do are then in work.readings."""
-    robot, lower, channels = world.robot, work.readings, world.task.channels
-    bound_light(robot, world.arena, work, lower, upper)
-    for ends in (lower, upper):
-        answer(robot, ends)
-        read(robot, AMBIENT, world.level, 0.0, work.noise, ends)
+    robot, channels, ends = world.robot, world.task.channels, work.bounds.ends
+    bound_light(robot, world.arena, work, ends[0], ends[1])
+    for e in range(2):
+        answer(robot, ends[e])
+        read(robot, AMBIENT, world.level, 0.0, work.noise, ends[e])
+    for k in range(ends.shape[1]):
+        work.readings[k] = ends[0, k]
     same = True
     for i in range(channels.shape[0]):
         k = channels[i]
-        if k >= 0 and lower[k] != upper[k]:
-            one = scale_input(robot.ambient_low, robot.ambient_high, lower[k])
-            same = same and one == scale_input(robot.ambient_low, robot.ambient_high, upper[k])
+        if k >= 0 and ends[0, k] != ends[1, k]:
+            one = scale_input(robot.ambient_low, robot.ambient_high, ends[0, k])
+            same = same and one == scale_input(robot.ambient_low, robot.ambient_high, ends[1, k])
     return same
 
 
@@ -139,7 +141,7 @@ def sense_for_inputs(bounds, world, work):
     """As `sense`, but readings may be others that give the same inputs."""
     known = False
     if len(bounds) > 0:  # not on a GPU, where this is not compiled
-        known = bounds.fans.shape[1] > 0 and bound_readings(bounds.upper, world, work)
+        known = bounds.fans.shape[1] > 0 and bound_readings(world, work)
     if not known:
         sense(world.robot, world.arena, world.task.feed, world.level, work)
 

@@ -22,8 +22,8 @@ class Bounds(NamedTuple):
     """[5, A · f · r + LANES] of each ray: as Work.all_fans, then x and y of its sensor's place."""
     rows: NDArray[np.float32]
     """[2, as those] the most light that each ray may bring, and what of it is doubtful."""
-    upper: F
-    """[A] most light of each sensor, and the reading by that."""
+    ends: F
+    """[2, A] least and most light of each sensor, and the readings by them."""
 
 
 class Work(NamedTuple):
@@ -163,7 +163,7 @@ def new_bounds(robot: Robot, lit: F, used: bool) -> Bounds:
     each = (lit.shape[1] - LANES) // max(sensors, 1)
     places = np.repeat(robot.ambient_place.T, each, axis=1)
     fans = np.concatenate([lit, np.pad(places, ((0, 0), (0, LANES)))])[:, :wide].astype(np.float32)
-    return Bounds(fans=fans.copy(), rows=np.zeros((2, wide), np.float32), upper=np.zeros(sensors))
+    return Bounds(fans=fans.copy(), rows=np.zeros((2, wide), np.float32), ends=np.zeros((2, sensors)))
 
 
 def new_work(robot: Robot, task: Trial, nets: Networks, bounded: bool = False) -> Work:

@@ -24,7 +24,7 @@ from realitygap.kernels.lockstep import run_lockstep
 from realitygap.kernels.network import think
 from realitygap.kernels.params import Networks, Path, Room, Trial, World
 from realitygap.kernels.pointed import met
-from realitygap.kernels.trial import move
+from realitygap.kernels.trial import bound_readings, move
 from realitygap.kernels.work import Work, farthest_notice, new_work, spread_fan
 from realitygap.simulation.spread import drawn
 from realitygap.tasks.scoring import CompiledScore
@@ -153,11 +153,14 @@ class Cores:
         self.score.over(self._paths[:1], self.room)
 
     def compile_part(self, name: str) -> None:
-        """Compile a part of the kernels alone: "light", or "near", all else but what encloses both."""
+        """Compile a part of the kernels alone: "light", its "bounds", or "near", all else but what encloses
+        them."""
         robot, arena, nobody = self.robot, self.arena, halves.quiet()
         work = self.scratch(nobody)
         sensing = (robot, arena, work, work.readings[:])
         calls: list[tuple[Any, tuple[object, ...]]] = [(ambient, sensing)]
+        if name == "bounds":
+            calls = [(bound_readings, (self.world, work))]
         if name == "near":
             calls = [(infrared, sensing), (move, (robot, arena, work)), (think, (nobody, 0, work))]
         for part, arguments in calls:
