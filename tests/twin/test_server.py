@@ -12,6 +12,7 @@ import sys
 import termios
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -19,9 +20,10 @@ from click.testing import CliRunner
 from realitygap.cli import realitygap
 from realitygap.errors import RobotError, UsageError
 from realitygap.robots.clock import VirtualClock
+from realitygap.robots.khepera.twin import TwinBody
 from realitygap.twin.process import TwinProcess, start_twin
-from realitygap.twin.server import Settings, serving
-from realitygap.values import Pose
+from realitygap.twin.server import Server, Settings
+from realitygap.values import Command, Pose
 from tests.robots.conftest import ARENA, BODY, ROOT, Bench, bench
 from tests.robots.kinematic import KinematicBody
 
@@ -107,8 +109,8 @@ def test_what_is_compiled_is_called_before_real_time_runs(monkeypatch, clock: st
     called = []
     for name in ("advance", "proximity", "ambient"):
         monkeypatch.setattr(KinematicBody, name, lambda *_, name=name: called.append(name))
-    with serving(Settings(arena=ARENA, unit=1, clock=clock, body=BODY)):
-        assert called == (["advance", "proximity", "ambient"] if clock == "real" else [])
+    Server(Settings(arena=ARENA, unit=1, clock=clock, body=BODY))
+    assert called == (["advance", "proximity", "ambient"] if clock == "real" else [])
 
 
 def test_virtual_time_stands_until_it_is_let_go(bench: Bench, tmp_path: Path) -> None:
@@ -150,10 +152,45 @@ def test_a_renewed_twin_is_a_fresh_one(bench: Bench) -> None:
     for body in (BODY, "realitygap.twin.body:TwinBody"):
         fresh = [life(bench.twin(seed=seed, body=body)) for seed in (4, 9)]
         twin = bench.twin(seed=4, body=body)
-        one, two = life(twin), (twin.renew(9), life(twin))[1]
+        one, two = life(twin), (twin.renew(seed=9), life(twin))[1]
         assert [one, two] == fresh and one != two
-        twin.renew(4)
+        twin.renew(seed=4)
         assert life(twin) == one
+
+
+def test_a_process_serves_one_body_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of another unit, in another room, at another rate, with the bits of a process of its own; one that
+    was abandoned, or has died, serves nobody."""
+    monkeypatch.setattr("realitygap.robots.khepera.twin._IDLE", [])
+    rooms: tuple[dict[str, object], ...] = (
+        {"size_cm": [50, 50], "cylinders": [[28, 34, 3]]},
+        {"size_cm": [40, 60]},
+    )
+
+    def life(body: TwinBody, room: dict[str, object]) -> tuple[int, list[object]]:
+        body.enter(room, 3, Pose(x=20, y=30, heading=1.0))
+        assert body.twin is not None
+        pid, said = body.twin.pid, [body.driver.banner, list(body.sense().proximity)]
+        body.act(Command(left=5, right=2))
+        body.clock.sleep_until(0.5)
+        return pid, [*said, list(body.sense().proximity), body.driver.counters()]
+
+    def drive(last: str, **settings: Any) -> tuple[int, list[object]]:
+        body = TwinBody(**settings)
+        try:
+            return life(body, rooms[settings["unit"] - 1])
+        finally:
+            getattr(body, last)()
+
+    one, two = {"unit": 1, "baud": 38400}, {"unit": 2, "baud": 57600, "noise": 2.0}
+    first, second, third = drive("close", **one), drive("close", **two), drive("abandon", **one)
+    assert first == third and first[0] == second[0]
+    fresh = drive("abandon", **two)
+    assert fresh[0] != first[0] and fresh[1] == second[1]
+    pid, said = drive("close", **one)
+    os.kill(pid, signal.SIGKILL)
+    again = drive("abandon", **one)
+    assert again[0] != pid and again[1] == said == first[1]
 
 
 def test_a_twin_ends_with_its_parent(bench: Bench, tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def serve(
     """
     import signal
 
-    from realitygap.twin.server import Settings, serving
+    from realitygap.twin.server import Server, Settings
     from realitygap.world.profile import load_profile
 
     arena, start = _arena(arena_name)
@@ -64,7 +64,7 @@ def serve(
         settings["pose"] = (start.x, start.y, start.heading)
     for number in (signal.SIGTERM, signal.SIGHUP):  # its folder is removed however it is ended
         signal.signal(number, signal.default_int_handler)
-    with serving(Settings(**settings)) as server:
+    with Server(Settings(**settings)) as server:
         if json_output:
             print_json({"device": server.device, "clock_channel": server.channel, **settings})
         else:

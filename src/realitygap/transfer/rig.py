@@ -7,13 +7,14 @@ A trial on the twin is a function of unit, noise, stream, pose and controller al
 switched off and on again, in one process for all trials.
 """
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from realitygap import temporary
-from realitygap.errors import UsageError
+from realitygap.errors import RealityGapError, UsageError
 from realitygap.film.marker import Marker
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
@@ -169,8 +170,10 @@ class Rig(Closing):
 
     def close(self) -> None:
         """Release the robot and the camera."""
-        self._leave()
-        self._watcher = None
+        self._watcher, body, self._body = None, self._body, None
+        if body is not None:
+            with suppress(RealityGapError):
+                body.close()
 
     def _leave(self) -> None:
         body, self._body = self._body, None

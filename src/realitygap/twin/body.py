@@ -98,10 +98,7 @@ class TwinBody:
 
     def _somewhere(self) -> tuple[float, float]:
         """The middle of the floor, or the free place nearest to it."""
-        w, h = self.arena["size_cm"]
-        places = [(w * i / 40, h * j / 40) for i in range(1, 40) for j in range(1, 40)]
-        places.sort(key=lambda place: (place[0] - w / 2) ** 2 + (place[1] - h / 2) ** 2)
-        for place in places:
+        for place in _from_the_middle(*self.arena["size_cm"]):
             if self._fits(*place):
                 return place
         raise ConfigError("arena: no room for the robot on the floor; leave some free")
@@ -209,6 +206,13 @@ class TwinBody:
         """Everything recorded so far, a state each 10 ms and at each placing."""
         kept = self._machine.states[: self._machine.recorded[0]]
         return States(kept[:, 0].astype(np.int64), kept[:, 1:].copy())
+
+
+@lru_cache(maxsize=4)
+def _from_the_middle(w: float, h: float) -> list[tuple[float, float]]:
+    """Places on a floor, cm, the middle first."""
+    places = [(w * i / 40, h * j / 40) for i in range(1, 40) for j in range(1, 40)]
+    return sorted(places, key=lambda place: (place[0] - w / 2) ** 2 + (place[1] - h / 2) ** 2)
 
 
 @lru_cache(maxsize=4)

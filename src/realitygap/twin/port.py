@@ -33,15 +33,15 @@ class Port:
     """
 
     def __init__(self, baud: int) -> None:
-        self._rate = int(getattr(termios, f"B{baud}"))
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
-        self._tune()
+        self._tune(baud)
         flags = fcntl.fcntl(self._master, fcntl.F_GETFL)
         fcntl.fcntl(self._master, fcntl.F_SETFL, flags | os.O_NONBLOCK)
         self.name = os.ttyname(self._slave)
 
-    def _tune(self) -> None:
+    def _tune(self, baud: int) -> None:
+        self._rate = int(getattr(termios, f"B{baud}"))
         settings = termios.tcgetattr(self._slave)
         settings[4] = settings[5] = self._rate
         termios.tcsetattr(self._slave, termios.TCSANOW, settings)
@@ -55,11 +55,11 @@ class Port:
         os.close(self._master)
         os.close(self._slave)
 
-    def clear(self) -> None:
-        """Drop what is on the line, both ways; set it to the robot's rate again."""
+    def clear(self, baud: int) -> None:
+        """Drop what is on the line, both ways; set it to the robot's rate."""
         termios.tcflush(self._slave, termios.TCIOFLUSH)
         termios.tcflush(self._master, termios.TCIOFLUSH)
-        self._tune()
+        self._tune(baud)
 
     def read(self, count: int) -> bytes:
         """At most so many bytes, those that are there; at a wrong rate noise."""

@@ -47,12 +47,12 @@ class TwinProcess(Closing):
         """Write where the robot is, every 20 ms, into a sealed file for the camera; None ends it."""
         self._tell(f"film {Path(states).resolve()}" if states is not None else "film")
 
-    def renew(self, seed: int) -> None:
-        """Switch the robot off and one on whose noise is of another seed, as a fresh process would be.
+    def renew(self, **settings: Any) -> None:
+        """Switch the robot off and another on, as a fresh process would with these settings of `start_twin`.
 
-        Drivers and clocks of before must be closed.
+        Those not given stay; the clock always does. Drivers and clocks of before must be closed.
         """
-        self._tell(f"renew {seed}")
+        self._tell(f"renew {json.dumps(settings)}")
 
     def close(self) -> None:
         if self._hand is not None:

@@ -3,9 +3,9 @@
 On the pseudo-terminal there is the robot's protocol and nothing else. A second channel, a Unix
 socket, takes lines of text: `run` from a virtual clock (realitygap.robots.clock says how), and from
 the experimenter `place X_CM Y_CM HEADING_RAD`, `film FILE` (write where the robot is every 20 ms,
-for the camera; `film` alone ends it), `renew SEED` (switch this robot off and another on: all that a
-fresh process would make of that seed, so that many trials need one process) and `quit`. Each is answered
-with one line.
+for the camera; `film` alone ends it), `renew {"seed": SEED}` (switch this robot off and another on: all that
+a fresh process would make of these settings, the others staying, so that many trials need one process) and
+`quit`. Each is answered with one line.
 """
 
 import contextlib
@@ -18,9 +18,8 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Self
 
@@ -30,7 +29,7 @@ from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.twin.firmware import Firmware
 from realitygap.twin.port import Port
 
-__all__ = ["BODY", "STRANGER", "Server", "Settings", "serving"]
+__all__ = ["BODY", "STRANGER", "Server", "Settings"]
 
 BODY = "realitygap.twin.body:TwinBody"
 """The robot's physics: any class with this one's interface may take its place."""
@@ -87,15 +86,13 @@ class Server:
     """Serves one robot. As a context it opens and closes the device and the channel.
 
     Args:
-        switch_on: makes the robot, its noise from a seed.
-        seed: of the first one.
-        virtual: whether its time runs only as a clock allows.
+        settings: of the first one.
     """
 
-    def __init__(self, switch_on: Callable[[int], Firmware], *, seed: int, virtual: bool) -> None:
-        self.firmware = switch_on(seed)
-        self.virtual = virtual
-        self._switch_on = switch_on
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.firmware = _switched_on(settings)
+        self.virtual = settings.clock == "virtual"
         self._film: IO[str] | None = None
         self._running = True
         self._buffers: dict[socket.socket, bytes] = {}
@@ -187,16 +184,23 @@ class Server:
                     self._start_film(Path(rest))
             elif word == "renew":
                 self._end_film()
-                self.firmware = self._switch_on(int(rest))
-                self._port.clear()
-                self._start = time.monotonic_ns() - self.firmware.now
+                self._renew(json.loads(rest))
             elif word == "quit":
                 self._running = False
             else:
                 return f"error expected run, place, film, renew or quit; got {line!r}"
-        except (ValueError, OSError, RealityGapError) as error:
+        except (AttributeError, ImportError, TypeError, ValueError, OSError, RealityGapError) as error:
             return f"error {' '.join(str(error).split())}"
         return "ok"
+
+    def _renew(self, given: Mapping[str, Any]) -> None:
+        """Another robot, by the settings of this one and those given."""
+        settings = replace(self.settings, **given)
+        if settings.clock != self.settings.clock:
+            raise UsageError(f"its clock stays {self.settings.clock!r}; start another twin")
+        self.firmware, self.settings = _switched_on(settings), settings
+        self._port.clear(settings.baud)
+        self._start = time.monotonic_ns() - self.firmware.now
 
     def _allow(self, until: int, written: int, lines: int) -> str:
         """Let time run; under the real clock it runs by itself."""
@@ -226,9 +230,8 @@ class Server:
             self._film = None
 
 
-@contextmanager
-def serving(settings: Settings) -> Iterator[Server]:
-    """A server of the twin that has these settings."""
+def _switched_on(settings: Settings) -> Firmware:
+    """A robot of these settings."""
     who = "stranger" if settings.body == STRANGER else "twin"
     banner = (
         f"Khepera, {who} unit {settings.unit}: pseudo-reality, no robot",
@@ -236,17 +239,12 @@ def serving(settings: Settings) -> Iterator[Server]:
     )
     module, name = settings.body.split(":")
     make = getattr(importlib.import_module(module), name)
-
-    def switch_on(seed: int) -> Firmware:
-        body = make(settings.arena, unit=settings.unit, noise=settings.noise, seed=seed)
-        if settings.pose:
-            body.place(*settings.pose)
-        if settings.clock == "real":  # what it calls is compiled now: drivers wait a second for an answer
-            body.advance(1), body.proximity(), body.ambient()
-        return Firmware(body, baud=settings.baud, banner=banner)
-
-    with Server(switch_on, seed=settings.seed, virtual=settings.clock == "virtual") as server:
-        yield server
+    body = make(settings.arena, unit=settings.unit, noise=settings.noise, seed=settings.seed)
+    if settings.pose:
+        body.place(*settings.pose)
+    if settings.clock == "real":  # what it calls is compiled now: drivers wait a second for an answer
+        body.advance(1), body.proximity(), body.ambient()
+    return Firmware(body, baud=settings.baud, banner=banner)
 
 
 def _main() -> int:
@@ -258,7 +256,7 @@ def _main() -> int:
     if not order.endswith(b"\n"):
         return 0  # whoever started it is gone already
     try:
-        with serving(Settings(**json.loads(order))) as server:
+        with Server(Settings(**json.loads(order))) as server:
             _say({"device": server.device, "channel": server.channel})
             server.serve(leash=sys.stdin.fileno())
     except UsageError as error:

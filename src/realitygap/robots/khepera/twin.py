@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from realitygap.errors import RobotError
 from realitygap.robots.clock import VirtualClock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.twin.process import TwinProcess, start_twin
@@ -15,7 +16,7 @@ __all__ = ["TwinBody", "opened", "opened_stranger"]
 
 
 class TwinBody(KheperaBody):
-    """It has to `enter` a room first; one process serves it in a room for as long as it is used there.
+    """It has to `enter` a room first. One process serves it, and whoever is opened after it is closed.
 
     Args:
         unit: which robot of the population.
@@ -40,7 +41,6 @@ class TwinBody(KheperaBody):
         self.unit, self.noise, self.baud = unit, noise, baud
         self._kind = ("stranger", STRANGER) if stranger else ("twin", BODY)
         self.twin: TwinProcess | None = None
-        self._room: Mapping[str, Any] = {}
         self._line = ExitStack()
         self._rests = True
         self.attend(kinds, turns=True)
@@ -58,14 +58,14 @@ class TwinBody(KheperaBody):
     def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
         """Be switched off, and on as a process of its own would be: no trial affects the next."""
         self._line.close()
-        if self.twin is None or self._room != room:
-            self.leave()
-            self._room = room
-            self.twin = start_twin(
-                room, body=self._kind[1], unit=self.unit, noise=self.noise, seed=seed, baud=self.baud
-            )
+        settings = {
+            "arena": room, "body": self._kind[1], "unit": self.unit, "noise": self.noise, "baud": self.baud,
+            "seed": seed,
+        }  # fmt: skip
+        if self.twin is None:
+            self.twin = _started(settings)
         else:
-            self.twin.renew(seed)
+            self.twin.renew(**settings)
         clock = VirtualClock(self.twin.channel)
         self._line.callback(clock.close)
         self._take(Khepera.connect(self.twin.device, baud=self.baud, clock=clock), self.twin.place)
@@ -92,17 +92,37 @@ class TwinBody(KheperaBody):
             self.twin.film(states)
 
     def close(self) -> None:
-        """Close the line and end the process; nothing can be hurt."""
+        """Close the line; nothing can be hurt. Its process waits for another robot."""
         self._line.close()
-        self.leave()
+        twin, self.twin = self.twin, None
+        if twin is not None and not _IDLE:
+            _IDLE.append(twin)
+        elif twin is not None:
+            twin.close()
 
-    abandon = close
-
-    def leave(self) -> None:
-        """End the process: the next room is another's."""
+    def abandon(self) -> None:
+        """Close the line and end the process."""
+        self._line.close()
         if self.twin is not None:
             self.twin.close()
             self.twin = None
+
+
+_IDLE: list[TwinProcess] = []
+"""One that nobody uses: starting another takes a second."""
+
+
+def _started(settings: Mapping[str, Any]) -> TwinProcess:
+    """A twin's process that has just been started, or is as if."""
+    while _IDLE:
+        twin = _IDLE.pop()
+        try:
+            twin.renew(**settings)
+        except RobotError:  # it is gone, or refuses what a new one will refuse too
+            twin.close()
+        else:
+            return twin
+    return start_twin(settings["arena"], **{key: settings[key] for key in settings if key != "arena"})
 
 
 def opened(
