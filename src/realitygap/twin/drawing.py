@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.twin.arena import WALL_HALF
-from realitygap.twin.arithmetic import cos_sin, hypot
+from realitygap.twin.arithmetic import hypot, one_cos_sin
 from realitygap.twin.lens import HEIGHT, WIDTH, Lens
 from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
 from realitygap.twin.painting import SUB, Look, Still, paint_robot
@@ -120,12 +120,13 @@ class Drawing:
 
     def _about(self, x: float, y: float, window: Window) -> tuple[tuple[int, int], ...]:
         """Rows and columns (first, end) of a window in which the robot may be seen."""
-        ends = self._lens.pixels(np.array([(x, y, SIDES[0]), (x, y, self._top)]))
         reach = math.ceil(SPREAD * self._samples / SUB * self._reach) + EDGE
-        first = (np.rint(ends.min(axis=0)).astype(int) - reach).tolist()
-        end = (np.rint(ends.max(axis=0)).astype(int) + reach).tolist()
-        sides = zip(window, reversed(first), reversed(end), strict=True)
-        return tuple((max(side.start, low), min(side.stop, high)) for side, low, high in sides)
+        foot, top = (self._lens.pixel(x, y, z) for z in (SIDES[0], self._top))
+        ends = zip(window, reversed(foot), reversed(top), strict=True)
+        return tuple(
+            (max(side.start, round(min(a, b)) - reach), min(side.stop, round(max(a, b)) + reach))
+            for side, a, b in ends
+        )
 
     def frame(self, x: float, y: float, heading: float, window: Window = WHOLE) -> Array:
         """[rows, columns, 3] of a window of the picture: grey levels as floats, without the camera's noise.
@@ -136,14 +137,14 @@ class Drawing:
             window: which rows and columns of the picture.
         """
         picture = self.background[window].copy()
-        c, s = cos_sin(heading)
-        ahead = x + FRONT_AHEAD * float(c), y + FRONT_AHEAD * float(s)
+        c, s = one_cos_sin(heading)
+        ahead = x + FRONT_AHEAD * c, y + FRONT_AHEAD * s
         corner = window[0].start, window[1].start
         still = Still(self._floor, self._slope, self._fine, self._over, self._samples)
         box = self._about(x, y, window)
         paint_robot(picture, corner, box, still, (x, y, *ahead), self._look)
         if self._plate is not None and all(low < high for low, high in box):
-            self._lay(picture, corner, box, (x, y), (float(c), float(s)))
+            self._lay(picture, corner, box, (x, y), (c, s))
         return picture
 
     def _lay(self, picture: Array, corner: Any, box: Any, place: Any, turn: tuple[float, float]) -> None:

@@ -5,6 +5,7 @@ The twin's own; the tracker's camera model has to find it out from frames (film/
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,15 @@ class Lens:
         r2 = x * x + y * y
         bend = self.focal * (1.0 + self.k1 * r2 + self.k2 * r2 * r2)
         return np.stack([(WIDTH - 1) / 2 + x * bend, (HEIGHT - 1) / 2 - y * bend], axis=-1)
+
+    def pixel(self, *point: float) -> tuple[float, float]:
+        """Column and row of one world point, x, y and z (m)."""
+        off = [a - b for a, b in zip(point, self.position.tolist(), strict=True)]
+        across, up, back = (sum(map(mul, off, axis)) for axis in self.rotation.T.tolist())
+        x, y = across / -back, up / -back
+        r2 = x * x + y * y
+        bend = self.focal * (1.0 + self.k1 * r2 + self.k2 * r2 * r2)
+        return (WIDTH - 1) / 2 + x * bend, (HEIGHT - 1) / 2 - y * bend
 
     def straightened(self, columns: Array, rows: Array) -> tuple[Array, Array]:
         """x right and y up of pixels as a pinhole of focal length 1 would see them."""
