@@ -13,6 +13,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from textwrap import dedent
+from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -61,6 +62,14 @@ OWN = """
     task = Task(name="mine", arena=load_arena("obstacle-avoidance"), feeds="proximity", score=score,
                 start=Start(x_cm=25, y_cm=25, radius_cm=3), seconds=2, trials=2)
 """
+
+
+@pytest.fixture(autouse=engine.SIMULATED)
+def patient_simulator(monkeypatch):
+    """It waits for its threads. By itself it asks each whether it lives, all the time: thrice the work."""
+    from numba.cuda.simulator.kernel import BlockThread
+
+    monkeypatch.setattr(BlockThread, "is_alive", lambda thread: thread.join(0.1) or Thread.is_alive(thread))
 
 
 @HERE
