@@ -93,6 +93,8 @@ def test_an_arenas_walls_are_found(lit, monkeypatch):
         "reflectance": 0.05, "matt": 1.0, "lamp_height_cm": 3.0, "lamp_narrow": 1.0, "rays": 30.0,
     }  # fmt: skip
     monkeypatch.setattr(light_forms, "RAY_NUMBERS", (10, 20, 30))  # the quicker
+    monkeypatch.setattr(forms, "DRAWS", 500)
+    monkeypatch.setattr(forms, "DRAWS_HELD_OUT", 100)
     searches = []
 
     def spy(frees, model, measured, values, **more):

@@ -14,8 +14,9 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -88,15 +89,22 @@ class Ladder:
         return correlation([-float(i) for i in range(len(self.steps))], self.scores, resamples=1).rho
 
 
-def climb(behaviour: Behaviour, what: str, *, starts: int = STARTS) -> Ladder:
-    """A ladder of `what`, "gain", "steering" or "noise"."""
+@cache
+def lives(behaviour: Behaviour, **changed: Any) -> list[Trial]:
+    """Its trials, for all tests that ask for them."""
+    return behaviour.trials(STARTS, **changed)
+
+
+def climb(behaviour: Behaviour, what: str) -> Ladder:
+    """A ladder of `what`, "gain", "steering" or "noise"; it begins at 1, the robot as it is."""
     steps = NOISES if what == "noise" else GAINS
-    ours = behaviour.trials(starts)
+    ours = lives(behaviour)
     rungs = []
     for step in steps:
         profile = WORSE[what](load_profile("paper"), step) if what in WORSE else None
         noise = step if what == "noise" else 1.0
-        theirs = behaviour.trials(starts, profile=profile, again=5, noise=noise)
+        worse = {} if step == 1 else {"profile": profile, "noise": noise}
+        theirs = lives(behaviour, again=5, **worse)
         rungs.append(against(behaviour, ours, theirs))
     return Ladder(behaviour=behaviour, what=what, steps=steps, rungs=tuple(rungs))
 

@@ -28,6 +28,7 @@ from tests.correspondence.ladders import (
     behaviours,
     climb,
     ladders_of,
+    lives,
     order_of_phrases,
     phrase_scores,
     setting_for,
@@ -37,11 +38,6 @@ from tests.exemplars.kinds import Behaviour
 
 EACH = pytest.mark.parametrize("robot", behaviours(0), ids=lambda b: f"{b.task[:5]} {b.kind}")
 TURNER = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
-
-
-@cache
-def lives(robot: Behaviour, **changed):
-    return robot.trials(12, **changed)
 
 
 @cache
