@@ -15,7 +15,7 @@ from matplotlib.patches import Circle
 
 from realitygap.report import build_report, style
 from realitygap.report.gather import parts_of
-from realitygap.report.page import Figures
+from realitygap.report.page import Figures, Picture
 from realitygap.report.paths import PathPanel, Scene, pairs_figure
 from realitygap.report.situated import SituatedPart, make_situated
 from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pair, transfers_csv
@@ -114,6 +114,7 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study) -> No
     )
     assert source and len(source[1]) < 200_000
     _says_what_the_twin_is(text)
+    _has_ids_of_its_own(text)
     assert "counters" not in re.sub(r"data:[^\"]*", "", text)
 
 
@@ -122,19 +123,26 @@ def test_a_report_that_is_given_away_keeps_its_films(
 ) -> None:
     """Every link of a copied report stays within it and leads somewhere; a film made anew is copied anew."""
     _all(study)
+    monkeypatch.setattr("realitygap.report.page.Picture.save", _empty)
     shown = _situated(study, AVOID).shown[0]
     shutil.rmtree(shown.folder)
     film = write_transfer(study, study.run(shown.run), film=True) / "film.mp4"
     for content in (b"a film", b"another film"):
         film.write_bytes(content)
         text = _built(study)
-        monkeypatch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)  # drawn once
         away = shutil.copytree(study.folder / "report", tmp_path / content.decode())
         links = re.findall(r'<a href="([^"#][^"]*)"', text)
         assert all((away / link).resolve().is_relative_to(away.resolve()) for link in links)
         assert all((away / link).is_file() for link in links)
         (kept,) = (away / link for link in links if link.endswith(".mp4"))
         assert kept.read_bytes() == content
+
+
+def _empty(picture: Picture, folder: Path, **_: object) -> str:
+    """An empty figure in its place, as a file too."""
+    for kind in ("png", "svg"):
+        (folder / f"{picture.name}.{kind}").write_text(FIGURE, "utf-8")
+    return FIGURE
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -161,6 +169,12 @@ def test_the_heading_reads_with_and_without_transfers(study: Study) -> None:
     write_transfer(study, study.runs[0])
     text = " ".join(_built(study).split())
     assert heading in text and "This page is that experiment: the same" in text
+
+
+def _has_ids_of_its_own(text: str) -> None:
+    """No id stands twice, in figures neither."""
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
 
 
 def _says_what_the_twin_is(text: str) -> None:
@@ -253,13 +267,13 @@ def test_a_figure_shows_one_robot_of_each_kind(study: Study) -> None:
     assert made.groups[-1].kind == "twin with 2.0 times its noise"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_some_transfers_leave_the_simulated_figure(study: Study) -> None:
     """Where the pairs do not show every run that it shows; ids stay unique."""
     write_transfer(study, study.runs[0])
     text = _built(study)
     assert f'id="{AVOID}-pairs"' in text and f'<figure id="{AVOID}-paths"' in text
-    ids = re.findall(r'\bid="([^"]+)"', text)
-    assert len(ids) == len(set(ids))
+    _has_ids_of_its_own(text)
 
 
 def test_a_path_is_thinned_to_the_simulations_steps(study: Study) -> None:
