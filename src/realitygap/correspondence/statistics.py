@@ -135,9 +135,9 @@ def correlation(
 def ranks(values: Sequence[float] | Floats) -> Floats:
     """Ranks from 0, ties at their mean."""
     numbers = np.asarray(values, np.float64)
-    below = (numbers[:, None] > numbers).sum(axis=1)
-    same = (numbers[:, None] == numbers).sum(axis=1)
-    return np.asarray(below + (same - 1) / 2, np.float64)
+    ordered = np.sort(numbers)
+    below, up_to = (np.searchsorted(ordered, numbers, side) for side in ("left", "right"))
+    return np.asarray(below + (up_to - below - 1) / 2, np.float64)
 
 
 def _pearson(x: Floats, y: Floats) -> float:
