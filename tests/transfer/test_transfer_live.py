@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import tomllib
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,13 @@ def camera(arena, tmp_path_factory) -> CameraModel:
 
 
 @pytest.fixture(scope="module")
+def tag_camera(arena, tmp_path_factory) -> CameraModel:
+    """Its calibration by a robot that wears a tag."""
+    file, tag = tmp_path_factory.mktemp("eye") / "camera.json", load_marker("apriltag:16h5:4")
+    return Watcher(file, arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag).camera
+
+
+@pytest.fixture(scope="module")
 def video(arena, tmp_path_factory) -> Path:
     """What the camera sees."""
     return seen_from_above(tmp_path_factory.mktemp("eye") / "eye.mp4", arena)
@@ -69,11 +77,12 @@ def seen_from_above(file: Path, arena, plate=None, *, nobody: int = COVERED, the
     states = States.standing(
         np.arange(count) * 40, np.full(count, STANDS.x), np.full(count, STANDS.y), heading
     )
-    with (
-        OverheadCamera(arena.plain(), unit=1, view="drawn", plate=plate) as eye,
-        OverheadCamera(arena.plain(), unit=1, view="drawn", plate=then or plate) as later,
-        FilmWriter(file, rate=FPS, made_by="the tests") as film,
-    ):
+    with ExitStack() as opened:
+        eye = opened.enter_context(OverheadCamera(arena.plain(), unit=1, view="drawn", plate=plate))
+        later = eye
+        if then is not None:
+            later = opened.enter_context(OverheadCamera(arena.plain(), unit=1, view="drawn", plate=then))
+        film = opened.enter_context(FilmWriter(file, rate=FPS, made_by="the tests"))
         away = States.standing([0], [-50.0], [-50.0], [0.0]).pose[0]
         for k in range(nobody):
             film.add(eye.frame(away, 900 + k))
@@ -157,13 +166,13 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
         transfer(study, [1], **settings)
 
 
-def test_a_robot_may_wear_a_tag(study, robot, arena, tmp_path):
+def test_a_robot_may_wear_a_tag(study, robot, tag_camera, arena, tmp_path):
     """A live camera looks for a robot's AprilTag; its trial is not taken for one with another marker."""
     tag = load_marker("apriltag:16h5:4,angle=180")
-    camera = Watcher(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag).camera
     video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag))
     port, carry = robot
-    settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera, "eye": str(video)}
+    settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": tag_camera}
+    settings |= {"eye": str(video)}
     settings["found"] = lambda one, requested, seen: seen is not None
     one = transfer(study, [1], marker=str(tag), **settings)[0]
     assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0) and one.lost_steps == 0
@@ -175,13 +184,12 @@ def test_a_robot_may_wear_a_tag(study, robot, arena, tmp_path):
         transfer(study, [1], **settings)
 
 
-def test_why_a_robot_was_lost_is_passed_on(study, robot, arena, tmp_path):
+def test_why_a_robot_was_lost_is_passed_on(study, robot, tag_camera, arena, tmp_path):
     """Another tag in its place in the middle of the film: the gap's reason, the tracker's, is the trial's."""
     tag, other = load_marker("apriltag:16h5:4"), load_marker("apriltag:16h5:9")
-    camera = Watcher(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag).camera
     video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag), nobody=0, then=plate_of(other))
     port, carry = robot
-    settings = {"robots": (port,), "seconds": 2.0, "carry": carry, "camera": camera, "eye": str(video)}
+    settings = {"robots": (port,), "seconds": 2.0, "carry": carry, "camera": tag_camera, "eye": str(video)}
     with pytest.raises(FilmError, match=r"is not seen .* number 4 of 16h5: give the robot"):
         transfer(study, [1], marker=other, **settings)
     (one,) = transfer(study, [1], marker=tag, **settings)
