@@ -1,5 +1,6 @@
 """What tests of several rooms need."""
 
+import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -13,6 +14,8 @@ from tests.browser import NAMES, Browser, find_browser
 # Before NumPy is imported: on small matrices its threads only wait for each other, at twice the cost.
 for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(threads, "1")
+
+gc.disable()  # until all tests are known: what they import and are lives to the end
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background: Ctrl-C is tried here
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -42,6 +45,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What takes longest begins first: so that at the end no core waits for the other."""
     places = {f"tests/{name}.py": place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: places.get(item.nodeid.partition("::")[0], len(places)))
+
+
+def pytest_collection_finish() -> None:
+    """Garbage is looked for among what tests make, not in half a million things that live on."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)
