@@ -139,6 +139,16 @@ def test_a_printed_law_is_taken_where_it_holds(recorded):
     assert fit.ratio < 0.6
 
 
+def test_places_held_out_are_read_by_a_fit_that_never_saw_them(monkeypatch):
+    """Of a fold's readings none is in use in the search that reads them."""
+    seen = []
+    monkeypatch.setattr(Measured, "read", lambda fit: seen.append(fit._rows.use) or fit._rows.counts)
+    table = Rows([before(odd(), "wall", seed=1)], PAPER)
+    out = table.fold(0)
+    measured.read_unseen(table, PAPER, out)
+    assert out.any() and not seen[0][out].any() and seen[0].any()
+
+
 def test_light_is_read_by_a_curve_where_no_straight_law_holds(recorded):
     """`auto` takes curves where a kink bends the law; the straight law where that holds."""
     straight = recorded("lamp", noise=4.5)
