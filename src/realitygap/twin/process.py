@@ -54,10 +54,14 @@ class TwinProcess(Closing):
         """
         self._tell(f"renew {json.dumps(settings)}")
 
-    def close(self) -> None:
+    def rest(self) -> None:
+        """Nobody commands it, until somebody does again."""
         if self._hand is not None:
             self._hand.close()
             self._hand = None
+
+    def close(self) -> None:
+        self.rest()
         self._finalizer()
 
     def _tell(self, line: str) -> None:

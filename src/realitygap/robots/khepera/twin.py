@@ -96,6 +96,7 @@ class TwinBody(KheperaBody):
         self._line.close()
         twin, self.twin = self.twin, None
         if twin is not None and not _IDLE:
+            twin.rest()
             _IDLE.append(twin)
         elif twin is not None:
             twin.close()
