@@ -172,9 +172,7 @@ def _searched(problem: Problem, measured: Measured, start: Values, *, draws: int
 
 
 def scan(model: Model, values: Values, measured: Measured, reach: float) -> dict[str, Floats]:
-    """The values with each sensor's direction at its smallest residual within `reach` degrees.\n\nWhere
-    direct light is bright or a ray ends, a sensor's reading drops within a degree, which a derivative does
-    not show.
+    """The values with each sensor's direction at its smallest residual within `reach` degrees.
 
     Where direct light is bright, or a ray ends, a sensor's reading drops within a degree, and no derivative
     sees it come.
