@@ -193,6 +193,30 @@ def test_a_process_serves_one_body_after_another(monkeypatch: pytest.MonkeyPatch
     assert again[0] != pid and again[1] == said == first[1]
 
 
+def test_a_forked_process_takes_no_twin_of_its_parents() -> None:
+    """Two processes that commanded one twin would both be wrong, and neither would know."""
+    code = f"""
+import os
+from realitygap.robots.khepera.twin import TwinBody
+
+def pid():
+    body = TwinBody(1)
+    body.enter({ARENA!r}, 3, None)
+    found = body.twin.pid
+    body.close()
+    return found
+
+first = pid()
+if os.fork() == 0:
+    print(pid() == first, flush=True)
+    os._exit(0)
+os.wait()
+print(pid() == first)
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
+
+
 def test_a_twin_ends_with_its_parent(bench: Bench, tmp_path: Path) -> None:
     """A parent killed with kill -9 leaves no twin behind, nor its channel's folder."""
     code = f"""

@@ -1,5 +1,6 @@
 """A unit of a twin as a body: switched on in any room, driven through its serial line in virtual time."""
 
+import os
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -110,7 +111,8 @@ class TwinBody(KheperaBody):
 
 
 _IDLE: list[TwinProcess] = []
-"""One that nobody uses: starting another takes a second."""
+"""One that nobody uses: starting another takes a second. A forked process has none: it is its parent's."""
+os.register_at_fork(after_in_child=_IDLE.clear)
 
 
 def _started(settings: Mapping[str, Any]) -> TwinProcess:
