@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.calibration import measured, rows, searches
+from realitygap.calibration import channels, measured, rows, searches
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.curves import Curves, Seen, on_curves
 from realitygap.calibration.forward import lit_readings, proximity, received, scene_of
@@ -137,6 +137,23 @@ def test_a_printed_law_is_taken_where_it_holds(recorded):
     fit = made.infrared
     assert fit is not None and min(fit.held_out, key=fit.held_out.__getitem__) == fit.form
     assert fit.ratio < 0.6
+
+
+def test_auto_goes_by_places_held_out(recorded, monkeypatch):
+    """A form that follows every fitted reading, and errs on places held out, is not taken."""
+
+    def too_good(rows, *rest, measured):
+        found = searches.searched(rows, *rest, measured=False)
+        (name,) = found.profiles
+        found.profiles["measured"] = found.profiles[name]
+        found.fits["measured"] = replace(found.fits[name], model=rows.counts.copy())
+        found.held_out["measured"] = found.held_out[name] + 50.0
+        return found
+
+    monkeypatch.setattr(channels, "searched", too_good)
+    fit = calibrate([recorded("wall", repeats=2)], PAPER, form="auto").infrared
+    assert fit is not None and fit.by_form["measured"] < fit.by_form["extended"]
+    assert fit.form == "extended" and fit.held_out["extended"] < fit.held_out["measured"]
 
 
 def test_places_held_out_are_read_by_a_fit_that_never_saw_them(monkeypatch):
