@@ -163,7 +163,9 @@ def test_a_film_is_tracked_to_the_truth(watched, view, monkeypatch):
     assert len(track) == round(25 * SECONDS) + 1 and track.lost == 0
     shown = np.searchsorted(truth.time_ms - truth.time_ms[0], track.t * 1000 + 1e-3, side="right") - 1
     off = np.hypot(track.x - 100 * truth.pose[shown, 0], track.y - 100 * truth.pose[shown, 1])
-    turned = (track.heading_deg - np.degrees(heading_of(truth.pose[shown])) + 180) % 360 - 180
+    turned = (
+        track.heading_deg - np.degrees([heading_of(pose) for pose in truth.pose[shown]]) + 180
+    ) % 360 - 180
     assert off.mean() < 0.04 and off.max() < 0.15
     assert np.abs(turned).mean() < 0.5
     assert (one.folder / "tails.png").read_bytes()[:4] == b"\x89PNG"

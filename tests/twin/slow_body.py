@@ -71,7 +71,7 @@ class SlowBody(TwinBody):
         """When each sensor was refreshed last, and the poses [8, 3] (x, y in m, heading) of then."""
         refreshed = self._eyes.refreshed(self.time_ms)
         poses = self._history[refreshed % HISTORY_MS]
-        return refreshed, np.stack([poses[:, 0], poses[:, 1], heading_of(poses)], axis=1)
+        return refreshed, np.stack([poses[:, 0], poses[:, 1], [heading_of(pose) for pose in poses]], axis=1)
 
     def proximity(self) -> list[int]:
         return self._eyes.proximity(self.time_ms, *self._seen())

@@ -139,7 +139,7 @@ def test_states_from_a_file(tmp_path: Path) -> None:
     states = States.from_file(path)
     assert states.time_ms.tolist() == [20, 40]
     assert states.pose[:, 0] * 100 == pytest.approx([10, 11])
-    assert np.degrees(heading_of(states.pose)) == pytest.approx([90, -170])
+    assert np.degrees([heading_of(pose) for pose in states.pose]) == pytest.approx([90, -170])
     path.write_text("t_s,x_cm,y_cm,heading_deg\n0,1,2,3\n0,1,oops,3\n")
     with pytest.raises(ConfigError, match="line 3"):
         States.from_file(path)

@@ -92,7 +92,7 @@ def test_compiled_sensors_read_as_plain_ones() -> None:
         for _ in range(8):
             where = [*random.uniform(0, room["size_cm"]), random.uniform(-math.pi, math.pi)]
             history, time_ms = lived(*where), int(random.integers(0, 50_000))
-            poses = np.array([[*history[0, :2], float(heading_of(history[0]))]] * SENSORS)
+            poses = np.array([[*history[0, :2], heading_of(history[0])]] * SENSORS)
             when = slow.refreshed(time_ms)
             assert when.tolist() == [refreshed_at(k, time_ms) for k in range(SENSORS)]
             assert reflected(fast, poses).tobytes() == slow.reflected(poses).tobytes()

@@ -13,7 +13,7 @@ from realitygap.twin.arithmetic import cos_sin
 from realitygap.twin.model import BODY_RADIUS, NOMINAL_VOLT, build_xml
 from realitygap.twin.noise import check_scale, creep_of, draws
 from realitygap.twin.sensors import CYCLE_MS, HISTORY_MS, PHASE_MS, Sensors
-from realitygap.twin.states import States, one_heading
+from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import Unit, draw_unit
 from realitygap.twin.wheels import FOUND, RECORD_MS, STATE, Machine, Wheel, note, run
 
@@ -200,7 +200,7 @@ class TwinBody:
     def truth(self) -> tuple[float, float, float]:
         """x, y (cm) and heading (rad, −π to π) as they are: for tests and the sealed file only."""
         x, y = self._qpos[:2].tolist()
-        return x * 100.0, y * 100.0, one_heading(self._qpos)
+        return x * 100.0, y * 100.0, heading_of(self._qpos)
 
     def states(self) -> States:
         """Everything recorded so far, a state each 10 ms and at each placing."""

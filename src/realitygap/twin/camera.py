@@ -22,7 +22,7 @@ from realitygap.twin.noise import check_scale, draws, normal_draws
 from realitygap.twin.painting import expose
 from realitygap.twin.plate import Plate
 from realitygap.twin.render import open_renderer
-from realitygap.twin.states import States, one_heading
+from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
 from realitygap.values import Closing
 
@@ -119,7 +119,7 @@ class OverheadCamera(Closing):
             picture = self._renderer.frame(pose)[window]
         else:
             assert self._drawing is not None
-            where = float(pose[0]), float(pose[1]), one_heading(pose)
+            where = float(pose[0]), float(pose[1]), heading_of(pose)
             picture = self._drawing.frame(*where, window)
         size = self._light.size
         start = int(draws(self._seed, 59, number).integers(size))

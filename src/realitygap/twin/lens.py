@@ -46,15 +46,15 @@ class Lens:
     def pixels(self, points: Array) -> Array:
         """[..., 2] column and row of world points [..., 3] (m)."""
         q = product(points - self.position, self.rotation)
-        x, y = q[..., 0] / -q[..., 2], q[..., 1] / -q[..., 2]
-        r2 = x * x + y * y
-        bend = self.focal * (1.0 + self.k1 * r2 + self.k2 * r2 * r2)
-        return np.stack([(WIDTH - 1) / 2 + x * bend, (HEIGHT - 1) / 2 - y * bend], axis=-1)
+        return np.stack(self._shown(q[..., 0], q[..., 1], q[..., 2]), axis=-1)
 
     def pixel(self, *point: float) -> tuple[float, float]:
         """Column and row of one world point, x, y and z (m)."""
         off = [a - b for a, b in zip(point, self.position.tolist(), strict=True)]
-        across, up, back = (sum(map(mul, off, axis)) for axis in self.rotation.T.tolist())
+        return self._shown(*(sum(map(mul, off, axis)) for axis in self.rotation.T.tolist()))
+
+    def _shown(self, across: Any, up: Any, back: Any) -> tuple[Any, Any]:
+        """Column and row of what lies so in the camera's frame (m), through its lens."""
         x, y = across / -back, up / -back
         r2 = x * x + y * y
         bend = self.focal * (1.0 + self.k1 * r2 + self.k2 * r2 * r2)

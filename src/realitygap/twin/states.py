@@ -8,19 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.track import read_track
-from realitygap.twin.arithmetic import arctan2, cos_sin, one_arctan2
+from realitygap.twin.arithmetic import cos_sin, one_arctan2
 
-__all__ = ["States", "heading_of", "one_heading"]
-
-
-def heading_of(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[...] heading (rad, −π to π) of poses [..., 7]."""
-    w, x, y, z = (pose[..., k] for k in (3, 4, 5, 6))
-    return arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+__all__ = ["States", "heading_of"]
 
 
-def one_heading(pose: NDArray[np.float64]) -> float:
-    """The heading of one pose [7]."""
+def heading_of(pose: NDArray[np.float64]) -> float:
+    """Heading (rad, −π to π) of a pose [7]."""
     w, x, y, z = pose[3:7].tolist()
     return float(one_arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 

@@ -117,15 +117,16 @@ os.register_at_fork(after_in_child=_IDLE.clear)
 
 def _started(settings: Mapping[str, Any]) -> TwinProcess:
     """A twin's process that has just been started, or is as if."""
-    while _IDLE:
+    try:
         twin = _IDLE.pop()
-        try:
-            twin.renew(**settings)
-        except RobotError:  # it is gone, or refuses what a new one will refuse too
-            twin.close()
-        else:
-            return twin
-    return start_twin(settings["arena"], **{key: settings[key] for key in settings if key != "arena"})
+    except IndexError:  # none waits
+        return start_twin(**settings)
+    try:
+        twin.renew(**settings)
+    except RobotError:  # it is gone, or refuses what a new one will refuse too
+        twin.close()
+        return start_twin(**settings)
+    return twin
 
 
 def opened(
