@@ -15,7 +15,7 @@ from tests.browser import NAMES, Browser, find_browser
 for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(threads, "1")
 
-gc.disable()  # until all tests are known: what they import and are lives to the end
+gc.disable()  # until all tests are collected: what they import lives to the end
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background: Ctrl-C is tried here
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -48,7 +48,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Garbage is looked for among what tests make, not in half a million things that live on."""
+    """From here on garbage is looked for among what tests make, not in half a million objects that stay."""
     gc.freeze()
     gc.enable()
 

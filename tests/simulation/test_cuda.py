@@ -66,7 +66,7 @@ OWN = """
 
 @pytest.fixture(autouse=engine.SIMULATED)
 def patient_simulator(monkeypatch):
-    """It waits for its threads. By itself it asks each whether it lives, all the time: thrice the work."""
+    """The simulator waits for its threads. Left alone it polls each of them in a busy loop."""
     from numba.cuda.simulator.kernel import BlockThread
 
     monkeypatch.setattr(BlockThread, "is_alive", lambda thread: thread.join(0.1) or Thread.is_alive(thread))

@@ -18,7 +18,7 @@ f32 = np.float32
 UNIT = f32(2.0**-21)
 """Eight roundings."""
 EDGE = f32(15.0)
-"""3 UNIT, times five: how much more than the end the terms err that tell whether the body is in the way."""
+"""3 UNIT times five: what tells whether the body is in the way errs by up to five times the end's error."""
 PART, COARSE = f32(3e-4), f32(0.02)
 """Margins, shares of the reflected light: of all rays, and of those nearly along a wall. Half of each is for
 where the ray ends."""

@@ -46,7 +46,7 @@ apart = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", form="APAR
 
 loose = partial(step, fastmath=_FLAGS | {"contract", "reassoc"})
 loose_apart = partial(apart, fastmath=_FLAGS | {"contract", "reassoc"})
-"""For what no bit of a result follows from: bounds with a margin for rounding in any order."""
+"""For what decides no bit of a result: bounds whose margin covers rounding in any order."""
 
 
 def kernel(function: Callable[..., Any], *, like: Any = None, **options: Any) -> Any:

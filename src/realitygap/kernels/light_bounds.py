@@ -24,8 +24,8 @@ ROOT_HALF, FIFTY_TWO = np.int64(0x3FE6A09E667F3BCD), np.int64(52)
 ROUNDING = 1e-12
 """Margin, a share, of a sum in double precision in another order."""
 LARGEST, INSIDE, NEAREST, CANCELLED = 120.0, 0.15, 1.5, 1e-4
-"""For which the margins hold: the largest room, the least distance of a sensor from the body's edge, that of
-a lamp from a surface, cm, and the largest share that roundings may be of a lamp's light."""
+"""Limits within which the margins hold: the largest room, the least distance of a sensor from the body's edge
+and of a lamp from a surface (cm), and the largest share of a lamp's light that rounding may take."""
 
 
 @step

@@ -119,7 +119,7 @@ def sense(robot, arena, feed, level, work):
 
 @apart
 def bound_readings(world, work):
-    """Whether bounds of the light give the same inputs; readings that do are then in work.readings."""
+    """Whether both bounds of the light give the same inputs; work.readings then gives them too."""
     robot, channels, ends = world.robot, world.task.channels, work.bounds.ends
     bound_light(robot, world.arena, work, ends[0], ends[1])
     for e in range(2):
@@ -138,7 +138,7 @@ def bound_readings(world, work):
 
 @step
 def sense_for_inputs(bounds, world, work):
-    """As `sense`, but readings may be others that give the same inputs."""
+    """As `sense`, but readings may differ as long as the inputs are the same."""
     known = False
     if len(bounds) > 0:  # not on a GPU, where this is not compiled
         known = bounds.fans.shape[1] > 0 and bound_readings(world, work)

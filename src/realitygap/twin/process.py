@@ -55,7 +55,7 @@ class TwinProcess(Closing):
         self._tell(f"renew {json.dumps(settings)}")
 
     def rest(self) -> None:
-        """Nobody commands it, until somebody does again."""
+        """Leave the experimenter's channel; the next command opens it again."""
         if self._hand is not None:
             self._hand.close()
             self._hand = None

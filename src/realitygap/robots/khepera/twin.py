@@ -116,7 +116,7 @@ os.register_at_fork(after_in_child=_IDLE.clear)
 
 
 def _started(settings: Mapping[str, Any]) -> TwinProcess:
-    """A twin's process that has just been started, or is as if."""
+    """A twin's process that has just been started, or is as good as new."""
     try:
         twin = _IDLE.pop()
     except IndexError:  # none waits
