@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import lzma
 import shutil
-import tarfile
 import sqlite3
+import tarfile
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
