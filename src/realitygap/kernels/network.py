@@ -135,17 +135,20 @@ def keep_past(neurons, work):
 
 
 @step
-def think(nets, n, work):
-    """One step: ten synchronous updates with work.inputs held.
-
-    A settled network whose inputs have not changed would compute the same outputs, so it is skipped: the
-        longest delay reaches only PAST + 1 equal rows.
-    """
-    neurons = nets.neurons[n]
+def is_still(work):
+    """Whether a step would compute the same outputs again: a settled network whose inputs have not changed,
+    for the longest delay reaches only PAST + 1 equal rows."""
     changed = False
     for i in range(work.change.shape[0]):
         changed = changed or work.change[i] != 0
-    if work.settled[0] == 1 and not changed:
+    return work.settled[0] == 1 and not changed
+
+
+@step
+def think(nets, n, work):
+    """One step: ten synchronous updates with work.inputs held."""
+    neurons = nets.neurons[n]
+    if is_still(work):
         return
     link = 0
     place = np.uint64(PAST * neurons)

@@ -155,6 +155,16 @@ def feed_input(low, high, i, channel, work):
 
 
 @step
+def feed_one(robot, task, near, i, work):
+    """Scale a reading, the first `near` of which are proximity sensors', to input `i`."""
+    channel = task.channels[i]
+    if channel < near:
+        feed_input(robot.proximity_low, robot.proximity_high, i, channel, work)
+    else:
+        feed_input(robot.ambient_low, robot.ambient_high, i, channel, work)
+
+
+@step
 def feed_network(robot, task, work):
     """Scale readings to inputs; `change` keeps the difference to the previous step."""
     near = near_fed(robot, task.feed)
@@ -165,25 +175,27 @@ def feed_network(robot, task, work):
             feed_input(low, high, i, task.channels[i], work)
         return
     for i in range(task.channels.shape[0]):
-        channel = task.channels[i]
-        if channel < near:
-            feed_input(low, high, i, channel, work)
-        else:
-            feed_input(robot.ambient_low, robot.ambient_high, i, channel, work)
+        feed_one(robot, task, near, i, work)
+
+
+@step
+def act_on(robot, nets, n, level, w, work):
+    """Motor neuron `w`'s output sets its wheel's target; friction and speed are noisy."""
+    drag = 1.0
+    slip = 0.0
+    if level > 0.0:
+        drag = 1.0 + level * robot.noise_friction * work.noise[w]
+        slip = level * robot.noise_wheel * work.noise[2 + w]
+    target = output(nets, n, work, w) * (robot.top_command / LIMIT) * robot.speed_per_unit[w]
+    turn_wheel(robot, work.wheel[w], target, drag, slip)
+    bound_wheel(work.wheel[w], FASTEST * robot.top_command * robot.speed_per_unit[w])
 
 
 @step
 def act(robot, nets, n, level, work):
-    """The motor neurons' outputs set the wheels' targets; friction and speed are noisy."""
+    """The motor neurons' outputs drive both wheels."""
     for w in range(2):
-        drag = 1.0
-        slip = 0.0
-        if level > 0.0:
-            drag = 1.0 + level * robot.noise_friction * work.noise[w]
-            slip = level * robot.noise_wheel * work.noise[2 + w]
-        target = output(nets, n, work, w) * (robot.top_command / LIMIT) * robot.speed_per_unit[w]
-        turn_wheel(robot, work.wheel[w], target, drag, slip)
-        bound_wheel(work.wheel[w], FASTEST * robot.top_command * robot.speed_per_unit[w])
+        act_on(robot, nets, n, level, w, work)
 
 
 @step

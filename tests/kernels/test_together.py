@@ -1,0 +1,92 @@
+"""A trial by the threads of a group has the bits of a trial by one: by a group of one, and by the shares of
+several threads, taken in turn between any two meetings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from realitygap.cli.bench import random_networks
+from realitygap.kernels.batch import run_trials
+from realitygap.kernels.jit import kernel
+from realitygap.kernels.network import PAST, is_still
+from realitygap.kernels.params import MAX_DELAY, UPDATES, Path
+from realitygap.kernels.together import (
+    Own,
+    act_share,
+    arrive_share,
+    draw_share,
+    feed_share,
+    keep_share,
+    lanes_of_rays,
+    run_together,
+    sense_share,
+    update_share,
+)
+from realitygap.kernels.trial import begin, draw_start, move, note
+from realitygap.kernels.work import new_work
+from realitygap.simulation.simulation import Simulation, batch_streams
+from realitygap.tasks import load_task
+from realitygap.world.profile import load_profile
+
+
+@kernel
+def alone(world, nets, n, stream, work, own, links, p):
+    draw_start(world.task, stream, work.start)
+    run_together(
+        world, nets, n, stream, 0, links.shape[0], work, own, Path(p[0], p[1], p[2], p[3], p[4], p[5])
+    )
+
+
+@kernel
+def in_turn(world, nets, n, stream, work, own, links, p):
+    draw_start(world.task, stream, work.start)
+    path, group = Path(p[0], p[1], p[2], p[3], p[4], p[5]), links.shape[0]
+    begin(nets, n, work.start, work)
+    neurons = nets.neurons[n]
+    for k in range(world.task.steps):
+        for lane in range(group):
+            draw_share(world, stream, k, lane, group, work)
+        for lane in range(group):
+            sense_share(world, lane, group, work, own)
+        for lane in range(group):
+            feed_share(world, lane, group, work)
+        if not is_still(work):
+            links[:] = 0
+            for update in range(UPDATES):
+                for lane in range(group):
+                    if update <= MAX_DELAY:
+                        links[lane] = arrive_share(update, links[lane], lane, group, work)
+                    update_share(neurons, (PAST + update) * neurons, lane, group, work)
+            work.settled[0] = 1
+            for lane in range(group):
+                keep_share(neurons, lane, group, work)
+        for lane in range(group):
+            act_share(world, nets, n, lane, group, work)
+        move(world.robot, world.arena, work)
+        note(path, k, work)
+
+
+@pytest.mark.parametrize("profile", ["paper", "khepera", "enki-epuck"])
+@pytest.mark.parametrize("feeds", ["proximity", "ambient", "proximity+ambient"])
+@pytest.mark.parametrize(("way", "group"), [(alone, 1), (in_turn, 3), (in_turn, 8), (in_turn, 32)])
+def test_a_group_has_the_bits_of_one(profile, feeds, way, group):
+    """Every step of the paths of two networks, with noise."""
+    robot = load_profile(profile)
+    if feeds != "proximity" and not robot.ambient.sensors:
+        pytest.skip("no ambient sensors")
+    task = load_task("light-seeking" if feeds == "ambient" else "obstacle-avoidance")
+    simulation = Simulation(replace(task, feeds=feeds, sensors=()).of(robot), robot, 1.0)
+    cores, streams = simulation._cores, batch_streams(11, 2)
+    nets = random_networks(simulation, stream=3, count=2)
+    expected, found = (np.zeros((2, 6, cores.trial.steps)) for _ in range(2))
+    run_trials(cores.world, nets, np.arange(2), streams, expected, cores.scratch(nets))
+    work = new_work(cores.robot, cores.trial, nets)
+    light, wide = lanes_of_rays(work, cores.robot)
+    rooms = {name: np.full(light if name == "light" else wide, np.nan) for name in Own._fields[:-2]}
+    own = Own(**rooms, noticed=np.zeros(1, np.int64), listed=np.zeros(1, np.uint64))
+    for n in range(2):
+        way(cores.world, nets, n, streams[n], work, own, np.zeros(group, np.int64), found[n])
+    assert np.array_equal(found, expected)
