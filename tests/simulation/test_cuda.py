@@ -11,6 +11,7 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from textwrap import dedent
 from threading import Thread
@@ -139,7 +140,9 @@ def test_a_large_batch_is_carried_out_in_parts(monkeypatch):
 def test_network_and_random_numbers_have_the_processors_bits():
     """Integer updates, and bits, shares and whole numbers drawn of a stream."""
     kernel, given = exact_parts()
-    cuda.jit(kernel)[1, 1](given)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a small launch, and of arrays that are not there yet
+        cuda.jit(kernel)[1, 1](given)
     nets, work, inputs, *expected = exact_parts()[1]
     calls.drive(nets, 0, inputs, work, expected[0])
     calls.draw(np.uint64(1995), np.int64(1000), *expected[1:])

@@ -158,7 +158,7 @@ class Cuda:
         if kept is None or len(kept.pose) < count:
             one, rows = new_work(self.cores.robot, self.cores.trial, networks), max(WARP, count)
             spread: dict[str, Any] = {
-                name: np.array(np.broadcast_to(array, (rows, *array.shape)))
+                name: np.array(np.broadcast_to(array, (rows, *array.shape)), order="C")
                 for name, array in one._asdict().items() if name not in SHARED
             }  # fmt: skip
             if not SIMULATED:  # threads have rays of their own, and one uncertain bound would hold up a warp
