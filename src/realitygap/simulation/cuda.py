@@ -115,7 +115,7 @@ class Cuda:
     def compile(self) -> None:
         """Compile what evolution needs, or load it from the cache; the first time takes most of a minute."""
         one = np.zeros(1, np.int64), np.zeros(1, np.uint64)
-        self._taken(self._run(halves.quiet(), *one, self._scratch(halves.quiet(), 1)))
+        self._taken(self._run(_placed(halves.quiet()), *one, self._scratch(halves.quiet(), 1)))
 
     @cached_property
     def _world(self) -> Any:
