@@ -120,7 +120,7 @@ def test_scores_are_distributed_as_the_processors(name):
 @HERE
 @pytest.mark.parametrize("name", EngineContract.tasks)
 def test_tracks_begin_as_the_processors(name):
-    """Ten steps of 40 trials of 20 networks, to a millionth of a centimetre: later a last bit may be decisive."""
+    """Ten steps of 40 trials of 20 networks, to 1e-6 cm: later a last bit may be decisive."""
     task = load_task(name).of(PAPER)
     nets, streams = random_networks(Simulation(name, PAPER), stream=5, count=20), batch_streams(6, 40)
     ways = (make(task, PAPER, 1.0).tracks(nets, streams.reshape(20, 2)) for make in (engine.Cuda, Cores))

@@ -42,23 +42,67 @@ class Rays(NamedTuple):
     narrow: float
 
 
+class Walls(NamedTuple):
+    """Reciprocals of a place's distances from the outer walls, 1/cm."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+
 @step
-def see_room(arena, fan_x, fan_y, spot, rays, incident):
-    """Turn a sensor's rays into the room's frame, and set 1/d to the outer walls."""
+def walls_round(arena, spot):
+    """The outer walls from a place."""
     west = 1.0 / max(spot.x, TOUCHING)
     south = 1.0 / max(spot.y, TOUCHING)
     east = 1.0 / max(arena.size[0] - spot.x, TOUCHING)
     north = 1.0 / max(arena.size[1] - spot.y, TOUCHING)
+    return Walls(west, south, east, north)
+
+
+@step
+def turned(spot, x, y):
+    """A direction of the robot's frame in the room's."""
+    return spot.cos * x - spot.sin * y, spot.sin * x + spot.cos * y
+
+
+@step
+def meet_walls(walls, x, y):
+    """1/d along (x, y) to the east or west wall, and to the north or south wall."""
+    return max(x * walls.east, -x * walls.west), max(y * walls.north, -y * walls.south)
+
+
+@step
+def see_room(arena, fan_x, fan_y, spot, rays, incident):
+    """Turn a sensor's rays into the room's frame, and set 1/d to the outer walls."""
+    walls = walls_round(arena, spot)
     for i in range(rays.inverse.shape[0]):
-        x = spot.cos * fan_x[i] - spot.sin * fan_y[i]
-        y = spot.sin * fan_x[i] + spot.cos * fan_y[i]
+        x, y = turned(spot, fan_x[i], fan_y[i])
         rays.x[i] = x
         rays.y[i] = y
-        across = max(x * east, -x * west)
-        along = max(y * north, -y * south)
+        across, along = meet_walls(walls, x, y)
         rays.inverse[i] = max(across, along)
         if incident is not None:
             rays.incidence[i] = abs(x) if across >= along else abs(y)
+
+
+@step
+def facing_circle(qx, qy, radius):
+    """k = |q|² − r² of a circle at (qx, qy) from a place, and 1/k."""
+    k = max(qx * qx + qy * qy - radius * radius, TOUCHING * TOUCHING)
+    return k, 1.0 / k
+
+
+@step
+def meet_circle(qx, qy, k, inverse_k, x, y):
+    """1/d along (x, y) to a circle, 0 where it is missed, and half of the chord there."""
+    t = qx * x + qy * y
+    under = t * t - k
+    half = math.sqrt(max(under, 0.0))
+    met = (t + half) * inverse_k
+    met = met if under > 0.0 else 0.0
+    return met if t > 0.0 else 0.0, half
 
 
 @step
@@ -69,24 +113,17 @@ def see_cylinder(qx, qy, radius, rays, incident):
     the middle, whether the fan has eight rays or ten: eight lanes, half the square roots. The half chord over
     the radius is the cosine of incidence.
     """
-    square = qx * qx + qy * qy
-    k = max(square - radius * radius, TOUCHING * TOUCHING)
-    inverse_k = 1.0 / k
+    k, inverse_k = facing_circle(qx, qy, radius)
     inverse_radius = 1.0 / radius
     ray_x, ray_y, inverse, incidence = rays.x, rays.y, rays.inverse, rays.incidence
-    if radius * radius < rays.narrow * square:
+    if radius * radius < rays.narrow * (qx * qx + qy * qy):
         # Lane RAYS is a pad along the sensor's direction; lane 0 is the rightmost ray.
         leftward = ray_x[RAYS] * qy - ray_y[RAYS] * qx
         a = 2 if leftward > 0.0 else 0
         b = a + 8
         ray_x, ray_y, inverse, incidence = ray_x[a:b], ray_y[a:b], inverse[a:b], incidence[a:b]
     for i in range(inverse.shape[0]):
-        t = qx * ray_x[i] + qy * ray_y[i]
-        under = t * t - k
-        half = math.sqrt(max(under, 0.0))
-        met = (t + half) * inverse_k
-        met = met if under > 0.0 else 0.0
-        met = met if t > 0.0 else 0.0
+        met, half = meet_circle(qx, qy, k, inverse_k, ray_x[i], ray_y[i])
         if incident is not None:
             incidence[i] = min(half * inverse_radius, 1.0) if met > inverse[i] else incidence[i]
         inverse[i] = max(inverse[i], met)
@@ -105,20 +142,33 @@ def goes_between(ax, ay, bx, by, rays):
 
 
 @step
-def see_segment(ax, ay, bx, by, rays, incident):
-    """Shorten the rays that first meet an inner wall from (ax, ay) to (bx, by), relative to their origin."""
+def facing_segment(ax, ay, bx, by):
+    """Of an inner wall from (ax, ay) to (bx, by), relative to a place: on which side it is, the reciprocal of
+    the area between, and its length."""
     area = ax * by - ay * bx
     sign = 1.0 if area >= 0.0 else -1.0
     length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
-    inverse_area = 1.0 / (sign * max(abs(area), TOUCHING * length))
+    return sign, 1.0 / (sign * max(abs(area), TOUCHING * length)), length
+
+
+@step
+def meet_segment(ax, ay, bx, by, sign, inverse_area, x, y):
+    """1/d along (x, y) to an inner wall, 0 where it is missed, and the wall's cross product with (x, y)."""
+    from_a = (ax * y - ay * x) * sign
+    to_b = (x * by - y * bx) * sign
+    through = x * (by - ay) - y * (bx - ax)
+    met = through * inverse_area
+    met = met if from_a >= 0.0 else 0.0
+    return met if to_b >= 0.0 else 0.0, through
+
+
+@step
+def see_segment(ax, ay, bx, by, rays, incident):
+    """Shorten the rays that first meet an inner wall from (ax, ay) to (bx, by), relative to their origin."""
+    sign, inverse_area, length = facing_segment(ax, ay, bx, by)
     inverse_length = 1.0 / max(length, TOUCHING)
     for i in range(rays.x.shape[0]):
-        from_a = (ax * rays.y[i] - ay * rays.x[i]) * sign
-        to_b = (rays.x[i] * by - rays.y[i] * bx) * sign
-        through = rays.x[i] * (by - ay) - rays.y[i] * (bx - ax)
-        met = through * inverse_area
-        met = met if from_a >= 0.0 else 0.0
-        met = met if to_b >= 0.0 else 0.0
+        met, through = meet_segment(ax, ay, bx, by, sign, inverse_area, rays.x[i], rays.y[i])
         if incident is not None:
             cosine = abs(through) * inverse_length
             rays.incidence[i] = cosine if met > rays.inverse[i] else rays.incidence[i]

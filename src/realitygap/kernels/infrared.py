@@ -179,17 +179,24 @@ def list_noticed(work):
 
 
 @step
-def follow(robot, arena, k, rays, work):
-    """Find what the rays of proximity sensor `k` meet."""
+def spot_of(robot, k, work):
+    """Where proximity sensor `k` is."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
     py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
+    return Spot(px, py, c, s)
+
+
+@step
+def follow(robot, arena, k, rays, work):
+    """Find what the rays of proximity sensor `k` meet."""
+    spot = spot_of(robot, k, work)
     if surfaces_differ(robot, arena):
-        see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, True)
+        see(arena, robot.proximity_ray, k, spot, rays, True)
         if is_tinted(arena):
-            tint(arena, Spot(px, py, c, s), rays, robot.proximity_lambertian)
+            tint(arena, spot, rays, robot.proximity_lambertian)
     else:
-        see(arena, robot.proximity_ray, k, Spot(px, py, c, s), rays, None)
+        see(arena, robot.proximity_ray, k, spot, rays, None)
 
 
 @step

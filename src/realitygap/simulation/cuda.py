@@ -35,6 +35,7 @@ from realitygap.kernels import (
     light,
     light_beyond,
     outline,
+    raywise,
     together,
     trial,
 )
@@ -47,7 +48,7 @@ from realitygap.tasks.task import Task
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
-__all__ = ["SIMULATED", "Batch", "Cuda", "device", "require_gpu", "scoring", "trials", "unfused", "unused"]
+__all__ = ["SIMULATED", "Batch", "Cuda", "device", "require_gpu", "scoring", "swapped", "trials", "unfused"]
 
 SIMULATED = bool(numba.config.ENABLE_CUDASIM)
 WARP = 32
@@ -134,7 +135,7 @@ class Cuda:
     def _trials(self) -> Any:
         cores = self.cores
         rays = lanes_of_rays(new_work(cores.robot, cores.trial, halves.quiet()), cores.robot)
-        return trials(rays, unused(cores))
+        return trials(rays, swapped(cores))
 
     def _launched(self, networks: Networks, streams: Streams) -> Iterator[Batch]:
         """Trials as they are carried out, so many at a time as there is room for."""
@@ -237,7 +238,8 @@ def device(made: Dispatcher, swaps: Swaps = ()) -> Any:
     if SIMULATED:
         return made
     if made in dict(swaps):
-        return _standing_in(dict(swaps)[made])
+        other = dict(swaps)[made]
+        return device(other, swaps) if isinstance(other, Dispatcher) else _standing_in(other)
     plain = made.py_func
     scope = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
     scope = {name: device(one, swaps) if isinstance(one, Dispatcher) else one for name, one in scope.items()}
@@ -272,8 +274,9 @@ def _meet(lane: int, group: int) -> None:
     cuda.syncwarp(((1 << group) - 1) << (cuda.laneid - lane))
 
 
-def unused(cores: Cores) -> Swaps:
-    """What these trials never call, though it is compiled into them, and what stands in for it."""
+def swapped(cores: Cores) -> Swaps:
+    """What is called instead of some functions: nothing, where these trials never call them, though they are
+    compiled into them; and, with surfaces that reflect alike and a disc for a body, sensors ray by ray."""
     robot, feed = cores.robot, cores.trial.feed
     dark, near = feed == trial.PROXIMITY, feed == trial.AMBIENT
     found: dict[Dispatcher, Callable[..., Any]] = {}
@@ -281,8 +284,13 @@ def unused(cores: Cores) -> Swaps:
         found[ambient.ambient] = _nothing
     if near:
         found[infrared.infrared] = _nothing
-    if not light_beyond.goes_beyond.py_func(robot):
+    alike, beyond = not len(cores.arena.reflectance), light_beyond.goes_beyond.py_func(robot)
+    if alike and robot.proximity_lambertian == 0.0:
+        found[infrared.by_rays] = raywise.by_rays_alone
+    if not beyond:
         found[light_beyond.illuminate_beyond] = _nothing
+    if alike and not beyond and not len(robot.outline):
+        found[ambient.illuminate] = raywise.illuminate_alone
     if not robot.proximity_curve.shape[1]:
         found[infrared.gathered] = _none
     if not len(robot.outline):
@@ -298,7 +306,7 @@ def trials(rays: tuple[int, int], swaps: Swaps) -> Any:
 
     Args:
         rays: as `lanes_of_rays` gives them.
-        swaps: as `unused` gives them.
+        swaps: as `swapped` gives them.
     """
     draw_start, own, (light, wide) = device(trial.draw_start), _own(), rays
     if SIMULATED:  # Python's usual way in, with hundreds of values, takes far longer to compile
@@ -331,7 +339,7 @@ def trials(rays: tuple[int, int], swaps: Swaps) -> Any:
             path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
             run_together(world, nets, batch.which[t], batch.streams[t], lane, GROUP, mine, rays, path)
 
-    named = [(one.py_func.__name__, other.__name__) for one, other in swaps]
+    named = [(one.__name__, other.__name__) for one, other in swaps]
     return _kept(cuda.jit(simulate if SIMULATED else carry_out), rays, named)
 
 
