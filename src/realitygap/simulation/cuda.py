@@ -96,6 +96,7 @@ class Cuda:
                 "infrared.table. Leave out --engine."
             )
         self.cores = Cores(task, profile, noise)
+        self._ones: dict[tuple[int, int], Work] = {}
         self._kept: dict[tuple[int, int], Work] = {}
         self._rooms: dict[str, Any] = {}
 
@@ -140,24 +141,31 @@ class Cuda:
     def _launched(self, networks: Networks, streams: Streams) -> Iterator[Batch]:
         """Trials as they are carried out, so many at a time as there is room for."""
         which, flat = self.cores.named(networks, streams)
-        one = new_work(self.cores.robot, self.cores.trial, networks)
-        room = (
-            sum(array.nbytes for array in one if isinstance(array, np.ndarray))
-            + 8 * len(Path._fields) * self.cores.trial.steps
-        )
-        most = max(WARP, MOST_BYTES // room)
+        most = max(WARP, MOST_BYTES // self._bytes(networks))
         nets = Networks(*(self._there(name, array) for name, array in networks._asdict().items()))
         for first in range(0, len(flat), most):
             some = slice(first, first + most)
             work = self._scratch(networks, min(most, len(flat)))
             yield self._run(nets, which[some], flat[some], work)
 
+    def _one(self, networks: Networks) -> Work:
+        """Scratch of one trial."""
+        size = _size(networks)
+        if size not in self._ones:
+            self._ones[size] = new_work(self.cores.robot, self.cores.trial, networks)
+        return self._ones[size]
+
+    def _bytes(self, networks: Networks) -> int:
+        """Of the scratch and the path of a trial."""
+        arrays = [array for array in self._one(networks) if isinstance(array, np.ndarray)]
+        return sum(array.nbytes for array in arrays) + 8 * len(Path._fields) * self.cores.trial.steps
+
     def _scratch(self, networks: Networks, count: int) -> Work:
         """Scratch of at least so many trials, a row for each."""
-        size = (networks.thresholds.shape[1], networks.links.shape[1])
+        size = _size(networks)
         kept = self._kept.get(size)
         if kept is None or len(kept.pose) < count:
-            one, rows = new_work(self.cores.robot, self.cores.trial, networks), max(WARP, count)
+            one, rows = self._one(networks), max(WARP, count)
             spread: dict[str, Any] = {
                 name: np.array(np.broadcast_to(array, (rows, *array.shape)), order="C")
                 for name, array in one._asdict().items() if name not in SHARED
@@ -339,7 +347,7 @@ def trials(rays: tuple[int, int], swaps: Swaps) -> Any:
             path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
             run_together(world, nets, batch.which[t], batch.streams[t], lane, GROUP, mine, rays, path)
 
-    named = [(one.__name__, other.__name__) for one, other in swaps]
+    named = [(one.py_func.__name__, getattr(other, "__name__", "")) for one, other in swaps]
     return _kept(cuda.jit(simulate if SIMULATED else carry_out), rays, named)
 
 
@@ -436,6 +444,11 @@ def _launch(kernel: Any, stream: Any, threads: int, *given: Any) -> None:
     with _ONE_AT_A_TIME, unfused(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*Grid size")  # one run's batches are small; it may be in bold
         kernel[(threads + WARP - 1) // WARP, WARP, stream](*given)
+
+
+def _size(networks: Networks) -> tuple[int, int]:
+    """What the size of scratch follows from: the most neurons and links."""
+    return networks.thresholds.shape[1], networks.links.shape[1]
 
 
 def _placed(value: Any) -> Any:
