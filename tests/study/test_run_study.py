@@ -16,6 +16,7 @@ from realitygap.errors import ConfigError, StudyError, StudyInterruptedError, Ta
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import TRIALS
+from realitygap.study import fleet
 from realitygap.study.jobs import Advanced, Job, Workshop
 from realitygap.study.load import load_study
 from realitygap.study.materials import gather
@@ -102,13 +103,16 @@ def test_how_a_run_is_cut_changes_no_bit():
         assert (np.concatenate(columns) == whole_column).all()
 
 
-def test_runs_side_by_side_are_those_one_by_one():
-    """Whatever is asked for at a time, of whichever condition, is scored as if it were alone."""
-    config = small(runs=3, evaluations=70)
+def test_runs_side_by_side_are_those_one_by_one(monkeypatch):
+    """Whatever is asked for at a time is scored as if it were alone: as those go that are no arrays."""
+    monkeypatch.setattr(fleet, "fits", lambda bench: False)
+    config, alone = small(runs=3, evaluations=70), []
     jobs = [Job(plan.id, None) for plan in plans(gather(config))]
-    together = list(Workshop(gather(config)).messages(jobs))
-    alone = [message for job in jobs for message in Workshop(gather(config)).messages([job])]
-    assert len(together) == len(alone) == 6 * 5 and [m.run for m in together[:6]] == [1, 2, 3, 4, 5, 6]
+    together = [message for some in Workshop(gather(config)).messages(jobs) for message in some]
+    for job in jobs:
+        Workshop(gather(config)).carry_out(job, alone.append)
+    assert len(together) == len(alone) == 6 * 5
+    assert [m.run for m in together if m.run < 4][:6] == [1, 2, 3, 1, 2, 3]
     for job in jobs:
         one, other = ([m for m in every if m.run == job.run] for every in (together, alone))
         assert pickle.dumps(one) == pickle.dumps(other)
@@ -192,11 +196,10 @@ def test_a_moved_study_goes_on(finished, folder):
     folder.mkdir()
     open_folder(folder, gather(config), resume=False)
     with Store(folder / "study.db") as store:
-        messages = workshop.messages([Job(2, None)])
-        for _ in range(2):
-            message = next(messages)
-            assert isinstance(message, Advanced)
-            store.advance(message)
+        messages: list = []
+        workshop.carry_out(Job(2, None), messages.append)
+        assert all(isinstance(message, Advanced) for message in messages[:2])
+        store.keep(messages[:2])
     half = load_study(folder)
     assert [run.evaluations for run in half.runs] == [0, 40]
     assert half.runs[0].fittest is None and half.runs[1].champion is None and not half.runs[1].tests

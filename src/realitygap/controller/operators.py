@@ -55,7 +55,8 @@ class Variation:
         return [f.name for f in fields(self) if f.name in breeding.Rates._fields]
 
     @cached_property
-    def _rates(self) -> breeding.Rates:
+    def rates(self) -> breeding.Rates:
+        """What the compiled operators are told."""
         chances = {name: float(getattr(self, name)) for name in self._chances()}
         any_source = int(self.sources == "all")
         return breeding.Rates(inputs=self.layout.inputs, any_source=any_source, **chances)
@@ -81,12 +82,12 @@ class Variation:
     def random(self, stream: np.uint64) -> Genes:
         """A random genotype [slots, 2 + 4·links]; the same for the same stream."""
         layout = self.layout
-        genes: Genes = breeding.random_genes(layout.slots, layout.links, self._rates, as_stream(stream))
+        genes: Genes = breeding.random_genes(layout.slots, layout.links, self.rates, as_stream(stream))
         return genes
 
     def crosses(self, stream: np.uint64) -> bool:
         """Whether `offspring` of this stream takes from both parents."""
-        return bool(breeding.crosses(self._rates.crossover, as_stream(stream)))
+        return bool(breeding.crosses(self.rates.crossover, as_stream(stream)))
 
     def offspring(self, first: Genes, second: Genes, stream: np.uint64) -> Genes:
         """A new genotype from two parents, which stay as they are.
@@ -99,5 +100,5 @@ class Variation:
             if not fits or parent.shape != self.layout.shape:
                 expected = f"an array int8{list(self.layout.shape)}"
                 raise GenotypeError(f"a parent: expected {expected}, got {shown(parent)}.")
-        genes: Genes = breeding.offspring(first, second, self._rates, as_stream(stream))
+        genes: Genes = breeding.offspring(first, second, self.rates, as_stream(stream))
         return genes

@@ -4,13 +4,14 @@ Runs go one after the other, or side by side: then the trials that they request 
 """
 
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
+from realitygap.study import fleet
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
 from realitygap.study.run import WHO, Asked, Bench, Records, Results, advance, begin, finish
@@ -18,6 +19,7 @@ from realitygap.tasks.task import Task
 from realitygap.user_code import blamed_on
 from realitygap.values import Closing
 from realitygap.work.pool import Tell
+from realitygap.work.threads import merged
 from realitygap.world.noise import NOISE_LEVELS
 
 __all__ = ["Advanced", "Finished", "Job", "Message", "Workshop"]
@@ -52,6 +54,7 @@ class Finished(NamedTuple):
 
 
 Message = Advanced | Finished
+Steps = Generator[Asked | Message, Any, None]
 
 
 class Workshop:
@@ -75,35 +78,63 @@ class Workshop:
         """Load or compile everything that the conditions' runs call."""
         for condition in range(len(self._materials.tasks)):
             with self._blamed():
-                self._bench(condition).compile()
+                bench = self._bench(condition)
+                bench.compile()
+                if self.engine != "cores" and fleet.fits(bench):
+                    fleet.prepare(bench)
 
     def carry_out(self, job: Job, tell: Tell) -> None:
         """Carry out a run; `tell` receives its messages."""
-        for message in self.messages([job]):
-            tell(message)
+        plan = self._plans[job.run]
+        for messages in self._rounds(plan.condition, {job.run: self._run(job.run, self._state(job))}):
+            for message in messages:
+                tell(message)
 
-    def messages(self, jobs: Iterable[Job]) -> Iterator[Message]:
-        """Messages of runs that advance side by side: one for each checkpoint of each run, then its tests."""
-        runs = {job.run: self._run(job) for job in jobs}
-        scores: dict[int, Any] = dict.fromkeys(runs)
+    def messages(self, jobs: Iterable[Job]) -> Generator[list[Message], None, None]:
+        """Messages of runs that advance side by side, as they come: one for each checkpoint of each run, then
+        its tests. Each condition has a thread: its runs breed while others' trials are carried out."""
+        conditions: dict[int, list[Job]] = {}
+        for job in jobs:
+            conditions.setdefault(self._plans[job.run].condition, []).append(job)
+        states = {job.run: self._state(job) for some in conditions.values() for job in some}
+        sides = [
+            self._side_by_side(condition, {job.run: states[job.run] for job in some})
+            for condition, some in conditions.items()
+        ]
+        with closing(merged(sides)) as bundles:
+            yield from bundles
+
+    def _side_by_side(self, condition: int, states: dict[int, State]) -> Iterator[list[Message]]:
+        """Runs of one condition, from their states."""
+        if fleet.fits(self._bench(condition)):
+            yield from self._rounds(condition, {0: self._fleet(condition, states)})
+            yield from self._rounds(condition, {run: self._finish(run, states[run]) for run in states})
+        else:
+            yield from self._rounds(condition, {run: self._run(run, states[run]) for run in states})
+
+    def _rounds(self, condition: int, runs: dict[int, Steps]) -> Iterator[list[Message]]:
+        """Messages of each round of some runs, after which they are sent the scores that they asked for."""
+        scores: dict[int, Any] = {}
         while runs:
             asked: dict[int, Asked] = {}
+            messages: list[Message] = []
             for run, told in list(runs.items()):
                 try:
                     while not isinstance(item := told.send(scores.pop(run, None)), Asked):
-                        yield item
+                        messages.append(item)
                     asked[run] = item
                 except StopIteration:
                     del runs[run]
-            scores = self._scores(asked)
+            yield messages
+            scores = self._scores(condition, asked)
 
-    def _scores(self, asked: Mapping[int, Asked]) -> dict[int, Any]:
-        """The scores that each run asked for; similar trials of one condition go in one batch."""
-        like: dict[tuple[int, float, int], list[int]] = {}
+    def _scores(self, condition: int, asked: Mapping[int, Asked]) -> dict[int, Any]:
+        """The scores that each of a condition's runs asked for; similar trials go in one batch."""
+        like: dict[tuple[float, int], list[int]] = {}
         for run, one in asked.items():
-            like.setdefault((self._plans[run].condition, one.noise, one.streams.shape[1]), []).append(run)
+            like.setdefault((one.noise, one.streams.shape[1]), []).append(run)
         scores: dict[int, Any] = {}
-        for (condition, noise, _), runs in like.items():
+        for (noise, _), runs in like.items():
             with self._blamed():
                 bench = self._bench(condition)
                 if len(runs) == 1:
@@ -121,22 +152,48 @@ class Workshop:
         if self.home is not None:
             self.home.close()
 
-    def _run(self, job: Job) -> Generator[Asked | Message, Any, None]:
-        """A run: yields requests, which are sent the scores, and its messages."""
+    def _state(self, job: Job) -> State:
+        """The state that a run goes on from."""
         plan = self._plans[job.run]
-        bench = self._bench(plan.condition)
         with self._blamed():
-            state = begin(bench, plan) if job.checkpoint is None else self.read(job.run, job.checkpoint)
+            if job.checkpoint is not None:
+                return self.read(job.run, job.checkpoint)
+            return begin(self._bench(plan.condition), plan)
+
+    def _run(self, run: int, state: State) -> Steps:
+        """A run: yields requests, which are sent the scores, and its messages."""
+        plan = self._plans[run]
+        bench = self._bench(plan.condition)
         while (left := self.config.evaluations - state.evaluations) > 0:
             with self._blamed():
                 some = min(left, self.config.checkpoint_every)
                 state, records = yield from advance(bench, plan, state, some)
-                best, number = float(state.best_fitness), int(state.best_number)
-                message = Advanced(job.run, records, state.evaluations, best, number, state.to_bytes())
+                message = _advanced(run, state, records)
             yield message
+        yield from self._finish(run, state)
+
+    def _fleet(self, condition: int, states: dict[int, State]) -> Steps:
+        """The evaluations of all of a condition's runs, as arrays; leaves their last states in `states`."""
+        bench, total = self._bench(condition), self.config.evaluations
+        for state in states.values():
+            if state.evaluations < total:
+                bench.ask(state, 1)  # refuses what is not the algorithm's
+        while (start := min(state.evaluations for state in states.values())) < total:
+            runs = [run for run, state in states.items() if state.evaluations == start]
+            some = min(total - start, self.config.checkpoint_every)
+            behind = [(self._plans[run].stream, states[run]) for run in runs]
+            for run, (state, records) in zip(
+                runs, (yield from fleet.advance(bench, behind, some)), strict=True
+            ):
+                states[run] = state
+                yield _advanced(run, state, records)
+
+    def _finish(self, run: int, state: State) -> Steps:
+        """A run's tests."""
+        plan = self._plans[run]
         with self._blamed():
-            results = yield from finish(bench, plan, state)
-        yield Finished(job.run, results)
+            results = yield from finish(self._bench(plan.condition), plan, state)
+        yield Finished(run, results)
 
     def read(self, run: int, checkpoint: bytes) -> State:
         """The state that a run continues from.
@@ -174,6 +231,11 @@ class Workshop:
         if condition not in self._benches:
             self._benches[condition] = Bench(self._materials, condition, self.engine)
         return self._benches[condition]
+
+
+def _advanced(run: int, state: State, records: Records) -> Advanced:
+    best, number = float(state.best_fitness), int(state.best_number)
+    return Advanced(run, records, state.evaluations, best, number, state.to_bytes())
 
 
 def _step_cost(task: Task) -> float:

@@ -8,6 +8,7 @@ are sent the scores, so that an engine may run the trials of many runs at once.
 import math
 from collections.abc import Generator
 from functools import cached_property
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,12 +24,15 @@ from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, trial_streams
 from realitygap.world.noise import NOISE_LEVELS
 
-__all__ = ["WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "finish"]
+__all__ = ["WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "finish", "mean"]
 
 Scores = NDArray[np.float64]
 
 WHO = ("fittest", "champion")
 """Who is tested: the highest fitness ever stored (the paper's choice), and the best of the retest."""
+
+_TURN = Lock()
+"""Threads take turns with engines: a GPU carries out one batch at a time, its simulator no more than one."""
 
 
 class Asked(NamedTuple):
@@ -90,7 +94,9 @@ class Bench:
 
     def scores(self, asked: Asked) -> Scores:
         """The requested scores, [n, trials]."""
-        return self.simulation(asked.noise).scores(self.encoding.decode(asked.genes.copy()), asked.streams)
+        networks = self.encoding.decode(asked.genes.copy())
+        with _TURN:
+            return self.simulation(asked.noise).scores(networks, asked.streams)
 
     @cached_property
     def individual(self) -> Genes:
@@ -173,7 +179,7 @@ def advance(
         batch = bench.ask(state, n - done)
         some = slice(done, done + len(batch.genes))
         scores.append((yield Asked(bench.noise, batch.genes, streams[some])))
-        fitness.append(np.array([math.fsum(row) / trials for row in scores[-1].tolist()]))
+        fitness.append(mean(scores[-1]))
         state = bench.tell(state, batch, fitness[-1])
         batches.append(batch)
         done = some.stop
@@ -188,6 +194,12 @@ def advance(
     lived = Batch(start, records.genes, records.parents, records.cell)
     check_state(state, bench.algorithm.cells, lived, records.fitness)
     return state, records
+
+
+def mean(scores: Scores) -> NDArray[np.float64]:
+    """Fitness [n] of individuals with scores [n, trials]."""
+    trials = scores.shape[1]
+    return np.array([math.fsum(row) / trials for row in scores.tolist()])
 
 
 def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, Results]:

@@ -1,7 +1,7 @@
 """Carries out a study: creates or resumes its folder, gives its runs to workers, writes their results."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from realitygap.errors import RealityGapError, StudyInterruptedError
@@ -119,8 +119,9 @@ def _carry_out(
         longest_first = sorted(costs, key=lambda run: (-costs[run], run))
         jobs = (Job(run, store.checkpoint(run, workshop.read)) for run in longest_first)
         if workshop.engine != "cores":
-            for message in workshop.messages(jobs):
-                keeper.keep(message)
+            with closing(workshop.messages(jobs)) as bundles:
+                for messages in bundles:
+                    keeper.keep(*messages)
             return
         pool.work(Setup(workshop_of, (words_for(folder, pool),), here=workshop), jobs, keeper.keep)
 
@@ -148,11 +149,15 @@ class _Keeper:
         counts = {"runs_done": self._runs_done, "runs_total": self._runs}
         self._reporter.phase(phase, done=self._done, total=self._total, what="evaluations", **counts)
 
-    def keep(self, message: Message) -> None:
-        """Store the results of a job."""
+    def keep(self, *messages: Message) -> None:
+        """Store results of jobs."""
+        self._store.keep(messages)
+        for message in messages:
+            self._count(message)
+
+    def _count(self, message: Message) -> None:
         run, reporter = message.run, self._reporter
         if isinstance(message, Advanced):
-            self._store.advance(message)
             count = len(message.records.number)
             self._done, self._new = self._done + count, self._new + count
             pace = self._new / max(reporter.spent, 1e-9) if reporter.spent else 0.0
@@ -161,7 +166,6 @@ class _Keeper:
             if self._done == self._total:
                 self.begin(TESTING)
         else:
-            self._store.finish(run, message.results)
             self._runs_done += 1
             reporter.add(self._workshop.tests_cost(run), of=TESTING, runs_done=self._runs_done)
 

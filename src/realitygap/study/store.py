@@ -8,10 +8,13 @@ import json
 import math
 import os
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
+from itertools import repeat
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +23,7 @@ from realitygap.controller.encoding import facts_of
 from realitygap.errors import StudyError
 from realitygap.study.arrays import Block, joined
 from realitygap.study.digest import SCHEMA, seal, seal_more, verify_all
-from realitygap.study.jobs import Advanced
+from realitygap.study.jobs import Advanced, Finished, Message
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
 from realitygap.study.rows import advance_rows, finish_rows, plain
@@ -28,8 +31,12 @@ from realitygap.study.run import WHO, Results
 from realitygap.study.schema import ARRAYS, BLOCKS, SEALED, check_format, schema, told
 from realitygap.study.views import views
 from realitygap.values import Closing
+from realitygap.work.workers import cores
 
 __all__ = ["Store", "create"]
+
+Row = tuple[Any, ...]
+"""Of the table `evolved`."""
 
 
 def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> None:
@@ -66,7 +73,7 @@ class Store(Closing):
     """A study's database, open for writing."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path, self._threads = path, ThreadPoolExecutor(cores())
         if not path.is_file():
             raise StudyError(f"{path}: no such database. Restore it from a copy, or choose another folder.")
         with told(path):
@@ -82,6 +89,7 @@ class Store(Closing):
                 raise
 
     def close(self) -> None:
+        self._threads.shutdown()
         self._database.close()
 
     def begin_session(self, versions: Mapping[str, str]) -> None:
@@ -113,47 +121,59 @@ class Store(Closing):
             raise StudyError(f"{self.path}: run {run}: {error}. Restore the file from a copy.") from None
         return bytes(row[0])
 
-    def advance(self, what: Advanced) -> None:
+    def keep(self, messages: Sequence[Message]) -> None:
+        """Store what jobs came to, all of it or nothing."""
+        evolved = [what for what in messages if isinstance(what, Advanced)]
+        finished = [what for what in messages if isinstance(what, Finished)]  # after all else of their runs
+        with self._transaction():
+            for what, row in zip(evolved, self._rows(_packed, evolved), strict=False):
+                self._advance(what, row)
+            query = "SELECT * FROM evolved WHERE run = ? ORDER BY number"
+            parts = (self._database.execute(query, (what.run,)).fetchall() for what in finished)
+            for (run, results), row in zip(finished, self._rows(_whole, parts), strict=False):
+                self._finish(run, results, row)
+
+    def _rows(self, pack: Callable[[Any], Row], some: Iterable[Any]) -> Iterable[Row]:
+        """Rows of `evolved`, compressed in threads where there are several; empty in formats without it."""
+        if self._format < ARRAYS:
+            return repeat(())
+        some = list(some)
+        return map(pack, some) if len(some) < 2 else self._threads.map(pack, some)
+
+    def _advance(self, what: Advanced, row: Row) -> None:
         """Store evaluations, and the state after them."""
         run, records, done, best_fitness, best_number, state = what
-        first = done - len(records.fitness)
-        with self._transaction():
-            if self._format >= ARRAYS:
-                places = np.column_stack([records.parents, records.cell])
-                block = Block(first, records.scores, records.fitness, places, plain(records.genes).tobytes())
-                self._add("evolved", [(run, *block.row())])
-                grown = ["evolved"]
-            else:
-                advance_rows(self._database, run, records)
-                grown = ["evaluation", "genotypes"][: self._sealed + (self._format >= BLOCKS)]
-            self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, state))
-            self._database.execute(
-                "UPDATE run SET evaluations = ?, best_fitness = ?, fittest = ? WHERE id = ?",
-                (done, best_fitness, best_number, run),
-            )
-            for part in grown:
-                seal_more(self._database, run, part, first)
-            self._seal(run, "checkpoint", "run")
+        if self._format >= ARRAYS:
+            self._add("evolved", [row])
+            grown = ["evolved"]
+        else:
+            advance_rows(self._database, run, records)
+            grown = ["evaluation", "genotypes"][: self._sealed + (self._format >= BLOCKS)]
+        self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, state))
+        self._database.execute(
+            "UPDATE run SET evaluations = ?, best_fitness = ?, fittest = ? WHERE id = ?",
+            (done, best_fitness, best_number, run),
+        )
+        for part in grown:
+            seal_more(self._database, run, part, done - len(records.fitness))
+        self._seal(run, "checkpoint", "run")
 
-    def finish(self, run: int, results: Results) -> None:
+    def _finish(self, run: int, results: Results, row: Row) -> None:
         """Store a run's tests and mark it as finished; its evaluations become one row."""
         champion = int(results.numbers[results.champion])
         scores = results.retest[results.champion].tolist()
-        with self._transaction():
-            self._database.execute(
-                "UPDATE run SET champion = ?, champion_fitness = ?, finished = 1 WHERE id = ?",
-                (champion, math.fsum(scores) / len(scores), run),
-            )
-            if self._format < ARRAYS:
-                finish_rows(self._database, run, results)
-                self._seal(run, "retest", "test", "run")
-                return
-            rows = self._database.execute("SELECT * FROM evolved WHERE run = ? ORDER BY number", (run,))
-            every = joined([Block.of(row[1:]) for row in rows])
-            self._database.execute("DELETE FROM evolved WHERE run = ?", (run,))
-            self._add("evolved", [(run, *every.row())])
-            self._add("tested", self._tested(run, results))
-            self._seal(run, "evolved", "tested", "run")
+        self._database.execute(
+            "UPDATE run SET champion = ?, champion_fitness = ?, finished = 1 WHERE id = ?",
+            (champion, math.fsum(scores) / len(scores), run),
+        )
+        if self._format < ARRAYS:
+            finish_rows(self._database, run, results)
+            self._seal(run, "retest", "test", "run")
+            return
+        self._database.execute("DELETE FROM evolved WHERE run = ?", (run,))
+        self._add("evolved", [row])
+        self._add("tested", self._tested(run, results))
+        self._seal(run, "evolved", "tested", "run")
 
     def _tested(self, run: int, results: Results) -> list[tuple[object, ...]]:
         """Rows of the table `tested`."""
@@ -195,3 +215,16 @@ class Store(Closing):
             )
         if self._sealed:
             verify_all(self._database, self.path)
+
+
+def _packed(what: Advanced) -> Row:
+    """A row of `evolved`."""
+    records = what.records
+    places, genes = np.column_stack([records.parents, records.cell]), plain(records.genes).tobytes()
+    first = what.evaluations - len(records.fitness)
+    return what.run, *Block(first, records.scores, records.fitness, places, genes).row()
+
+
+def _whole(rows: Sequence[Row]) -> Row:
+    """A run's rows of `evolved` as one."""
+    return rows[0][0], *joined([Block.of(row[1:]) for row in rows]).row()
