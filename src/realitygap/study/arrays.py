@@ -1,18 +1,23 @@
 """Evaluations and fresh trials as arrays in a study's database, many to a row."""
 
 import lzma
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Block", "evaluations", "joined", "spread"]
+__all__ = ["Block", "evaluations", "joined", "spread", "unpacked"]
 
 Table = dict[str, NDArray[Any]]
 FLOAT = np.dtype("<f8")
 PRESET = 2
 """LZMA's: half of zlib's size, and faster to read; saving another twelfth would take seven times as long."""
+
+
+LZMA = b"\xfd7zXZ"
+"""How its data begin."""
 
 
 class Block(NamedTuple):
@@ -28,8 +33,9 @@ class Block(NamedTuple):
     """[n, 3] both parents, the cell."""
     genes: bytes
 
-    def row(self) -> tuple[object, ...]:
-        """The columns of `evolved` after the run."""
+    def row(self, *, final: bool = True) -> tuple[object, ...]:
+        """The columns of `evolved` after the run; those that are not `final` are soon replaced, so zlib's
+        speed counts more than LZMA's size."""
         scores, fitness = (np.ascontiguousarray(a, FLOAT).tobytes() for a in (self.scores, self.fitness))
         if fitness == _plain(self.scores).tobytes():
             fitness = b""
@@ -37,7 +43,7 @@ class Block(NamedTuple):
         places = (self.places + 1).astype(kind).tobytes()
         size = min(2**20, max(2**12, len(self.genes)))  # a larger one takes time to set up
         how = [{"id": lzma.FILTER_LZMA2, "preset": PRESET, "dict_size": size}]
-        genes = lzma.compress(self.genes, filters=how)
+        genes = lzma.compress(self.genes, filters=how) if final else zlib.compress(self.genes, 1)
         return self.number, len(self.places), scores, fitness, places, genes
 
     @classmethod
@@ -48,7 +54,12 @@ class Block(NamedTuple):
         values = np.frombuffer(scores, FLOAT).reshape(count, -1)
         mean = np.frombuffer(fitness, FLOAT) if fitness else _plain(values)
         told = np.frombuffer(places, kind).reshape(count, 3).astype(np.int64) - 1
-        return cls(number, values, mean, told, b"".join(map(lzma.decompress, genes)))
+        return cls(number, values, mean, told, b"".join(map(unpacked, genes)))
+
+
+def unpacked(genes: bytes) -> bytes:
+    """Genotypes of a row of `evolved`, final or not."""
+    return lzma.decompress(genes) if genes.startswith(LZMA) else zlib.decompress(genes)
 
 
 def _plain(scores: NDArray[np.float64]) -> NDArray[np.float64]:

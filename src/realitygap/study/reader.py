@@ -1,7 +1,6 @@
 """Reads a study's database while another process may be writing it; damaged data are never returned."""
 
 import json
-import lzma
 import sqlite3
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
-from realitygap.study.arrays import evaluations, spread
+from realitygap.study.arrays import evaluations, spread, unpacked
 from realitygap.study.digest import SCHEMA, parts, verify
 from realitygap.study.schema import ARRAYS, BLOCKS, SEALED, check_format, most_trials, told
 from realitygap.study.views import NAMES, lay_views
@@ -101,7 +100,7 @@ class Reader:
         if version >= BLOCKS:
             kept = ("genotypes", "content", zlib.decompress)
         if version >= ARRAYS:
-            kept = ("evolved", "genotypes", lzma.decompress)
+            kept = ("evolved", "genotypes", unpacked)
         part, column, opened = kept
         which, values = "", [run]
         if number is not None:

@@ -8,7 +8,6 @@ are sent the scores, so that an engine may run the trials of many runs at once.
 import math
 from collections.abc import Generator
 from functools import cached_property
-from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,10 +29,6 @@ Scores = NDArray[np.float64]
 
 WHO = ("fittest", "champion")
 """Who is tested: the highest fitness ever stored (the paper's choice), and the best of the retest."""
-
-_TURN = Lock()
-"""Threads take turns with engines: a GPU carries out one batch at a time, its simulator no more than one."""
-
 
 class Asked(NamedTuple):
     """Trials that a run requests, to be sent their scores [n, trials]."""
@@ -95,8 +90,7 @@ class Bench:
     def scores(self, asked: Asked) -> Scores:
         """The requested scores, [n, trials]."""
         networks = self.encoding.decode(asked.genes.copy())
-        with _TURN:
-            return self.simulation(asked.noise).scores(networks, asked.streams)
+        return self.simulation(asked.noise).scores(networks, asked.streams)
 
     @cached_property
     def individual(self) -> Genes:

@@ -222,7 +222,7 @@ def _packed(what: Advanced) -> Row:
     records = what.records
     places, genes = np.column_stack([records.parents, records.cell]), plain(records.genes).tobytes()
     first = what.evaluations - len(records.fitness)
-    return what.run, *Block(first, records.scores, records.fitness, places, genes).row()
+    return what.run, *Block(first, records.scores, records.fitness, places, genes).row(final=False)
 
 
 def _whole(rows: Sequence[Row]) -> Row:
