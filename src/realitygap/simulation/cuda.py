@@ -214,6 +214,7 @@ class Cuda:
 
     def _fetched(self, array: Any) -> Floats:
         """An array of the GPU's, here."""
+        self._stream.synchronize()  # a copy that waits would hold up the launches of other threads
         found: Floats = array if SIMULATED else array.copy_to_host(stream=self._stream)
         self._stream.synchronize()
         return found
