@@ -30,6 +30,7 @@ Scores = NDArray[np.float64]
 WHO = ("fittest", "champion")
 """Who is tested: the highest fitness ever stored (the paper's choice), and the best of the retest."""
 
+
 class Asked(NamedTuple):
     """Trials that a run requests, to be sent their scores [n, trials]."""
 
