@@ -100,7 +100,8 @@ def _files(folder: Path) -> list[str]:
 
 CPUINFO = Path("/proc/cpuinfo")
 DECISIVE = (
-    "FMA3", "AVX2", "X86_V3", "X86_V4", "AVX512F", "AVX512_SKX", "AVX512_ICL", "AVX512_SPR", "ASIMD", "ASIMDFHM", "SVE",
+    "FMA3", "AVX2", "X86_V3", "X86_V4", "AVX512F", "AVX512_SKX", "AVX512_ICL", "AVX512_SPR",
+    "ASIMD", "ASIMDFHM", "SVE",
 )  # fmt: skip
 """Instruction sets for which NumPy and C libraries have separate code, whose last bits may differ."""
 
