@@ -37,6 +37,7 @@ LONGEST = (
     "work/test_dask", "experiments/test_noise_arms", "twin/test_twin_noise",
     "correspondence/test_twin", "kernels/test_lockstep", "kernels/test_ambient",
     "robots/test_epuck", "robots/test_thymio", "test_bodies",
+    "kernels/test_together", "study/test_fleet", "kernels/test_raywise",
 )  # fmt: skip
 """Files of ten seconds and more; the first compiles what others load."""
 

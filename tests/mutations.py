@@ -35,7 +35,36 @@ STUDY = ("tests/experiments/test_noise_compared.py",)
 ARMS = ("tests/experiments/test_noise_arms.py",)
 ARENA = ("tests/world/test_arena.py",)
 
+TOGETHER = ("tests/kernels/test_together.py",)
+RAYWISE = ("tests/kernels/test_raywise.py",)
+FLEET = ("tests/study/test_fleet.py",)
+
 MUTATIONS = (
+    # a GPU's way: trials by groups, sensors ray by ray, runs as arrays
+    Mutation("kernels/together.py", "a sensor has its neighbour's noise",
+             "work.readings[s : s + 1], work.noise[s:]", "work.readings[s : s + 1], work.noise[s + 1 :]",
+             TOGETHER),
+    Mutation("kernels/together.py", "a changed input reaches each thread's neurons once more",
+             "if target % group == lane:", "if target % group <= lane:", TOGETHER),
+    Mutation("kernels/together.py", "a restless network is taken for a settled one",
+             "            work.settled[0] = 0", "            work.settled[0] = 1", TOGETHER),
+    Mutation("kernels/together.py", "an ambient sensor has the first one's rays",
+             '"all_fans": lit}', '"all_fans": "work.all_fans[:, 0 : rays + LANES]"}', TOGETHER),
+    Mutation("kernels/raywise.py", "beams do not overlap", "{_SUM} - overlapping", "{_SUM} + overlapping",
+             RAYWISE),
+    Mutation("kernels/raywise.py", "an offset is not seen",
+             "inverse = inverse / (1.0 + offset * inverse)", "inverse = inverse / 1.0", RAYWISE),
+    Mutation("kernels/raywise.py", "the body shades nothing",
+             "hidden = circle_blocks(body.x - px, body.y - py, ex, ey, robot.radius)", "hidden = 0.0",
+             RAYWISE),
+    Mutation("kernels/raywise.py", "obstacles hide no lamp",
+             "hidden = max(hidden, circle_blocks(cx - px, cy - py, lx - px, ly - py, radius))",
+             "hidden = hidden",
+             RAYWISE),
+    Mutation("study/fleet.py", "every child has two parents",
+             "if crosses(rates.crossover, stream):", "if cell >= 0:", FLEET),
+    Mutation("study/fleet.py", "a random search keeps whatever comes",
+             "if kind != RANDOM or fitness[r, k] > living.fitness[r, cell]:", "if kind >= TORUS:", FLEET),
     # kernels
     Mutation("kernels/infrared.py", "squares are not squared",
              "(a * (inverse[i] * inverse[i]) + b)", "(a * inverse[i] + b)", INFRARED),
@@ -56,7 +85,7 @@ MUTATIONS = (
     Mutation("kernels/geometry.py", "a cylinder's far side is seen",
              "met = (t + half) * inverse_k", "met = (t - half) * inverse_k", INFRARED),
     Mutation("kernels/geometry.py", "an inner wall is longer than it is",
-             "met = met if to_b >= 0.0 else 0.0", "met = met", INFRARED),
+             "return met if to_b >= 0.0 else 0.0, through", "return met, through", INFRARED),
     Mutation("kernels/geometry.py", "a cylinder hides what lies before it",
              "return hidden if ahead < span else 0.0", "return hidden", AMBIENT),
     Mutation("kernels/geometry.py", "an inner wall hides what lies before it",

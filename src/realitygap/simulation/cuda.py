@@ -12,7 +12,7 @@ import importlib.util
 import pickle
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import cache, cached_property
 from pathlib import Path as File
 from threading import Lock
@@ -61,6 +61,8 @@ SHARED = ("fan", "all_fans", "span", "bounds")
 """What of the scratch nobody writes."""
 INSTALL = 'Install it: pip install "realitygap[cuda]".'
 CURE = "Leave out --engine, which takes the processor's cores, or see docs/machines.md."
+_SIMULATOR: Any = Lock() if SIMULATED else nullcontext()
+"""While a thread simulates a launch, another one finds a stand-in for the module `cuda`."""
 Swaps = tuple[tuple[Dispatcher, Callable[..., Any]], ...]
 
 
@@ -102,14 +104,16 @@ class Cuda:
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """As `Engine` has it."""
-        scores = [self._taken(batch) for batch in self._launched(networks, streams)]
+        with _SIMULATOR:
+            scores = [self._taken(batch) for batch in self._launched(networks, streams)]
         found = np.concatenate(scores) if scores else np.empty(0)
         self.cores.require_finite(found)
         return found.reshape(streams.shape)
 
     def tracks(self, networks: Networks, streams: Streams) -> Path:
         """As `Engine` has it."""
-        found = [self._fetched(batch.paths) for batch in self._launched(networks, streams)]
+        with _SIMULATOR:
+            found = [self._fetched(batch.paths) for batch in self._launched(networks, streams)]
         paths = np.concatenate(found) if found else np.empty((0, len(Path._fields), self.cores.trial.steps))
         self.cores.require_finite_path(paths)
         return Path(*(paths[:, i].reshape(*streams.shape, -1) for i in range(len(Path._fields))))
@@ -130,7 +134,7 @@ class Cuda:
     @cached_property
     def _stream(self) -> Any:
         """Of launches: those of engines in other threads do not wait for each other."""
-        return cuda.stream()
+        return 0 if SIMULATED else cuda.stream()
 
     @cached_property
     def _trials(self) -> Any:
@@ -214,8 +218,10 @@ class Cuda:
 
     def _fetched(self, array: Any) -> Floats:
         """An array of the GPU's, here."""
+        if SIMULATED:
+            return array  # type: ignore[no-any-return]
         self._stream.synchronize()  # a copy that waits would hold up the launches of other threads
-        found: Floats = array if SIMULATED else array.copy_to_host(stream=self._stream)
+        found: Floats = array.copy_to_host(stream=self._stream)
         self._stream.synchronize()
         return found
 
@@ -228,7 +234,9 @@ def require_gpu() -> None:
     """
     if importlib.util.find_spec("numba_cuda") is None:
         raise UsageError(f"engine cuda: expected the package numba-cuda, found none. {INSTALL} {CURE}")
-    if not cuda.is_available():
+    with _SIMULATOR:
+        there = cuda.is_available()
+    if not there:
         why = cuda.cuda_error()
         if why is None:
             raise UsageError(f"engine cuda: expected NVIDIA's compiler NVVM, found none. {INSTALL} {CURE}")
