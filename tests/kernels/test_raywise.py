@@ -37,7 +37,7 @@ def light_ways(robot, arena, pose, work, own, rays, rows, alone):
 def scenes(measured: bool):
     """Printed laws, or a measured robot, in rooms with cylinders, inner walls and lamps; and in full ones."""
     robot = load_profile("thymio")
-    robot = replace(robot, infrared=replace(robot.infrared, matt=0.0))
+    robot = replace(robot, infrared=replace(robot.infrared, matt=0.0, overlap=0.2))
     for profile, arena, pose in random_scenes(31, 150):
         given = profile.ambient
         lit = replace(

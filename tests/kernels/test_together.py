@@ -11,7 +11,7 @@ import pytest
 from realitygap.cli.bench import random_networks
 from realitygap.kernels.batch import run_trials
 from realitygap.kernels.jit import kernel
-from realitygap.kernels.network import PAST, is_still
+from realitygap.kernels.network import PAST, ROWS, is_still, keep_past
 from realitygap.kernels.params import MAX_DELAY, UPDATES, Path
 from realitygap.kernels.together import (
     Own,
@@ -30,6 +30,7 @@ from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import load_task
 from realitygap.world.profile import load_profile
+from tests.kernels.scenes import PAPER, work_for
 
 
 @kernel
@@ -67,6 +68,30 @@ def in_turn(world, nets, n, stream, work, own, links, p):
             act_share(world, nets, n, lane, group, work)
         move(world.robot, world.arena, work)
         note(path, k, work)
+
+
+@kernel
+def keep_both_ways(neurons, group, work, other):
+    keep_past(neurons, work)
+    other.settled[0] = 1
+    for lane in range(group):
+        keep_share(neurons, lane, group, other)
+
+
+@pytest.mark.parametrize("restless", [None, 0, 1, 2])
+def test_a_group_sees_whether_the_network_has_settled(restless):
+    """Three neurons, of which none or one still changes; two threads."""
+    random, works = np.random.default_rng(6), []
+    rows = np.repeat(random.integers(-10, 11, (1, 3)), ROWS, axis=0)
+    if restless is not None:
+        rows[-2, restless] += 1
+    for _ in range(2):
+        work = work_for(PAPER)
+        work = work._replace(outputs=rows.reshape(-1).astype(np.int32))
+        works.append(work)
+    keep_both_ways(3, 2, *works)
+    assert np.array_equal(works[0].outputs, works[1].outputs)
+    assert works[0].settled[0] == works[1].settled[0] == (restless is None)
 
 
 @pytest.mark.parametrize("profile", ["paper", "khepera", "enki-epuck"])
