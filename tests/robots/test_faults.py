@@ -24,7 +24,7 @@ from tests.robots.pump import Faults
 
 FAULTS = {
     "lost": Faults(lost=0.004, seed=1),
-    "doubled": Faults(doubled=0.004, seed=2),
+    "doubled": Faults(doubled=0.01, seed=2),  # of a line's end nobody notices that
     "garbled": Faults(garbled=0.004, seed=3),
     "late": Faults(late=0.05, late_s=0.15, seed=4),
     "all": Faults(lost=0.002, doubled=0.002, garbled=0.002, late=0.02, late_s=0.12, seed=5),
