@@ -8,17 +8,15 @@ from realitygap.kernels.geometry import (
     Rays,
     Spot,
     added,
-    circle_blocks,
-    covers,
     is_bare,
     is_tinted,
     see,
     see_room,
-    segment_blocks,
     tint,
 )
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LAMP_POINTS, LANES, NARROW, RAYS
+from realitygap.kernels.shade import circle_blocks, covers, segment_blocks
 from realitygap.kernels.work import whole_vectors
 
 

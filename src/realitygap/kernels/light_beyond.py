@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 
-from realitygap.kernels.geometry import circle_blocks, covers
 from realitygap.kernels.jit import apart, step
 from realitygap.kernels.light import (
     first_sensor,
@@ -24,6 +23,7 @@ from realitygap.kernels.light import (
 from realitygap.kernels.near import from_segment
 from realitygap.kernels.params import LAMP_POINTS
 from realitygap.kernels.rng import log
+from realitygap.kernels.shade import circle_blocks, covers
 from realitygap.kernels.work import whole_vectors
 
 SERIES = tuple(1.0 / math.factorial(i) for i in range(13, -1, -1))

@@ -1,7 +1,7 @@
 """Sensors ray by ray, without arrays: for a GPU, whose registers are many and whose memory is far.
 
 The same steps as in infrared.py, geometry.py and light.py, for surfaces that reflect alike; so the bits are
-the same. What cannot be met is not ruled out beforehand.
+the same.
 """
 
 import math
@@ -10,14 +10,11 @@ from typing import Any
 from realitygap.kernels.geometry import (
     GRAZE,
     Spot,
-    circle_blocks,
-    covers,
     facing_circle,
     facing_segment,
     meet_circle,
     meet_segment,
     meet_walls,
-    segment_blocks,
     turned,
     walls_round,
 )
@@ -26,6 +23,7 @@ from realitygap.kernels.jit import step
 from realitygap.kernels.light import look, rays_of_fan
 from realitygap.kernels.params import LAMP_POINTS, RAYS
 from realitygap.kernels.response import respond
+from realitygap.kernels.shade import circle_blocks, covers, segment_blocks
 
 _EACH = tuple(range(RAYS))
 _SUM = "(t0 + t9) + (t1 + t8) + ((t2 + t7) + (t3 + t6)) + (t4 + t5)"

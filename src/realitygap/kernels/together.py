@@ -5,10 +5,10 @@ The steps are those of trial.py, taken for a robot of one sensor, so the bits ar
 share lies in `work`; after each stage they `meet`.
 """
 
-from typing import Any, NamedTuple
+from collections import namedtuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
@@ -38,24 +38,10 @@ from realitygap.kernels.trial import (
 )
 from realitygap.kernels.work import DRAWS, Work, noise_blocks, whole_vectors
 
-
-class Own(NamedTuple):
-    """Fields of Work that each thread needs for itself: room for the rays of one sensor."""
-
-    ray_x: F
-    ray_y: F
-    inverse: F
-    terms: F
-    light: F
-    far: F
-    hidden: F
-    end_x: F
-    end_y: F
-    normal_x: F
-    normal_y: F
-    incidence: F
-    noticed: NDArray[np.int64]
-    listed: NDArray[np.uint64]
+Own = namedtuple(
+    "Own", "ray_x ray_y inverse terms light far hidden end_x end_y normal_x normal_y incidence noticed listed"
+)
+"""Fields of Work that each thread needs for itself: room for the rays of one sensor."""
 
 
 def _written(name: str, given: str, made: type, values: dict[str, str]) -> Any:
