@@ -47,6 +47,7 @@ if importlib.util.find_spec("numba_cuda") is None:
 from numba import cuda
 
 from realitygap.simulation import cuda as engine
+from realitygap.simulation import cuda_kernels
 
 HERE = pytest.mark.skipif(not cuda.is_available(), reason="no NVIDIA GPU here")
 PAPER = load_profile("paper")
@@ -66,7 +67,7 @@ OWN = """
 """
 
 
-@pytest.fixture(autouse=engine.SIMULATED)
+@pytest.fixture(autouse=cuda_kernels.SIMULATED)
 def patient_simulator(monkeypatch):
     """The simulator waits for its threads. Left alone it polls each of them in a busy loop."""
     from numba.cuda.simulator.kernel import BlockThread
@@ -76,7 +77,7 @@ def patient_simulator(monkeypatch):
 
 @HERE
 class TestCuda(EngineContract):
-    exact = engine.SIMULATED
+    exact = cuda_kernels.SIMULATED
 
     def made(self, task, profile, noise):
         return engine.Cuda(task, profile, noise)
@@ -110,7 +111,7 @@ def test_a_look_up_table_is_refused():
 @pytest.mark.parametrize("name", EngineContract.tasks)
 def test_scores_are_distributed_as_the_processors(name):
     """Trials on other streams: the same law; wheels a twentieth (a quarter) farther apart are found out."""
-    trials, share = (1000, 1.25) if engine.SIMULATED else (10_000, 1.05)
+    trials, share = (1000, 1.25) if cuda_kernels.SIMULATED else (10_000, 1.05)
     wrong = replace(PAPER, wheels=replace(PAPER.wheels, track_cm=share * PAPER.wheels.track_cm))
     expected = scores(Cores, PAPER, 1, trials, name)
     assert ks_2samp(scores(engine.Cuda, PAPER, 2, trials, name), expected).pvalue > NEVER
@@ -125,7 +126,9 @@ def test_tracks_begin_as_the_processors(name):
     nets, streams = random_networks(Simulation(name, PAPER), stream=5, count=20), batch_streams(6, 40)
     ways = (make(task, PAPER, 1.0).tracks(nets, streams.reshape(20, 2)) for make in (engine.Cuda, Cores))
     for found, expected in zip(*ways, strict=True):
-        assert np.allclose(found[..., :10], expected[..., :10], rtol=0, atol=0 if engine.SIMULATED else 1e-6)
+        assert np.allclose(
+            found[..., :10], expected[..., :10], rtol=0, atol=0 if cuda_kernels.SIMULATED else 1e-6
+        )
 
 
 @HERE
@@ -152,7 +155,7 @@ def test_network_and_random_numbers_have_the_processors_bits():
 
 def exact_parts() -> tuple[Any, tuple[Any, ...]]:
     """A kernel of the integer network and the random numbers, and what it is given."""
-    draw, drive = engine.device(calls.draw), engine.device(calls.drive)
+    draw, drive = cuda_kernels.device(calls.draw), cuda_kernels.device(calls.drive)
 
     def both(given: Any) -> None:
         nets, work, inputs, commands, raw, uniforms, whole = given
@@ -169,7 +172,7 @@ def exact_parts() -> tuple[Any, tuple[Any, ...]]:
 
 
 @HERE
-@pytest.mark.skipif(not engine.SIMULATED, reason="on a GPU other scores may lead elsewhere")
+@pytest.mark.skipif(not cuda_kernels.SIMULATED, reason="on a GPU other scores may lead elsewhere")
 def test_runs_side_by_side_are_the_study_of_the_cores(tmp_path):
     """Every table, genotype and checkpoint of six runs, one of which goes on from a checkpoint."""
     asked = small(runs=3)
@@ -209,6 +212,14 @@ def test_without_a_gpu_one_message_says_the_cure(monkeypatch, tmp_path):
         Simulation("obstacle-avoidance", PAPER, engine="cuda")
 
 
+@pytest.mark.skipif(cuda_kernels.SIMULATED, reason="the simulator needs less of NumPy")
+def test_a_numpy_that_is_too_new_is_named(monkeypatch):
+    """numba-cuda ends in an AttributeError with it."""
+    monkeypatch.setattr(np, "__version__", "2.5.2")
+    with pytest.raises(UsageError, match=r"expected NumPy before 2\.5\.0, found 2\.5\.2.*pip install"):
+        engine.require_gpu()
+
+
 @pytest.mark.skipif(cuda.is_available(), reason="there is a GPU, or it is simulated")
 def test_all_of_it_holds_in_the_simulator():
     """This file again, with simulated launches."""
@@ -222,8 +233,10 @@ def test_all_of_it_holds_in_the_simulator():
 @pytest.fixture
 def compiler(monkeypatch):
     """numba-cuda's compiler for the oldest GPU, whatever is here."""
-    if engine.SIMULATED:
+    if cuda_kernels.SIMULATED:
         pytest.skip("the simulator does not compile")
+    if np.lib.NumpyVersion(np.__version__) >= engine.TOO_NEW:
+        pytest.skip(f"numba-cuda cannot be loaded with NumPy {np.__version__}")
     # Called steps are compiled for the present device.
     device = SimpleNamespace(compute_capability=OLDEST)
     monkeypatch.setattr("numba.cuda.dispatcher.get_current_device", lambda: device)
@@ -250,12 +263,12 @@ def test_trials_compile_for_a_gpu(monkeypatch, compiler):
     made = engine.Cuda(load_task("obstacle-avoidance").of(PAPER), PAPER, 1.0)
     nets, paths = halves.quiet(), np.zeros((32, 6, made.cores.trial.steps))
     batch = engine.Batch(np.zeros(32, np.int64), np.zeros(32, np.uint64), paths, np.zeros((32, 2)))
-    with engine.unfused():
+    with cuda_kernels.unfused():
         trial = compiler(made._trials.py_func, made.cores.world, nets, made._scratch(nets, 32), batch)
-        score = compiler(engine.scoring(made.cores.score.compiled).py_func, made.cores.room, batch)
+        score = compiler(cuda_kernels.scoring(made.cores.score.compiled).py_func, made.cores.room, batch)
         parts = compiler(*exact_parts())
     for text in (trial, score, parts):
         assert ".entry" in text
         assert "NRT_" not in text and "malloc" not in text and "fma." not in text
-    fused = compiler(engine.scoring(made.cores.score.compiled).py_func, made.cores.room, batch)
+    fused = compiler(cuda_kernels.scoring(made.cores.score.compiled).py_func, made.cores.room, batch)
     assert "fma." in fused
