@@ -31,7 +31,8 @@ from realitygap.kernels import (
     together,
     trial,
 )
-from realitygap.kernels.jit import SHELF, kernel
+from realitygap.kernels.batch import run_trials
+from realitygap.kernels.jit import SHELF
 from realitygap.kernels.params import Path
 from realitygap.kernels.together import Own
 from realitygap.kernels.work import Work
@@ -131,18 +132,13 @@ def trials(rays: tuple[int, int], swaps: Swaps) -> Any:
         swaps: as `swapped` gives them.
     """
     draw_start, own, (light, wide) = device(trial.draw_start), _own(), rays
-    if SIMULATED:  # Python's usual way in, with hundreds of values, takes far longer to compile
-        run_trial = kernel(trial.run_trial.py_func)
-    else:
-        run_together = device(together.run_together, (*swaps, (together.meet, _meet)))
+    run_together = None if SIMULATED else device(together.run_together, (*swaps, (together.meet, _meet)))
 
     def simulate(world: Any, nets: Any, work: Any, batch: Any) -> None:
         t = cuda.grid(1)
         if t < batch.which.shape[0]:
-            mine, p = own(work, t), batch.paths[t]
-            draw_start(world.task, batch.streams[t], mine.start)
-            path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-            run_trial(world, nets, batch.which[t], batch.streams[t], mine, path)
+            one = slice(t, t + 1)
+            run_trials(world, nets, batch.which[one], batch.streams[one], batch.paths[one], own(work, t))
 
     def carry_out(world: Any, nets: Any, work: Any, batch: Any) -> None:
         thread = cuda.grid(1)
