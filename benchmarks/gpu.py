@@ -1,6 +1,6 @@
 """What a GPU makes of it: compilation, steps a second beside one core, scores that are equal, and a study.
 
-    python benchmarks/gpu.py [--trials 832,4096,131072,524288] [--rounds 3] [--runs 400]
+    python benchmarks/gpu.py [--trials 832 4096 131072 524288] [--rounds 3] [--runs 400]
     python benchmarks/gpu.py --host [--runs 400]
 
 --runs 0 leaves out the study of that many runs of 1000 evaluations of both tasks. Needs an NVIDIA GPU and the
@@ -56,18 +56,18 @@ class Idle(Cores):
 def main() -> None:
     """Print a line for each task and number of trials, and one for the study."""
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument("--trials", default="832,4096,131072,524288")
+    words.add_argument("--trials", type=int, nargs="+", default=[832, 4096, 131_072, 524_288])
     words.add_argument("--rounds", type=int, default=3)
     words.add_argument("--runs", type=int, default=400)
     words.add_argument("--host", action="store_true")
     given = words.parse_args()
     try:
         if given.host:
-            cuda.Cuda, cuda.require_gpu = Idle, lambda: None  # type: ignore[assignment, misc]
+            cuda.Cuda, cuda.require_gpu = Idle, lambda: None
         else:
             cuda.require_gpu()
             for name in TASKS:
-                compared(name, [int(one) for one in given.trials.split(",")], given.rounds)
+                compared(name, given.trials, given.rounds)
         if given.runs:
             print(studied(given.runs))
     except UsageError as error:
@@ -85,7 +85,7 @@ def compared(name: str, trials: list[int], rounds: int) -> None:
     print(f"{name}: compiled in {' s, loaded in '.join(f'{spent:.1f}' for spent in compiling(name))} s")
     print(f"  one core: {slow / 1e6:.2f} million steps/s")
     for count in trials:
-        streams = batch_streams(7, count // NETWORKS * NETWORKS).reshape(NETWORKS, -1)
+        streams = batch_streams(7, max(1, count // NETWORKS) * NETWORKS).reshape(NETWORKS, -1)
         _, fast = timed(gpu, networks, streams, rounds)
         spent = streams.size * gpu.task.steps / fast
         print(f"  {streams.size} trials: {fast / 1e6:.1f} million steps/s, {1000 * spent:.1f} ms a round")
@@ -96,7 +96,7 @@ def compared(name: str, trials: list[int], rounds: int) -> None:
 def compiling(name: str) -> list[float]:
     """How long a task's kernels take to compile, and then to load, in seconds."""
     with tempfile.TemporaryDirectory() as cache:
-        place = {**os.environ, "XDG_CACHE_HOME": cache}
+        place = {**os.environ, "NUMBA_CACHE_DIR": cache}
         words = [sys.executable, "-c", COMPILE, name]
         return [float(subprocess.check_output(words, env=place)) for _ in range(2)]
 

@@ -26,7 +26,7 @@ from tests.calibration.conftest import places
 
 PAPER = load_profile("paper")
 HALF = replace(PAPER, infrared=replace(PAPER.infrared, sensors=PAPER.infrared.sensors[::2]))
-"""A robot with every other one of its sensors: a fit takes half the time."""
+"""The same robot with every other sensor: fits take less time."""
 
 
 def odd(plain: Profile = HALF) -> Profile:

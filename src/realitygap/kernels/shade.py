@@ -14,7 +14,7 @@ def circle_blocks(wx, wy, ex, ey, radius):
     """1.0 if the line from a point along (ex, ey) passes through the circle at (wx, wy) from it.
 
     Lines that end within the circle are excluded: `covers` tests that once for all lines with the same end.
-        No division: the centre's distance to the line, |w × e| / |e|, is compared squared.
+    No division: the centre's distance to the line, |w × e| / |e|, is compared squared.
     """
     ahead = wx * ex + wy * ey
     aside = wx * ey - wy * ex

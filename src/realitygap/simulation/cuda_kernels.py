@@ -132,7 +132,7 @@ def trials(rays: tuple[int, int], swaps: Swaps) -> Any:
         swaps: as `swapped` gives them.
     """
     draw_start, own, (light, wide) = device(trial.draw_start), _own(), rays
-    run_together = None if SIMULATED else device(together.run_together, (*swaps, (together.meet, _meet)))
+    run_together = device(together.run_together, (*swaps, (together.meet, _meet)))
 
     def simulate(world: Any, nets: Any, work: Any, batch: Any) -> None:
         t = cuda.grid(1)
