@@ -11,18 +11,23 @@ from realitygap.kernels.ambient import illuminate
 from realitygap.kernels.infrared import by_rays
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.light_beyond import goes_beyond
-from realitygap.kernels.raywise import by_rays_alone, illuminate_alone
-from realitygap.kernels.together import Own, lanes_of_rays, mine_of, part_of
+from realitygap.kernels.params import RAYS
+from realitygap.kernels.raywise import follow_ray, illuminate_alone, look_out, take_up
+from realitygap.kernels.together import Own, common_room, lanes_of_rays, mine_of, part_of
 from realitygap.kernels.trial import stand
 from realitygap.world.profile import load_profile
 from tests.kernels.scenes import PAPER, full_room, random_pose, random_scenes, work_for
 
 
 @kernel
-def near_ways(robot, arena, pose, work, rows, alone):
+def near_ways(robot, arena, pose, work, common, rows, alone):
     stand(pose, work)
     by_rays(robot, arena, work, rows)
-    by_rays_alone(robot, arena, work, alone)
+    for k in range(rows.shape[0]):
+        look_out(robot, arena, k, work, common)
+        for i in range(RAYS * common.noticed[k]):
+            follow_ray(robot, arena, k, i, work, common)
+        alone[k] = take_up(robot, k, common)
 
 
 @kernel
@@ -60,7 +65,7 @@ def test_proximity_sensors_read_the_same(measured):
         robot, work = profile.to_kernel(), work_for(profile)
         assert (robot.proximity_curve.shape[1] > 0) is measured
         rows, alone = np.zeros((2, len(robot.proximity_place)))
-        near_ways(robot, arena.to_kernel(), np.array(pose), work, rows, alone)
+        near_ways(robot, arena.to_kernel(), np.array(pose), work, common_room(len(rows)), rows, alone)
         assert np.array_equal(rows, alone)
         some += rows.any()
     assert some > 80

@@ -263,7 +263,7 @@ def test_trials_compile_for_a_gpu(monkeypatch, compiler):
     made = engine.Cuda(load_task("obstacle-avoidance").of(PAPER), PAPER, 1.0)
     nets, paths = halves.quiet(), np.zeros((32, 6, made.cores.trial.steps))
     batch = engine.Batch(np.zeros(32, np.int64), np.zeros(32, np.uint64), paths, np.zeros((32, 2)))
-    with cuda_kernels.unfused():
+    with cuda_kernels.lean():
         trial = compiler(made._trials.py_func, made.cores.world, nets, made._scratch(nets, 32), batch)
         score = compiler(cuda_kernels.scoring(made.cores.score.compiled).py_func, made.cores.room, batch)
         parts = compiler(*exact_parts())

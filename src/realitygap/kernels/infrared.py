@@ -5,6 +5,8 @@ sensors are in that state most of the time, so this is tested first, for all sen
 conditions that never exclude a sensor wrongly.
 """
 
+from typing import NamedTuple
+
 from realitygap.kernels.geometry import TOUCHING, Rays, Spot, added, is_brighter, is_tinted, see, tint
 from realitygap.kernels.jit import apart, step
 from realitygap.kernels.near import SPARE, cell_at, is_beyond
@@ -14,32 +16,87 @@ from realitygap.kernels.response import respond
 
 
 @step
-def notice_walls(robot, arena, work):
-    """Mark the sensors with a ray that meets an outer wall within reach.
+def faces_walls(robot, arena, fan, k, x, y, c, s):
+    """Whether a ray of sensor `k` meets an outer wall within reach, its robot being at (x, y) and turned by
+    an angle of cosine `c` and sine `s`.
 
     The ray that meets a wall soonest is the one closest to its normal: the sensor's own
     direction if that lies inside the fan, else an outermost ray.
     """
+    reach, cone, width, depth = robot.proximity_reach[k], robot.proximity_cone, arena.size[0], arena.size[1]
+    px = x + c * fan[0, k] - s * fan[1, k]
+    py = y + s * fan[0, k] + c * fan[1, k]
+    fx = c * fan[2, k] - s * fan[3, k]
+    fy = s * fan[2, k] + c * fan[3, k]
+    ax = c * fan[4, k] - s * fan[5, k]
+    ay = s * fan[4, k] + c * fan[5, k]
+    bx = c * fan[6, k] - s * fan[7, k]
+    by = s * fan[6, k] + c * fan[7, k]
+    east = 1.0 if fx > cone else max(ax, bx)
+    west = 1.0 if fx < -cone else max(-ax, -bx)
+    north = 1.0 if fy > cone else max(ay, by)
+    south = 1.0 if fy < -cone else max(-ay, -by)
+    near = (width - px < reach * east) | (px < reach * west)
+    return near | (depth - py < reach * north) | (py < reach * south)
+
+
+@step
+def faces_cylinder(robot, fan, k, forward, leftward, radius):
+    """Whether a cylinder there is within sensor `k`'s reach and not wholly outside its fan."""
+    cone = robot.proximity_cone
+    qx = forward - fan[0, k]
+    qy = leftward - fan[1, k]
+    square = qx * qx + qy * qy
+    reach = robot.proximity_reach[k] + radius
+    ahead = qx * fan[2, k] + qy * fan[3, k]
+    inside = (ahead > 0.0) & (ahead * ahead > cone * cone * square)
+    first = abs(qx * fan[5, k] - qy * fan[4, k]) < radius
+    last = abs(qx * fan[7, k] - qy * fan[6, k]) < radius
+    return (square < reach * reach) & (inside | first | last)
+
+
+@step
+def faces_segment(robot, fan, k, wall):
+    """Whether an inner wall, seen from the robot, is within sensor `k`'s reach and not wholly to one side of
+    its fan."""
+    ux, uy, length = wall.along_x, wall.along_y, wall.length
+    qx, qy = wall.x - fan[0, k], wall.y - fan[1, k]
+    along, reach = -(qx * ux + qy * uy), robot.proximity_reach[k] + SPARE
+    near = (abs(qx * uy - qy * ux) < reach) & (along > -reach) & (along < length + reach)
+    # How far its ends lie to the left of the first ray, and to the right of the last.
+    left = fan[4, k] * qy - fan[5, k] * qx
+    right = fan[7, k] * qx - fan[6, k] * qy
+    left = max(left, left + length * (fan[4, k] * uy - fan[5, k] * ux))
+    right = max(right, right + length * (fan[7, k] * ux - fan[6, k] * uy))
+    return near & (left > -SPARE) & (right > -SPARE)
+
+
+class Inner(NamedTuple):
+    """An inner wall as the robot sees it (x forward, y leftward): one end, direction and length."""
+
+    x: float
+    y: float
+    along_x: float
+    along_y: float
+    length: float
+
+
+@step
+def inner_wall(arena, j, x, y, c, s):
+    """Inner wall `j` from (x, y), to a robot that is turned by an angle of cosine `c` and sine `s`."""
+    ax, ay = arena.segments[j, 0] - x, arena.segments[j, 1] - y
+    ux, uy = arena.segment_along[j, 0], arena.segment_along[j, 1]
+    length = arena.segment_along[j, 2]
+    return Inner(c * ax + s * ay, c * ay - s * ax, c * ux + s * uy, c * uy - s * ux, length)
+
+
+@step
+def notice_walls(robot, arena, work):
+    """Mark the sensors with a ray that meets an outer wall within reach."""
     x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    width, depth = arena.size[0], arena.size[1]
-    fan, cone = work.fan, robot.proximity_cone
+    fan = work.fan
     for k in range(work.noticed.shape[0]):
-        reach = robot.proximity_reach[k]
-        px = x + c * fan[0, k] - s * fan[1, k]
-        py = y + s * fan[0, k] + c * fan[1, k]
-        fx = c * fan[2, k] - s * fan[3, k]
-        fy = s * fan[2, k] + c * fan[3, k]
-        ax = c * fan[4, k] - s * fan[5, k]
-        ay = s * fan[4, k] + c * fan[5, k]
-        bx = c * fan[6, k] - s * fan[7, k]
-        by = s * fan[6, k] + c * fan[7, k]
-        east = 1.0 if fx > cone else max(ax, bx)
-        west = 1.0 if fx < -cone else max(-ax, -bx)
-        north = 1.0 if fy > cone else max(ay, by)
-        south = 1.0 if fy < -cone else max(-ay, -by)
-        near = (width - px < reach * east) | (px < reach * west)
-        near = near | (depth - py < reach * north) | (py < reach * south)
-        work.noticed[k] = 1 if near else 0
+        work.noticed[k] = 1 if faces_walls(robot, arena, fan, k, x, y, c, s) else 0
 
 
 @step
@@ -53,40 +110,18 @@ def notice_cylinder(robot, arena, j, work):
     # The cylinder as the robot sees it: (forward, leftward).
     forward = c * cx + s * cy
     leftward = c * cy - s * cx
-    fan, cone = work.fan, robot.proximity_cone
+    fan = work.fan
     for k in range(work.noticed.shape[0]):
-        qx = forward - fan[0, k]
-        qy = leftward - fan[1, k]
-        square = qx * qx + qy * qy
-        reach = robot.proximity_reach[k] + radius
-        ahead = qx * fan[2, k] + qy * fan[3, k]
-        inside = (ahead > 0.0) & (ahead * ahead > cone * cone * square)
-        first = abs(qx * fan[5, k] - qy * fan[4, k]) < radius
-        last = abs(qx * fan[7, k] - qy * fan[6, k]) < radius
-        near = (square < reach * reach) & (inside | first | last)
+        near = faces_cylinder(robot, fan, k, forward, leftward, radius)
         work.noticed[k] = 1 if near else work.noticed[k]
 
 
 @step
 def notice_segment(robot, arena, j, work):
     """Mark the sensors that inner wall `j` is within reach of and not wholly to one side of their fan."""
-    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    ax, ay = arena.segments[j, 0] - x, arena.segments[j, 1] - y
-    ux, uy = arena.segment_along[j, 0], arena.segment_along[j, 1]
-    # The wall as the robot sees it: (forward, leftward).
-    ax, ay = c * ax + s * ay, c * ay - s * ax
-    ux, uy = c * ux + s * uy, c * uy - s * ux
-    length, fan = arena.segment_along[j, 2], work.fan
+    wall, fan = inner_wall(arena, j, work.pose[0], work.pose[1], work.pose[3], work.pose[4]), work.fan
     for k in range(work.noticed.shape[0]):
-        qx, qy = ax - fan[0, k], ay - fan[1, k]
-        along, reach = -(qx * ux + qy * uy), robot.proximity_reach[k] + SPARE
-        near = (abs(qx * uy - qy * ux) < reach) & (along > -reach) & (along < length + reach)
-        # How far its ends lie to the left of the first ray, and to the right of the last.
-        left = fan[4, k] * qy - fan[5, k] * qx
-        right = fan[7, k] * qx - fan[6, k] * qy
-        left = max(left, left + length * (fan[4, k] * uy - fan[5, k] * ux))
-        right = max(right, right + length * (fan[7, k] * ux - fan[6, k] * uy))
-        near = near & (left > -SPARE) & (right > -SPARE)
+        near = faces_segment(robot, fan, k, wall)
         work.noticed[k] = 1 if near else work.noticed[k]
 
 

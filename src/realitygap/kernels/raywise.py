@@ -5,11 +5,13 @@ the same.
 """
 
 import math
-from typing import Any
 
 from realitygap.kernels.geometry import (
     GRAZE,
+    TOUCHING,
     Spot,
+    Walls,
+    added,
     facing_circle,
     facing_segment,
     meet_circle,
@@ -18,24 +20,20 @@ from realitygap.kernels.geometry import (
     turned,
     walls_round,
 )
-from realitygap.kernels.infrared import list_noticed, notice, spot_of, thrown_back
+from realitygap.kernels.infrared import (
+    faces_cylinder,
+    faces_segment,
+    faces_walls,
+    inner_wall,
+    spot_of,
+    thrown_back,
+)
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import look, rays_of_fan
+from realitygap.kernels.near import cell_at, is_beyond
 from realitygap.kernels.params import LAMP_POINTS, RAYS
 from realitygap.kernels.response import respond
 from realitygap.kernels.shade import circle_blocks, covers, segment_blocks
-
-_EACH = tuple(range(RAYS))
-_SUM = "(t0 + t9) + (t1 + t8) + ((t2 + t7) + (t3 + t6)) + (t4 + t5)"
-"""As geometry.added has it."""
-
-
-def _unrolled(*lines: str) -> Any:
-    """A compiled function from lines of text, those with a {i} once for each ray."""
-    whole = [line.format(i=i) for line in lines for i in (_EACH if "{i}" in line else _EACH[:1])]
-    scope = dict(globals())
-    exec("\n".join(whole), scope)
-    return step(scope[lines[0][4:].partition("(")[0]])
 
 
 @step
@@ -64,58 +62,95 @@ def overlapping(robot, k, inverse):
     return robot.proximity_overlap * thrown_back(robot, k, inverse * robot.proximity_cone)
 
 
-gather = _unrolled(
-    "def gather(robot, arena, k, spot):",
-    '    """Light of proximity sensor `k`, before its curve."""',
-    "    walls, ray = walls_round(arena, spot), robot.proximity_ray",
-    "    x{i}, y{i} = turned(spot, ray[k, 0, {i}], ray[k, 1, {i}])",
-    "    v{i} = to_walls(walls, x{i}, y{i})",
-    "    ahead_x, ahead_y = turned(spot, ray[k, 0, RAYS], ray[k, 1, RAYS])",
-    "    for j in range(arena.cylinders.shape[0]):",
-    "        qx, qy = arena.cylinders[j, 0] - spot.x, arena.cylinders[j, 1] - spot.y",
-    "        if qx * ahead_x + qy * ahead_y > -arena.cylinders[j, 2]:",
-    "            square, inverse = facing_circle(qx, qy, arena.cylinders[j, 2])",
-    "            v{i} = max(v{i}, meet_circle(qx, qy, square, inverse, x{i}, y{i})[0])",
-    "    for j in range(arena.segments.shape[0]):",
-    "        ax, ay = arena.segments[j, 0] - spot.x, arena.segments[j, 1] - spot.y",
-    "        bx, by = arena.segments[j, 2] - spot.x, arena.segments[j, 3] - spot.y",
-    "        sign, inverse, _ = facing_segment(ax, ay, bx, by)",
-    "        v{i} = max(v{i}, meet_segment(ax, ay, bx, by, sign, inverse, x{i}, y{i})[0])",
-    "    t{i} = returned(robot, k, {i}, v{i})",
-    f"    return {_SUM} - overlapping(robot, k, v{RAYS // 2})",
-)
+@step
+def notices(robot, arena, k, work):
+    """As infrared.notice, for proximity sensor `k`."""
+    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
+    fan, span, cell = work.fan, work.span[0], cell_at(arena, x, y)
+    near = faces_walls(robot, arena, fan, k, x, y, c, s)
+    for n in range(arena.cylinders.shape[0]):
+        if arena.cylinder_gap[cell, n] > span:
+            break
+        j = arena.near_cylinders[cell, n]
+        qx, qy, radius = arena.cylinders[j, 0] - x, arena.cylinders[j, 1] - y, arena.cylinders[j, 2]
+        far = span + radius
+        if qx * qx + qy * qy <= far * far:
+            near = near | faces_cylinder(robot, fan, k, c * qx + s * qy, c * qy - s * qx, radius)
+    for n in range(arena.segments.shape[0]):
+        if arena.segment_gap[cell, n] > span:
+            break
+        j = arena.near_segments[cell, n]
+        if not is_beyond(arena, j, x, y, span):
+            near = near | faces_segment(robot, fan, k, inner_wall(arena, j, x, y, c, s))
+    return near
 
 
 @step
-def by_rays_alone(robot, arena, work, out):
-    """As infrared.by_rays."""
-    notice(robot, arena, work)
-    for k in range(out.shape[0]):
-        out[k] = 0.0
-    measured = robot.proximity_curve.shape[1] > 0
-    for n in range(list_noticed(work)):
-        k = work.listed[n]
-        total = gather(robot, arena, k, spot_of(robot, k, work))
-        out[k] = total if measured else min(max(total, 0.0), robot.proximity_top)
+def shorten(arena, px, py, x, y, inverse):
+    """1/d from (px, py) along (x, y) to whatever is nearest, `inverse` being that to the outer walls.
+
+    A root and a division only where the ray meets a cylinder.
+    """
+    for j in range(arena.cylinders.shape[0]):
+        qx, qy, radius = arena.cylinders[j, 0] - px, arena.cylinders[j, 1] - py, arena.cylinders[j, 2]
+        if meets_circle(qx, qy, radius, x, y):
+            square, inverse_square = facing_circle(qx, qy, radius)
+            inverse = max(inverse, meet_circle(qx, qy, square, inverse_square, x, y)[0])
+    for j in range(arena.segments.shape[0]):
+        ax, ay = arena.segments[j, 0] - px, arena.segments[j, 1] - py
+        bx, by = arena.segments[j, 2] - px, arena.segments[j, 3] - py
+        sign, inverse_area, _ = facing_segment(ax, ay, bx, by)
+        inverse = max(inverse, meet_segment(ax, ay, bx, by, sign, inverse_area, x, y)[0])
+    return inverse
+
+
+@step
+def meets_circle(qx, qy, radius, x, y):
+    """Whether a ray along (x, y) meets a circle."""
+    t = qx * x + qy * y
+    return t > 0.0 and t * t > max(qx * qx + qy * qy - radius * radius, TOUCHING * TOUCHING)
+
+
+@step
+def look_out(robot, arena, k, work, common):
+    """Of proximity sensor `k`: whether it notices anything, and then where it is between the outer walls."""
+    common.noticed[k] = 0
+    if notices(robot, arena, k, work):
+        spot = spot_of(robot, k, work)
+        walls, place = walls_round(arena, spot), common.places[k]
+        common.noticed[k] = 1
+        place[0], place[1] = spot.x, spot.y
+        place[2], place[3], place[4], place[5] = walls.west, walls.south, walls.east, walls.north
+
+
+@step
+def follow_ray(robot, arena, k, i, work, common):
+    """What ray `i` of such a sensor returns, and what its beams overlap by."""
+    place, ray = common.places[k], robot.proximity_ray
+    spot = Spot(place[0], place[1], work.pose[3], work.pose[4])
+    walls = Walls(place[2], place[3], place[4], place[5])
+    x, y = turned(spot, ray[k, 0, i], ray[k, 1, i])
+    inverse = shorten(arena, spot.x, spot.y, x, y, to_walls(walls, x, y))
+    common.terms[k, i] = returned(robot, k, i, inverse)
+    if i == RAYS // 2:
+        common.terms[k, RAYS] = overlapping(robot, k, inverse)
+
+
+@step
+def take_up(robot, k, common):
+    """The noise-free reading of proximity sensor `k` from what its rays return."""
+    total, measured = 0.0, robot.proximity_curve.shape[1] > 0
+    if common.noticed[k] == 1:
+        total = added(common.terms[k]) - common.terms[k, RAYS]
     if measured:
-        for k in range(out.shape[0]):
-            out[k] = respond(robot.proximity_curve, k, robot.proximity_knee, out[k])
+        return respond(robot.proximity_curve, k, robot.proximity_knee, total)
+    return min(max(total, 0.0), robot.proximity_top)
 
 
 @step
 def nearest(arena, spot, x, y):
     """1/d from a place along (x, y) to whatever is nearest."""
-    found = to_walls(walls_round(arena, spot), x, y)
-    for j in range(arena.cylinders.shape[0]):
-        qx, qy = arena.cylinders[j, 0] - spot.x, arena.cylinders[j, 1] - spot.y
-        square, inverse = facing_circle(qx, qy, arena.cylinders[j, 2])
-        found = max(found, meet_circle(qx, qy, square, inverse, x, y)[0])
-    for j in range(arena.segments.shape[0]):
-        ax, ay = arena.segments[j, 0] - spot.x, arena.segments[j, 1] - spot.y
-        bx, by = arena.segments[j, 2] - spot.x, arena.segments[j, 3] - spot.y
-        sign, inverse, _ = facing_segment(ax, ay, bx, by)
-        found = max(found, meet_segment(ax, ay, bx, by, sign, inverse, x, y)[0])
-    return found
+    return shorten(arena, spot.x, spot.y, x, y, to_walls(walls_round(arena, spot), x, y))
 
 
 @step

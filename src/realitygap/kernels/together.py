@@ -22,7 +22,8 @@ from realitygap.kernels.network import (
     WEIGHT,
     is_still,
 )
-from realitygap.kernels.params import LANES, MAX_DELAY, UPDATES, F, Robot
+from realitygap.kernels.params import LANES, MAX_DELAY, RAYS, UPDATES, F, Robot
+from realitygap.kernels.raywise import follow_ray, look_out, take_up
 from realitygap.kernels.rng import normal_pair
 from realitygap.kernels.trial import (
     AMBIENT,
@@ -42,6 +43,9 @@ Own = namedtuple(
     "Own", "ray_x ray_y inverse terms light far hidden end_x end_y normal_x normal_y incidence noticed listed"
 )
 """Fields of Work that each thread needs for itself: room for the rays of one sensor."""
+Common = namedtuple("Common", "places noticed listed terms")
+"""What threads share of proximity sensors: places [P, 6] between the outer walls; marks [P] and numbers
+[P + 1] of those that notice anything; what their rays return and their beams overlap by [P, RAYS + 1]."""
 
 
 def _written(name: str, given: str, made: type, values: dict[str, str]) -> Any:
@@ -80,6 +84,12 @@ def lanes_of_rays(work: Work, robot: Robot) -> tuple[int, int]:
     return light, light + LANES
 
 
+def common_room(sensors: int) -> Common:
+    """Room for what threads share of so many proximity sensors."""
+    marks, numbers = np.zeros(sensors, np.int32), np.zeros(sensors + 1, np.int32)
+    return Common(np.zeros((sensors, 6)), marks, numbers, np.zeros((sensors, RAYS + 1)))
+
+
 @step
 def meet(lane, group):
     """Wait until all threads of the group are here: nothing to do for a single one."""
@@ -93,6 +103,60 @@ def draw_share(world, stream, k, lane, group, work):
         first = DRAWS * noise_blocks(work.readings.shape[0]) * (k + 1)
         for i in range(lane, half, group):
             work.noise[i], work.noise[half + i] = normal_pair(stream, first + i)
+
+
+@step
+def look_share(world, lane, group, work, common):
+    """This thread's share of the sensors that look whether they notice anything."""
+    for k in range(lane, work.readings.shape[0], group):
+        look_out(world.robot, world.arena, k, work, common)
+
+
+@step
+def list_shared(lane, common):
+    """List the sensors that do, and their number in the last place: one thread alone."""
+    if lane == 0:
+        last, count = common.noticed.shape[0], 0
+        for k in range(last):
+            if common.noticed[k] == 1:
+                common.listed[count] = k
+                count += 1
+        common.listed[last] = count
+
+
+@step
+def follow_share(world, lane, group, work, common):
+    """This thread's share of their rays."""
+    for n in range(lane, common.listed[common.noticed.shape[0]] * RAYS, group):
+        follow_ray(world.robot, world.arena, common.listed[n // RAYS], n % RAYS, work, common)
+
+
+@step
+def read_share(world, lane, group, work, common):
+    """This thread's share of the sensors that read what their rays return."""
+    robot, speed = world.robot, wheels_speed(work)
+    for k in range(lane, work.readings.shape[0], group):
+        work.readings[k] = take_up(robot, k, common)
+        part, out = part_of(robot, k, 0), work.readings[k : k + 1]
+        read(part, PROXIMITY, world.level, speed, work.noise[k:], out)
+
+
+@step
+def sense_by_rays(world, lane, group, work, own, common):
+    """As `sense_together`, of proximity sensors alone and surfaces that reflect alike: ray by ray."""
+    look_share(world, lane, group, work, common)
+    meet(lane, group)
+    list_shared(lane, common)
+    meet(lane, group)
+    follow_share(world, lane, group, work, common)
+    meet(lane, group)
+    read_share(world, lane, group, work, common)
+
+
+@step
+def sense_together(world, lane, group, work, own, common):
+    """As `sense`."""
+    sense_share(world, lane, group, work, own)
 
 
 @step
@@ -158,19 +222,19 @@ def keep_share(neurons, lane, group, work):
 
 @step
 def think_together(nets, n, lane, group, work):
-    """As `think`."""
-    if is_still(work):
-        return
-    neurons = nets.neurons[n]
+    """As `think`; all threads meet as often, for other groups may wait with them."""
+    neurons, still = nets.neurons[n], is_still(work)
     link = 0
     for update in range(UPDATES):
-        if update <= MAX_DELAY:
-            link = arrive_share(update, link, lane, group, work)
-        update_share(neurons, (PAST + update) * neurons, lane, group, work)
-        if lane == 0 and update == UPDATES - 1:
-            work.settled[0] = 1
+        if not still:
+            if update <= MAX_DELAY:
+                link = arrive_share(update, link, lane, group, work)
+            update_share(neurons, (PAST + update) * neurons, lane, group, work)
+            if lane == 0 and update == UPDATES - 1:
+                work.settled[0] = 1
         meet(lane, group)
-    keep_share(neurons, lane, group, work)
+    if not still:
+        keep_share(neurons, lane, group, work)
     meet(lane, group)
 
 
@@ -182,7 +246,7 @@ def act_share(world, nets, n, lane, group, work):
 
 
 @step
-def run_together(world, nets, n, stream, lane, group, work, own, path):
+def run_together(world, nets, n, stream, lane, group, work, own, common, path):
     """As `run_trial`, by thread `lane` of a group of so many."""
     if lane == 0:
         begin(nets, n, work.start, work)
@@ -190,7 +254,7 @@ def run_together(world, nets, n, stream, lane, group, work, own, path):
     for k in range(world.task.steps):
         draw_share(world, stream, k, lane, group, work)
         meet(lane, group)
-        sense_share(world, lane, group, work, own)
+        sense_together(world, lane, group, work, own, common)
         meet(lane, group)
         feed_share(world, lane, group, work)
         meet(lane, group)

@@ -20,7 +20,7 @@ from realitygap.kernels import halves
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.together import Own, lanes_of_rays
 from realitygap.kernels.work import Work, new_work
-from realitygap.simulation.cuda_kernels import GROUP, SHARED, SIMULATED, scoring, swapped, trials, unfused
+from realitygap.simulation.cuda_kernels import GROUP, SHARED, SIMULATED, WARP, lean, scoring, swapped, trials
 from realitygap.simulation.engine import Cores, Streams
 from realitygap.tasks.task import Task
 from realitygap.values import Floats
@@ -28,8 +28,6 @@ from realitygap.world.profile import Profile
 
 __all__ = ["Batch", "Cuda", "require_gpu"]
 
-WARP = 32
-"""Threads of a block: one warp, so that few trials spread over all of the GPU."""
 MOST_BYTES = 1 << 31
 """Of paths and scratch at a time."""
 TOO_NEW = "2.5.0"
@@ -114,7 +112,7 @@ class Cuda:
     def _trials(self) -> Any:
         cores = self.cores
         rays = lanes_of_rays(new_work(cores.robot, cores.trial, halves.quiet()), cores.robot)
-        return trials(rays, swapped(cores))
+        return trials((*rays, max(len(cores.robot.proximity_place), 1)), swapped(cores))
 
     def _launched(self, networks: Networks, streams: Streams) -> Iterator[Batch]:
         """Trials as they are carried out, so many at a time as there is room for."""
@@ -224,7 +222,7 @@ _ONE_AT_A_TIME = Lock()
 
 def _launch(kernel: Any, stream: Any, threads: int, *given: Any) -> None:
     """Start a kernel with so many threads."""
-    with _ONE_AT_A_TIME, unfused(), warnings.catch_warnings():
+    with _ONE_AT_A_TIME, lean(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*Grid size")  # one run's batches are small; it may be in bold
         kernel[(threads + WARP - 1) // WARP, WARP, stream](*given)
 

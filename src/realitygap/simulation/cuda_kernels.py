@@ -16,7 +16,7 @@ from types import FunctionType
 from typing import Any
 
 import numba
-from numba import cuda
+from numba import cuda, types
 from numba.core.dispatcher import Dispatcher
 
 from realitygap import tasks
@@ -33,16 +33,19 @@ from realitygap.kernels import (
 )
 from realitygap.kernels.batch import run_trials
 from realitygap.kernels.jit import SHELF
-from realitygap.kernels.params import Path
-from realitygap.kernels.together import Own
+from realitygap.kernels.params import RAYS, Path
+from realitygap.kernels.together import Common, Own
 from realitygap.kernels.work import Work
 from realitygap.simulation.engine import Cores
 
-__all__ = ["GROUP", "SHARED", "SIMULATED", "device", "scoring", "swapped", "trials", "unfused"]
+__all__ = ["GROUP", "SHARED", "SIMULATED", "WARP", "device", "lean", "scoring", "swapped", "trials"]
 
 SIMULATED = bool(numba.config.ENABLE_CUDASIM)
 GROUP = 1 if SIMULATED else 8
 """Threads that share a trial: as many as most robots have sensors of a kind."""
+WARP = 32
+"""Threads of a block: one warp, so that few trials spread over all of the GPU."""
+GROUPS = WARP // GROUP
 SHARED = ("fan", "all_fans", "span", "bounds")
 """What of the scratch nobody writes."""
 Swaps = tuple[tuple[Dispatcher, Callable[..., Any]], ...]
@@ -90,9 +93,9 @@ def _stay(*_given: Any) -> tuple[float, float, float, bool]:
     return 0.0, 0.0, 0.0, False
 
 
-def _meet(lane: int, group: int) -> None:
-    """Wait for the other threads of a group, which is a part of a warp."""
-    cuda.syncwarp(((1 << group) - 1) << (cuda.laneid - lane))
+def _meet(_lane: int, _group: int) -> None:
+    """Wait for the other threads of a group: here for those of the whole warp."""
+    cuda.syncwarp()
 
 
 def swapped(cores: Cores) -> Swaps:
@@ -108,8 +111,8 @@ def swapped(cores: Cores) -> Swaps:
     if near:
         found[infrared.infrared] = _nothing
     alike, beyond = not len(cores.arena.reflectance), light_beyond.goes_beyond.py_func(robot)
-    if alike and robot.proximity_lambertian == 0.0:
-        found[infrared.by_rays] = raywise.by_rays_alone
+    if feed == trial.PROXIMITY and alike and robot.proximity_lambertian == 0.0:
+        found[together.sense_together] = together.sense_by_rays
     if not beyond:
         found[light_beyond.illuminate_beyond] = _nothing
     if alike and not beyond and not len(robot.outline):
@@ -124,14 +127,15 @@ def swapped(cores: Cores) -> Swaps:
 
 
 @cache
-def trials(rays: tuple[int, int], swaps: Swaps) -> Any:
+def trials(rays: tuple[int, int, int], swaps: Swaps) -> Any:
     """The kernel that carries out a trial in each group of threads.
 
     Args:
-        rays: as `lanes_of_rays` gives them.
+        rays: as `lanes_of_rays` gives them, and the number of proximity sensors.
         swaps: as `swapped` gives them.
     """
-    draw_start, own, (light, wide) = device(trial.draw_start), _own(), rays
+    draw_start, own, (light, wide, sensors) = device(trial.draw_start), _own(), rays
+    more, terms = sensors + 1, RAYS + 1
     run_together = device(together.run_together, (*swaps, (together.meet, _meet)))
 
     def simulate(world: Any, nets: Any, work: Any, batch: Any) -> None:
@@ -152,10 +156,17 @@ def trials(rays: tuple[int, int], swaps: Swaps) -> Any:
                 cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
                 cuda.local.array(1, numba.int64), cuda.local.array(1, numba.uint64),
             )  # fmt: skip
+            group = cuda.threadIdx.x // GROUP
+            common = Common(
+                cuda.shared.array((GROUPS, sensors, 6), d)[group],
+                cuda.shared.array((GROUPS, sensors), numba.int32)[group],
+                cuda.shared.array((GROUPS, more), numba.int32)[group],
+                cuda.shared.array((GROUPS, sensors, terms), d)[group],
+            )
             if lane == 0:
                 draw_start(world.task, batch.streams[t], mine.start)
             path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-            run_together(world, nets, batch.which[t], batch.streams[t], lane, GROUP, mine, rays, path)
+            run_together(world, nets, batch.which[t], batch.streams[t], lane, GROUP, mine, rays, common, path)
 
     named = [(one.py_func.__name__, getattr(other, "__name__", "")) for one, other in swaps]
     return _kept(cuda.jit(simulate if SIMULATED else carry_out), rays, named)
@@ -225,16 +236,27 @@ def _kept(made: Any, *facts: object) -> Any:
 
 
 @contextmanager
-def unfused() -> Iterator[None]:
-    """Compile without fusing multiplications and additions: NVVM has a switch, numba-cuda passes none on."""
-    from numba.cuda.cudadrv import nvvm
+def lean() -> Iterator[None]:
+    """Compile for a GPU as numba-cuda does not offer to.
 
-    compile_ir = nvvm.compile_ir
+    Multiplications and additions are not fused: NVVM has a switch for that. No index counts from an array's
+    end, as negative ones otherwise do: steps have none.
+    """
+    from numba.cuda.cudadrv import nvvm
+    from numba.cuda.np import arrayobj
+
+    compile_ir, fix_index = nvvm.compile_ir, arrayobj.fix_integer_index
     nvvm.compile_ir = lambda ir, **options: compile_ir(ir, **{**options, "fma": False})
+    arrayobj.fix_integer_index = _as_it_is
     try:
         yield
     finally:
-        nvvm.compile_ir = compile_ir
+        nvvm.compile_ir, arrayobj.fix_integer_index = compile_ir, fix_index
+
+
+def _as_it_is(context: Any, builder: Any, kind: Any, index: Any, _size: Any) -> Any:
+    """An index as a number of the width of a pointer."""
+    return context.cast(builder, index, kind, types.intp if kind.signed else types.uintp)
 
 
 def _own() -> Callable[[Work, int], Work]:
