@@ -1,7 +1,7 @@
-"""Sensors ray by ray, without arrays: for a GPU, whose registers are many and whose memory is far.
+"""Sensors ray by ray, without rows of rays: for a GPU, whose threads share the rays of all sensors.
 
-The same steps as in infrared.py, geometry.py and light.py, for surfaces that reflect alike; so the bits are
-the same.
+The same steps as in infrared.py, geometry.py and light.py, for surfaces of the usual reflectance; so the bits
+are the same.
 """
 
 import math
@@ -37,29 +37,26 @@ from realitygap.kernels.shade import circle_blocks, covers, segment_blocks
 
 
 @step
-def to_walls(walls, x, y):
-    """1/d along (x, y) to the outer walls."""
-    across, along = meet_walls(walls, x, y)
-    return max(across, along)
-
-
-@step
-def returned(robot, k, i, inverse):
+def returned(robot, k, i, inverse, incidence):
     """What ray `i` of proximity sensor `k` returns, measured or printed."""
+    matt = robot.proximity_lambertian > 0.0
     if robot.proximity_curve.shape[1] > 0:
-        return robot.proximity_weight[k, i] * thrown_back(robot, k, inverse)
+        light = robot.proximity_weight[k, i] * thrown_back(robot, k, inverse)
+        return light * incidence if matt else light
     offset = robot.proximity_offset[k]
     if offset != 0.0:
         inverse = inverse / (1.0 + offset * inverse)
-    return robot.proximity_weight[k, i] * (robot.proximity_a[k] * (inverse * inverse) + robot.proximity_b[k])
+    light = robot.proximity_a[k] * (inverse * inverse)
+    return robot.proximity_weight[k, i] * ((light * incidence if matt else light) + robot.proximity_b[k])
 
 
 @step
-def overlapping(robot, k, inverse):
+def overlapping(robot, k, inverse, incidence):
     """What a measured sensor's beams return less, by its middle ray."""
     if robot.proximity_curve.shape[1] == 0 or robot.proximity_overlap <= 0.0:
         return 0.0
-    return robot.proximity_overlap * thrown_back(robot, k, inverse * robot.proximity_cone)
+    overlap = robot.proximity_overlap * thrown_back(robot, k, inverse * robot.proximity_cone)
+    return overlap * incidence if robot.proximity_lambertian > 0.0 else overlap
 
 
 @step
@@ -86,22 +83,36 @@ def notices(robot, arena, k, work):
 
 
 @step
-def shorten(arena, px, py, x, y, inverse):
-    """1/d from (px, py) along (x, y) to whatever is nearest, `inverse` being that to the outer walls.
+def met_by(arena, place, x, y, matt):
+    """1/d along (x, y) from a sensor's place to whatever is nearest, and, if that is matt, the cosine of
+    incidence.
 
     A root and a division only where the ray meets a cylinder.
     """
+    across, along = meet_walls(Walls(place[2], place[3], place[4], place[5]), x, y)
+    found, incidence = max(across, along), abs(x) if across >= along else abs(y)
     for j in range(arena.cylinders.shape[0]):
-        qx, qy, radius = arena.cylinders[j, 0] - px, arena.cylinders[j, 1] - py, arena.cylinders[j, 2]
+        qx, qy, radius = (
+            arena.cylinders[j, 0] - place[0],
+            arena.cylinders[j, 1] - place[1],
+            arena.cylinders[j, 2],
+        )
         if meets_circle(qx, qy, radius, x, y):
             square, inverse_square = facing_circle(qx, qy, radius)
-            inverse = max(inverse, meet_circle(qx, qy, square, inverse_square, x, y)[0])
+            met, half = meet_circle(qx, qy, square, inverse_square, x, y)
+            if matt:
+                incidence = min(half * (1.0 / radius), 1.0) if met > found else incidence
+            found = max(found, met)
     for j in range(arena.segments.shape[0]):
-        ax, ay = arena.segments[j, 0] - px, arena.segments[j, 1] - py
-        bx, by = arena.segments[j, 2] - px, arena.segments[j, 3] - py
-        sign, inverse_area, _ = facing_segment(ax, ay, bx, by)
-        inverse = max(inverse, meet_segment(ax, ay, bx, by, sign, inverse_area, x, y)[0])
-    return inverse
+        ax, ay = arena.segments[j, 0] - place[0], arena.segments[j, 1] - place[1]
+        bx, by = arena.segments[j, 2] - place[0], arena.segments[j, 3] - place[1]
+        sign, inverse_area, length = facing_segment(ax, ay, bx, by)
+        met, through = meet_segment(ax, ay, bx, by, sign, inverse_area, x, y)
+        if matt:
+            cosine = abs(through) * (1.0 / max(length, TOUCHING))
+            incidence = cosine if met > found else incidence
+        found = max(found, met)
+    return found, incidence
 
 
 @step
@@ -112,28 +123,31 @@ def meets_circle(qx, qy, radius, x, y):
 
 
 @step
+def stand_between(arena, spot, place):
+    """Store where a sensor is, and the reciprocals of its distances from the outer walls."""
+    walls = walls_round(arena, spot)
+    place[0], place[1] = spot.x, spot.y
+    place[2], place[3], place[4], place[5] = walls.west, walls.south, walls.east, walls.north
+
+
+@step
 def look_out(robot, arena, k, work, common):
-    """Of proximity sensor `k`: whether it notices anything, and then where it is between the outer walls."""
+    """Whether proximity sensor `k` notices anything, and then where it is."""
     common.noticed[k] = 0
     if notices(robot, arena, k, work):
-        spot = spot_of(robot, k, work)
-        walls, place = walls_round(arena, spot), common.places[k]
         common.noticed[k] = 1
-        place[0], place[1] = spot.x, spot.y
-        place[2], place[3], place[4], place[5] = walls.west, walls.south, walls.east, walls.north
+        stand_between(arena, spot_of(robot, k, work), common.places[k])
 
 
 @step
 def follow_ray(robot, arena, k, i, work, common):
     """What ray `i` of such a sensor returns, and what its beams overlap by."""
     place, ray = common.places[k], robot.proximity_ray
-    spot = Spot(place[0], place[1], work.pose[3], work.pose[4])
-    walls = Walls(place[2], place[3], place[4], place[5])
-    x, y = turned(spot, ray[k, 0, i], ray[k, 1, i])
-    inverse = shorten(arena, spot.x, spot.y, x, y, to_walls(walls, x, y))
-    common.terms[k, i] = returned(robot, k, i, inverse)
+    x, y = turned(Spot(place[0], place[1], work.pose[3], work.pose[4]), ray[k, 0, i], ray[k, 1, i])
+    inverse, incidence = met_by(arena, place, x, y, robot.proximity_lambertian > 0.0)
+    common.terms[k, i] = returned(robot, k, i, inverse, incidence)
     if i == RAYS // 2:
-        common.terms[k, RAYS] = overlapping(robot, k, inverse)
+        common.terms[k, RAYS] = overlapping(robot, k, inverse, incidence)
 
 
 @step
@@ -145,12 +159,6 @@ def take_up(robot, k, common):
     if measured:
         return respond(robot.proximity_curve, k, robot.proximity_knee, total)
     return min(max(total, 0.0), robot.proximity_top)
-
-
-@step
-def nearest(arena, spot, x, y):
-    """1/d from a place along (x, y) to whatever is nearest."""
-    return shorten(arena, spot.x, spot.y, x, y, to_walls(walls_round(arena, spot), x, y))
 
 
 @step
@@ -166,18 +174,19 @@ def hidden_at(arena, px, py, lx, ly, hidden):
 
 
 @step
-def light_at(robot, arena, lamp, body, px, py, facing, least):
+def light_at(robot, arena, lamp, work, place, facing, least):
     """As light_on_places, at one place: of a sensor that is `facing` some way, or, if that is (0, 0), on a
     surface, which the robot's body may shade."""
     on_surface = facing[0] == 0.0 and facing[1] == 0.0
+    (px, py), x, y = place, work.pose[0], work.pose[1]
     light, far = arena.lamp_offset[lamp], 0.0
     for p in range(LAMP_POINTS):
         lx, ly = arena.lamp_points[lamp, p, 0], arena.lamp_points[lamp, p, 1]
         ex, ey = lx - px, ly - py
         far += math.sqrt(ex * ex + ey * ey)
         if on_surface:
-            hidden = circle_blocks(body.x - px, body.y - py, ex, ey, robot.radius)
-            hidden = 1.0 if covers(body.x - lx, body.y - ly, robot.radius) else hidden
+            hidden = circle_blocks(x - px, y - py, ex, ey, robot.radius)
+            hidden = 1.0 if covers(x - lx, y - ly, robot.radius) else hidden
         else:
             hidden = 0.0 if ex * facing[0] + ey * facing[1] >= 0.0 else 1.0
         light += arena.lamp_weights[lamp, p] * (1.0 - hidden_at(arena, px, py, lx, ly, hidden))
@@ -186,38 +195,36 @@ def light_at(robot, arena, lamp, body, px, py, facing, least):
 
 
 @step
-def reflected_by(robot, arena, lamp, body, spot, i, each, work):
-    """Light of a lamp that ray `i` of the only ambient sensor brings."""
-    if i >= each:
-        return 0.0
-    x, y = turned(spot, work.all_fans[0, i], work.all_fans[1, i])
-    inverse = nearest(arena, spot, x, y)
-    d = (1.0 - GRAZE) / inverse
-    light = light_at(robot, arena, lamp, body, spot.x + x * d, spot.y + y * d, (0.0, 0.0), 0.0)
-    return light * (work.all_fans[2, i] * (inverse * inverse))
+def stand_about(robot, arena, k, work, common):
+    """Where ambient sensor `k` is, and no light yet."""
+    view = look(robot, k, work)
+    stand_between(arena, Spot(view.x, view.y, work.pose[3], work.pose[4]), common.places[k])
+    for i in range(RAYS + 1):
+        common.terms[k, i] = 0.0
 
 
 @step
-def illuminate_alone(robot, arena, _enough, work, out):
-    """As ambient.illuminate for a robot with one ambient sensor and the printed law."""
-    body = Spot(work.pose[0], work.pose[1], work.pose[3], work.pose[4])
-    view, each = look(robot, 0, work), rays_of_fan(robot, work)
-    spot = Spot(view.x, view.y, body.cos, body.sin)
-    out[0] = 0.0
-    for lamp in range(arena.lamp_points.shape[0]):
-        first, second, total = 0.0, 0.0, 0.0
-        for i in range(RAYS // 2):
-            pair = reflected_by(robot, arena, lamp, body, spot, i, each, work)
-            pair += reflected_by(robot, arena, lamp, body, spot, RAYS - 1 - i, each, work)
-            if i == 0:
-                first = pair
-            elif i == 1:
-                first += pair
-            elif i == 2:
-                second = pair
-            elif i == 3:
-                second += pair
-            else:
-                total = (first + second) + pair
-        direct = light_at(robot, arena, lamp, body, view.x, view.y, (view.ahead_x, view.ahead_y), 1e-3)
-        out[0] += direct + total
+def follow_light(robot, arena, lamp, k, i, work, common):
+    """Light of a lamp that ray `i` of ambient sensor `k` brings; after the last ray, what falls on it."""
+    place, each = common.places[k], rays_of_fan(robot, work)
+    spot, last = (place[0], place[1]), i == each
+    facing, weight, least = (0.0, 0.0), 1.0, 0.0
+    if last:
+        view = look(robot, k, work)
+        facing, least = (view.ahead_x, view.ahead_y), 1e-3
+    else:
+        row = k * each + i
+        heading = Spot(place[0], place[1], work.pose[3], work.pose[4])
+        x, y = turned(heading, work.all_fans[0, row], work.all_fans[1, row])
+        inverse, _ = met_by(arena, place, x, y, False)
+        d = (1.0 - GRAZE) / inverse
+        spot = (place[0] + x * d, place[1] + y * d)
+        weight = work.all_fans[2, row] * (inverse * inverse)
+    light = light_at(robot, arena, lamp, work, spot, facing, least)
+    common.terms[k, RAYS if last else i] = light if last else light * weight
+
+
+@step
+def take_in(k, common):
+    """Light of a lamp on ambient sensor `k`."""
+    return common.terms[k, RAYS] + added(common.terms[k])

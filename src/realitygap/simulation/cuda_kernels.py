@@ -27,7 +27,6 @@ from realitygap.kernels import (
     light,
     light_beyond,
     outline,
-    raywise,
     together,
     trial,
 )
@@ -104,19 +103,17 @@ def swapped(cores: Cores) -> Swaps:
     And those that go ray by ray instead, where surfaces reflect alike.
     """
     robot, feed = cores.robot, cores.trial.feed
-    dark, near = feed == trial.PROXIMITY, feed == trial.AMBIENT
+    seen, lit = feed != trial.AMBIENT, feed != trial.PROXIMITY
+    beyond = light_beyond.goes_beyond.py_func(robot)
     found: dict[Dispatcher, Callable[..., Any]] = {}
-    if dark:
-        found[ambient.ambient] = _nothing
-    if near:
-        found[infrared.infrared] = _nothing
-    alike, beyond = not len(cores.arena.reflectance), light_beyond.goes_beyond.py_func(robot)
-    if feed == trial.PROXIMITY and alike and robot.proximity_lambertian == 0.0:
+    if not seen:
+        found |= {infrared.infrared: _nothing, together.sense_near: _nothing}
+    if not lit:
+        found |= {ambient.ambient: _nothing, together.sense_light: _nothing}
+    if not len(cores.arena.reflectance) and not (lit and (beyond or len(robot.outline))):
         found[together.sense_together] = together.sense_by_rays
     if not beyond:
         found[light_beyond.illuminate_beyond] = _nothing
-    if alike and not beyond and not len(robot.outline):
-        found[ambient.illuminate] = raywise.illuminate_alone
     if not robot.proximity_curve.shape[1]:
         found[infrared.gathered] = _none
     if not len(robot.outline):
