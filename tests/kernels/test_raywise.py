@@ -14,7 +14,7 @@ from realitygap.kernels.light import rays_of_fan
 from realitygap.kernels.light_beyond import goes_beyond
 from realitygap.kernels.params import RAYS
 from realitygap.kernels.raywise import follow_light, follow_ray, look_out, stand_about, take_in, take_up
-from realitygap.kernels.together import common_room
+from realitygap.kernels.shared_rays import common_room
 from realitygap.kernels.trial import stand
 from realitygap.world.profile import load_profile
 from tests.kernels.scenes import PAPER, full_room, random_pose, random_scenes, work_for

@@ -14,25 +14,27 @@ from realitygap.kernels.jit import kernel, step
 from realitygap.kernels.light_beyond import goes_beyond
 from realitygap.kernels.network import PAST, ROWS, is_still, keep_past
 from realitygap.kernels.params import MAX_DELAY, UPDATES, Path
-from realitygap.kernels.together import (
-    Own,
-    act_share,
+from realitygap.kernels.shared_rays import (
     answer_share,
-    arrive_share,
     common_room,
-    draw_share,
-    feed_share,
     follow_share,
-    keep_share,
-    lanes_of_rays,
     light_share,
     list_shared,
     look_share,
     read_share,
-    run_together,
-    sense_share,
     stand_share,
     take_share,
+)
+from realitygap.kernels.together import (
+    Own,
+    act_share,
+    arrive_share,
+    draw_share,
+    feed_share,
+    keep_share,
+    lanes_of_rays,
+    run_together,
+    sense_share,
     update_share,
 )
 from realitygap.kernels.trial import begin, draw_start, move, near_fed, note

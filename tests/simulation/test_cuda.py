@@ -47,7 +47,7 @@ if importlib.util.find_spec("numba_cuda") is None:
 from numba import cuda
 
 from realitygap.simulation import cuda as engine
-from realitygap.simulation import cuda_kernels
+from realitygap.simulation import cuda_code, cuda_kernels
 
 HERE = pytest.mark.skipif(not cuda.is_available(), reason="no NVIDIA GPU here")
 PAPER = load_profile("paper")
@@ -67,7 +67,7 @@ OWN = """
 """
 
 
-@pytest.fixture(autouse=cuda_kernels.SIMULATED)
+@pytest.fixture(autouse=cuda_code.SIMULATED)
 def patient_simulator(monkeypatch):
     """The simulator waits for its threads. Left alone it polls each of them in a busy loop."""
     from numba.cuda.simulator.kernel import BlockThread
@@ -77,7 +77,7 @@ def patient_simulator(monkeypatch):
 
 @HERE
 class TestCuda(EngineContract):
-    exact = cuda_kernels.SIMULATED
+    exact = cuda_code.SIMULATED
 
     def made(self, task, profile, noise):
         return engine.Cuda(task, profile, noise)
@@ -111,7 +111,7 @@ def test_a_look_up_table_is_refused():
 @pytest.mark.parametrize("name", EngineContract.tasks)
 def test_scores_are_distributed_as_the_processors(name):
     """Trials on other streams: the same law; wheels a twentieth (a quarter) farther apart are found out."""
-    trials, share = (1000, 1.25) if cuda_kernels.SIMULATED else (10_000, 1.05)
+    trials, share = (1000, 1.25) if cuda_code.SIMULATED else (10_000, 1.05)
     wrong = replace(PAPER, wheels=replace(PAPER.wheels, track_cm=share * PAPER.wheels.track_cm))
     expected = scores(Cores, PAPER, 1, trials, name)
     assert ks_2samp(scores(engine.Cuda, PAPER, 2, trials, name), expected).pvalue > NEVER
@@ -127,7 +127,7 @@ def test_tracks_begin_as_the_processors(name):
     ways = (make(task, PAPER, 1.0).tracks(nets, streams.reshape(20, 2)) for make in (engine.Cuda, Cores))
     for found, expected in zip(*ways, strict=True):
         assert np.allclose(
-            found[..., :10], expected[..., :10], rtol=0, atol=0 if cuda_kernels.SIMULATED else 1e-6
+            found[..., :10], expected[..., :10], rtol=0, atol=0 if cuda_code.SIMULATED else 1e-6
         )
 
 
@@ -172,7 +172,7 @@ def exact_parts() -> tuple[Any, tuple[Any, ...]]:
 
 
 @HERE
-@pytest.mark.skipif(not cuda_kernels.SIMULATED, reason="on a GPU other scores may lead elsewhere")
+@pytest.mark.skipif(not cuda_code.SIMULATED, reason="on a GPU other scores may lead elsewhere")
 def test_runs_side_by_side_are_the_study_of_the_cores(tmp_path):
     """Every table, genotype and checkpoint of six runs, one of which goes on from a checkpoint."""
     asked = small(runs=3)
@@ -212,7 +212,7 @@ def test_without_a_gpu_one_message_says_the_cure(monkeypatch, tmp_path):
         Simulation("obstacle-avoidance", PAPER, engine="cuda")
 
 
-@pytest.mark.skipif(cuda_kernels.SIMULATED, reason="the simulator needs less of NumPy")
+@pytest.mark.skipif(cuda_code.SIMULATED, reason="the simulator needs less of NumPy")
 def test_a_numpy_that_is_too_new_is_named(monkeypatch):
     """numba-cuda ends in an AttributeError with it."""
     monkeypatch.setattr(np, "__version__", "2.5.2")
@@ -233,7 +233,7 @@ def test_all_of_it_holds_in_the_simulator():
 @pytest.fixture
 def compiler(monkeypatch):
     """numba-cuda's compiler for the oldest GPU, whatever is here."""
-    if cuda_kernels.SIMULATED:
+    if cuda_code.SIMULATED:
         pytest.skip("the simulator does not compile")
     if np.lib.NumpyVersion(np.__version__) >= engine.TOO_NEW:
         pytest.skip(f"numba-cuda cannot be loaded with NumPy {np.__version__}")
@@ -257,18 +257,21 @@ def compiler(monkeypatch):
 
 
 def test_trials_compile_for_a_gpu(monkeypatch, compiler):
-    """The engine's kernel becomes a GPU's assembler: it allocates nothing and fuses nothing."""
+    """A kernel becomes a GPU's assembler: it allocates nothing, fuses nothing and unrolls nothing."""
     monkeypatch.setattr(engine, "require_gpu", lambda: None)
     monkeypatch.setattr(engine, "_placed", lambda value: value)
     made = engine.Cuda(load_task("obstacle-avoidance").of(PAPER), PAPER, 1.0)
     nets, paths = halves.quiet(), np.zeros((32, 6, made.cores.trial.steps))
     batch = engine.Batch(np.zeros(32, np.int64), np.zeros(32, np.uint64), paths, np.zeros((32, 2)))
-    with cuda_kernels.lean():
-        trial = compiler(made._trials.py_func, made.cores.world, nets, made._scratch(nets, 32), batch)
-        score = compiler(cuda_kernels.scoring(made.cores.score.compiled).py_func, made.cores.room, batch)
+    judge = cuda_kernels.scoring(made.cores.score.compiled).made.py_func
+    with cuda_code.compiling(small=True):
+        trial = compiler(made._trials.made.py_func, made.cores.world, nets, made._scratch(nets, 32), batch)
+    with cuda_code.compiling(small=False):
+        score = compiler(judge, made.cores.room, batch)
         parts = compiler(*exact_parts())
     for text in (trial, score, parts):
         assert ".entry" in text
         assert "NRT_" not in text and "malloc" not in text and "fma." not in text
-    fused = compiler(cuda_kernels.scoring(made.cores.score.compiled).py_func, made.cores.room, batch)
+    assert "nounroll" in trial and "bar.sync" in trial
+    fused = compiler(judge, made.cores.room, batch)
     assert "fma." in fused

@@ -39,15 +39,17 @@ from realitygap.kernels.shade import circle_blocks, covers, segment_blocks
 @step
 def returned(robot, k, i, inverse, incidence):
     """What ray `i` of proximity sensor `k` returns, measured or printed."""
-    matt = robot.proximity_lambertian > 0.0
+    lambertian = robot.proximity_lambertian > 0.0
     if robot.proximity_curve.shape[1] > 0:
         light = robot.proximity_weight[k, i] * thrown_back(robot, k, inverse)
-        return light * incidence if matt else light
+        return light * incidence if lambertian else light
     offset = robot.proximity_offset[k]
     if offset != 0.0:
         inverse = inverse / (1.0 + offset * inverse)
     light = robot.proximity_a[k] * (inverse * inverse)
-    return robot.proximity_weight[k, i] * ((light * incidence if matt else light) + robot.proximity_b[k])
+    return robot.proximity_weight[k, i] * (
+        (light * incidence if lambertian else light) + robot.proximity_b[k]
+    )
 
 
 @step
@@ -83,9 +85,9 @@ def notices(robot, arena, k, work):
 
 
 @step
-def met_by(arena, place, x, y, matt):
-    """1/d along (x, y) from a sensor's place to whatever is nearest, and, if that is matt, the cosine of
-    incidence.
+def met_by(arena, place, x, y, lambertian):
+    """1/d along (x, y) from a sensor's place to whatever is nearest, and, if surfaces are
+    Lambertian, the cosine of incidence.
 
     A root and a division only where the ray meets a cylinder.
     """
@@ -100,7 +102,7 @@ def met_by(arena, place, x, y, matt):
         if meets_circle(qx, qy, radius, x, y):
             square, inverse_square = facing_circle(qx, qy, radius)
             met, half = meet_circle(qx, qy, square, inverse_square, x, y)
-            if matt:
+            if lambertian:
                 incidence = min(half * (1.0 / radius), 1.0) if met > found else incidence
             found = max(found, met)
     for j in range(arena.segments.shape[0]):
@@ -108,7 +110,7 @@ def met_by(arena, place, x, y, matt):
         bx, by = arena.segments[j, 2] - place[0], arena.segments[j, 3] - place[1]
         sign, inverse_area, length = facing_segment(ax, ay, bx, by)
         met, through = meet_segment(ax, ay, bx, by, sign, inverse_area, x, y)
-        if matt:
+        if lambertian:
             cosine = abs(through) * (1.0 / max(length, TOUCHING))
             incidence = cosine if met > found else incidence
         found = max(found, met)

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.kernels.ambient import ambient, answer
+from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import step
-from realitygap.kernels.light import rays_of_fan
 from realitygap.kernels.network import (
     DELAY,
     LIMIT,
@@ -23,8 +22,7 @@ from realitygap.kernels.network import (
     WEIGHT,
     is_still,
 )
-from realitygap.kernels.params import LANES, MAX_DELAY, RAYS, UPDATES, F, Robot
-from realitygap.kernels.raywise import follow_light, follow_ray, look_out, stand_about, take_in, take_up
+from realitygap.kernels.params import LANES, MAX_DELAY, UPDATES, F, Robot
 from realitygap.kernels.rng import normal_pair
 from realitygap.kernels.trial import (
     AMBIENT,
@@ -44,9 +42,6 @@ Own = namedtuple(
     "Own", "ray_x ray_y inverse terms light far hidden end_x end_y normal_x normal_y incidence noticed listed"
 )
 """Fields of Work that each thread needs for itself: room for the rays of one sensor."""
-Common = namedtuple("Common", "places noticed listed terms")
-"""What threads share of proximity sensors: places [P, 6] between the outer walls; marks [P] and numbers
-[P + 1] of those that notice anything; what their rays return and their beams overlap by [P, RAYS + 1]."""
 
 
 def _written(name: str, given: str, made: type, values: dict[str, str]) -> Any:
@@ -85,12 +80,6 @@ def lanes_of_rays(work: Work, robot: Robot) -> tuple[int, int]:
     return light, light + LANES
 
 
-def common_room(sensors: int) -> Common:
-    """Room for what threads share of so many proximity sensors."""
-    marks, numbers = np.zeros(sensors, np.int32), np.zeros(sensors + 1, np.int32)
-    return Common(np.zeros((sensors, 6)), marks, numbers, np.zeros((sensors, RAYS + 1)))
-
-
 @step
 def meet(lane, group):
     """Wait until all threads of the group are here: nothing to do for a single one."""
@@ -104,112 +93,6 @@ def draw_share(world, stream, k, lane, group, work):
         first = DRAWS * noise_blocks(work.readings.shape[0]) * (k + 1)
         for i in range(lane, half, group):
             work.noise[i], work.noise[half + i] = normal_pair(stream, first + i)
-
-
-@step
-def look_share(world, lane, group, work, common):
-    """This thread's share of the proximity sensors that look whether they notice anything."""
-    for k in range(lane, near_fed(world.robot, world.task.feed), group):
-        look_out(world.robot, world.arena, k, work, common)
-
-
-@step
-def list_shared(near, lane, common):
-    """List those of so many sensors that do, and their number in the last place: one thread alone."""
-    if lane == 0:
-        count = 0
-        for k in range(near):
-            if common.noticed[k] == 1:
-                common.listed[count] = k
-                count += 1
-        common.listed[common.noticed.shape[0]] = count
-
-
-@step
-def follow_share(world, lane, group, work, common):
-    """This thread's share of their rays."""
-    for n in range(lane, common.listed[common.noticed.shape[0]] * RAYS, group):
-        follow_ray(world.robot, world.arena, common.listed[n // RAYS], n % RAYS, work, common)
-
-
-@step
-def read_share(world, lane, group, work, common):
-    """This thread's share of the proximity sensors that read what their rays return."""
-    robot, speed = world.robot, wheels_speed(work)
-    for k in range(lane, near_fed(robot, world.task.feed), group):
-        work.readings[k] = take_up(robot, k, common)
-        part, out = part_of(robot, k, 0), work.readings[k : k + 1]
-        read(part, PROXIMITY, world.level, speed, work.noise[k:], out)
-
-
-@step
-def stand_share(world, lane, group, work, common):
-    """This thread's share of the ambient sensors that find where they are."""
-    near = near_fed(world.robot, world.task.feed)
-    for k in range(lane, work.readings.shape[0] - near, group):
-        stand_about(world.robot, world.arena, k, work, common)
-        work.readings[near + k] = 0.0
-
-
-@step
-def light_share(world, lamp, lane, group, work, common):
-    """This thread's share of the ways in which a lamp's light reaches them."""
-    ways = rays_of_fan(world.robot, work) + 1
-    sensors = work.readings.shape[0] - near_fed(world.robot, world.task.feed)
-    for n in range(lane, ways * sensors, group):
-        follow_light(world.robot, world.arena, lamp, n // ways, n % ways, work, common)
-
-
-@step
-def take_share(world, lane, group, work, common):
-    """This thread's share of the ambient sensors that take in a lamp's light."""
-    near = near_fed(world.robot, world.task.feed)
-    for k in range(lane, work.readings.shape[0] - near, group):
-        work.readings[near + k] += take_in(k, common)
-
-
-@step
-def answer_share(world, lane, group, work):
-    """This thread's share of the ambient sensors that read what light they have."""
-    robot, speed = world.robot, wheels_speed(work)
-    near, sensors = near_fed(robot, world.task.feed), max(robot.ambient_place.shape[0], 1)
-    for k in range(lane, work.readings.shape[0] - near, group):
-        part, out = part_of(robot, k, robot.ambient_ray.shape[0] // sensors), work.readings[near + k :][:1]
-        answer(part, out)
-        read(part, AMBIENT, world.level, speed, work.noise[near + k :], out)
-
-
-@step
-def sense_near(world, lane, group, work, common):
-    """As `sense`, the proximity sensors, where all surfaces have the usual reflectance: ray by ray."""
-    look_share(world, lane, group, work, common)
-    meet(lane, group)
-    list_shared(near_fed(world.robot, world.task.feed), lane, common)
-    meet(lane, group)
-    follow_share(world, lane, group, work, common)
-    meet(lane, group)
-    read_share(world, lane, group, work, common)
-
-
-@step
-def sense_light(world, lane, group, work, common):
-    """As `sense`, the ambient sensors, by the printed law: ray by ray."""
-    meet(lane, group)
-    stand_share(world, lane, group, work, common)
-    meet(lane, group)
-    for lamp in range(world.arena.lamp_points.shape[0]):
-        light_share(world, lamp, lane, group, work, common)
-        meet(lane, group)
-        take_share(world, lane, group, work, common)
-        meet(lane, group)
-    answer_share(world, lane, group, work)
-
-
-@step
-def sense_by_rays(world, lane, group, work, own, common):
-    """As `sense_together`, ray by ray."""
-    sense_near(world, lane, group, work, common)
-    sense_light(world, lane, group, work, common)
 
 
 @step

@@ -20,7 +20,15 @@ from realitygap.kernels import halves
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.together import Own, lanes_of_rays
 from realitygap.kernels.work import Work, new_work
-from realitygap.simulation.cuda_kernels import GROUP, SHARED, SIMULATED, WARP, lean, scoring, swapped, trials
+from realitygap.simulation.cuda_code import SIMULATED, Kernel, compiling
+from realitygap.simulation.cuda_kernels import (
+    GROUP,
+    GROUPS,
+    SHARED,
+    scoring,
+    swapped,
+    trials,
+)
 from realitygap.simulation.engine import Cores, Streams
 from realitygap.tasks.task import Task
 from realitygap.values import Floats
@@ -85,7 +93,9 @@ class Cuda:
     def tracks(self, networks: Networks, streams: Streams) -> Path:
         """As `Engine` has it."""
         with _SIMULATOR:
-            found = [self._fetched(batch.paths) for batch in self._launched(networks, streams)]
+            found = [
+                self._fetched(batch.paths)[: len(batch.which)] for batch in self._launched(networks, streams)
+            ]
         paths = np.concatenate(found) if found else np.empty((0, len(Path._fields), self.cores.trial.steps))
         self.cores.require_finite_path(paths)
         return Path(*(paths[:, i].reshape(*streams.shape, -1) for i in range(len(Path._fields))))
@@ -109,7 +119,7 @@ class Cuda:
         return 0 if SIMULATED else cuda.stream()
 
     @cached_property
-    def _trials(self) -> Any:
+    def _trials(self) -> Kernel:
         cores = self.cores
         rays = lanes_of_rays(new_work(cores.robot, cores.trial, halves.quiet()), cores.robot)
         return trials((*rays, max(len(cores.robot.proximity_place), 1)), swapped(cores))
@@ -117,7 +127,7 @@ class Cuda:
     def _launched(self, networks: Networks, streams: Streams) -> Iterator[Batch]:
         """Trials as they are carried out, so many at a time as there is room for."""
         which, flat = self.cores.named(networks, streams)
-        most = max(WARP, MOST_BYTES // self._bytes(networks))
+        most = max(GROUPS, MOST_BYTES // self._bytes(networks))
         nets = Networks(*(self._there(name, array) for name, array in networks._asdict().items()))
         for first in range(0, len(flat), most):
             some = slice(first, first + most)
@@ -140,8 +150,8 @@ class Cuda:
         """Scratch of at least so many trials, a row for each."""
         size = _size(networks)
         kept = self._kept.get(size)
-        if kept is None or len(kept.pose) < count:
-            one, rows = self._one(networks), max(WARP, count)
+        if kept is None or len(kept.pose) < count + GROUPS:
+            one, rows = self._one(networks), count + GROUPS
             spread: dict[str, Any] = {
                 name: np.array(np.broadcast_to(array, (rows, *array.shape)), order="C")
                 for name, array in one._asdict().items() if name not in SHARED
@@ -153,7 +163,7 @@ class Cuda:
 
     def _run(self, nets: Any, which: NDArray[np.int64], streams: Streams, work: Work) -> Batch:
         """Carry out trials; their paths stay where they are until the next ones."""
-        count = len(which)
+        count = -(-len(which) // GROUPS) * GROUPS
         paths = self._room_for("paths", (count, len(Path._fields), self.cores.trial.steps))
         taken = self._room_for("taken", (count, 2))
         batch = Batch(self._there("which", which), self._there("streams", streams), paths, taken)
@@ -162,12 +172,12 @@ class Cuda:
 
     def _taken(self, batch: Batch) -> Floats:
         if self.cores.task.source is not None:
-            paths = self._fetched(batch.paths)
+            paths = self._fetched(batch.paths)[: len(batch.which)]
             self.cores.require_finite_path(paths)
             return self.cores.score.over(paths, self.cores.room)
         score = scoring(self.cores.score.compiled)
         _launch(score, self._stream, len(batch.which), self._room, batch)
-        taken = self._fetched(batch.taken)
+        taken = self._fetched(batch.taken)[: len(batch.which)]
         self.cores.require_finite_path(taken[:, 1])
         return taken[:, 0]
 
@@ -220,11 +230,11 @@ def require_gpu() -> None:
 _ONE_AT_A_TIME = Lock()
 
 
-def _launch(kernel: Any, stream: Any, threads: int, *given: Any) -> None:
-    """Start a kernel with so many threads."""
-    with _ONE_AT_A_TIME, lean(), warnings.catch_warnings():
+def _launch(kernel: Kernel, stream: Any, threads: int, *given: Any) -> None:
+    """Start a kernel with at least so many threads."""
+    with _ONE_AT_A_TIME, compiling(kernel.small), warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*Grid size")  # one run's batches are small; it may be in bold
-        kernel[(threads + WARP - 1) // WARP, WARP, stream](*given)
+        kernel.made[-(-threads // kernel.block), kernel.block, stream](*given)
 
 
 def _size(networks: Networks) -> tuple[int, int]:

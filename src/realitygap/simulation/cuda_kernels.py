@@ -5,21 +5,15 @@ do not use, and kept on file. Nothing reorders a sum and no multiplication is fu
 the GPU rounds where the processor does. Simulated launches call the processor's steps.
 """
 
-import hashlib
-import importlib.metadata
-import pickle
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from functools import cache
-from pathlib import Path as File
 from types import FunctionType
 from typing import Any
 
 import numba
-from numba import cuda, types
+from numba import cuda
 from numba.core.dispatcher import Dispatcher
 
-from realitygap import tasks
 from realitygap.kernels import (
     ambient,
     geometry,
@@ -27,24 +21,38 @@ from realitygap.kernels import (
     light,
     light_beyond,
     outline,
+    shared_rays,
     together,
     trial,
 )
 from realitygap.kernels.batch import run_trials
-from realitygap.kernels.jit import SHELF
 from realitygap.kernels.params import RAYS, Path
-from realitygap.kernels.together import Common, Own
+from realitygap.kernels.shared_rays import Common
+from realitygap.kernels.together import Own
 from realitygap.kernels.work import Work
+from realitygap.simulation.cuda_code import SIMULATED, Kernel, kept
 from realitygap.simulation.engine import Cores
 
-__all__ = ["GROUP", "SHARED", "SIMULATED", "WARP", "device", "lean", "scoring", "swapped", "trials"]
+__all__ = [
+    "BLOCK",
+    "GROUP",
+    "GROUPS",
+    "SHARED",
+    "device",
+    "scoring",
+    "swapped",
+    "trials",
+]
 
-SIMULATED = bool(numba.config.ENABLE_CUDASIM)
 GROUP = 1 if SIMULATED else 8
 """Threads that share a trial: as many as most robots have sensors of a kind."""
 WARP = 32
-"""Threads of a block: one warp, so that few trials spread over all of the GPU."""
-GROUPS = WARP // GROUP
+BLOCK = WARP if SIMULATED else 256
+"""Threads of a block, which carry out the same stage of a step at a time: what one of its warps fetched of
+the code is then there for the others. Fetching code is what takes longest."""
+GROUPS = BLOCK // GROUP
+REGISTERS = 128
+"""Of a thread: a multiprocessor has room for two such blocks."""
 SHARED = ("fan", "all_fans", "span", "bounds")
 """What of the scratch nobody writes."""
 Swaps = tuple[tuple[Dispatcher, Callable[..., Any]], ...]
@@ -93,8 +101,8 @@ def _stay(*_given: Any) -> tuple[float, float, float, bool]:
 
 
 def _meet(_lane: int, _group: int) -> None:
-    """Wait for the other threads of a group: here for those of the whole warp."""
-    cuda.syncwarp()
+    """Wait for the other threads of a group: here for those of the whole block."""
+    cuda.syncthreads()
 
 
 def swapped(cores: Cores) -> Swaps:
@@ -107,11 +115,11 @@ def swapped(cores: Cores) -> Swaps:
     beyond = light_beyond.goes_beyond.py_func(robot)
     found: dict[Dispatcher, Callable[..., Any]] = {}
     if not seen:
-        found |= {infrared.infrared: _nothing, together.sense_near: _nothing}
+        found |= {infrared.infrared: _nothing, shared_rays.sense_near: _nothing}
     if not lit:
-        found |= {ambient.ambient: _nothing, together.sense_light: _nothing}
+        found |= {ambient.ambient: _nothing, shared_rays.sense_light: _nothing}
     if not len(cores.arena.reflectance) and not (lit and (beyond or len(robot.outline))):
-        found[together.sense_together] = together.sense_by_rays
+        found[together.sense_together] = shared_rays.sense_by_rays
     if not beyond:
         found[light_beyond.illuminate_beyond] = _nothing
     if not robot.proximity_curve.shape[1]:
@@ -124,7 +132,7 @@ def swapped(cores: Cores) -> Swaps:
 
 
 @cache
-def trials(rays: tuple[int, int, int], swaps: Swaps) -> Any:
+def trials(rays: tuple[int, int, int], swaps: Swaps) -> Kernel:
     """The kernel that carries out a trial in each group of threads.
 
     Args:
@@ -144,39 +152,40 @@ def trials(rays: tuple[int, int, int], swaps: Swaps) -> Any:
     def carry_out(world: Any, nets: Any, work: Any, batch: Any) -> None:
         thread = cuda.grid(1)
         t, lane = thread // GROUP, thread % GROUP
-        if t < batch.which.shape[0]:
-            mine, p, d = own(work, t), batch.paths[t], numba.float64
-            rays = Own(
-                cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
-                cuda.local.array(wide, d), cuda.local.array(light, d), cuda.local.array(wide, d),
-                cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
-                cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
-                cuda.local.array(1, numba.int64), cuda.local.array(1, numba.uint64),
-            )  # fmt: skip
-            group = cuda.threadIdx.x // GROUP
-            common = Common(
-                cuda.shared.array((GROUPS, sensors, 6), d)[group],
-                cuda.shared.array((GROUPS, sensors), numba.int32)[group],
-                cuda.shared.array((GROUPS, more), numba.int32)[group],
-                cuda.shared.array((GROUPS, sensors, terms), d)[group],
-            )
-            if lane == 0:
-                draw_start(world.task, batch.streams[t], mine.start)
-            path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-            run_together(world, nets, batch.which[t], batch.streams[t], lane, GROUP, mine, rays, common, path)
+        mine, p, d = own(work, t), batch.paths[t], numba.float64
+        i = min(t, batch.which.shape[0] - 1)  # the last block is full, too: all its threads meet
+        rays = Own(
+            cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
+            cuda.local.array(wide, d), cuda.local.array(light, d), cuda.local.array(wide, d),
+            cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
+            cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
+            cuda.local.array(1, numba.int64), cuda.local.array(1, numba.uint64),
+        )  # fmt: skip
+        group = cuda.threadIdx.x // GROUP
+        common = Common(
+            cuda.shared.array((GROUPS, sensors, 6), d)[group],
+            cuda.shared.array((GROUPS, sensors), numba.int32)[group],
+            cuda.shared.array((GROUPS, more), numba.int32)[group],
+            cuda.shared.array((GROUPS, sensors, terms), d)[group],
+        )
+        n, stream, path = batch.which[i], batch.streams[i], Path(p[0], p[1], p[2], p[3], p[4], p[5])
+        if lane == 0:
+            draw_start(world.task, stream, mine.start)
+        run_together(world, nets, n, stream, lane, GROUP, mine, rays, common, path)
 
     named = [(one.py_func.__name__, getattr(other, "__name__", "")) for one, other in swaps]
-    return _kept(cuda.jit(simulate if SIMULATED else carry_out), rays, named)
+    made = cuda.jit(simulate) if SIMULATED else cuda.jit(carry_out, max_registers=REGISTERS)
+    return Kernel(kept(made, rays, named), BLOCK, small=True)
 
 
 @cache
-def scoring(score: Any) -> Any:
+def scoring(score: Any) -> Kernel:
     """The kernel that takes the score of each trial's path."""
     whose, score = (score.py_func.__module__, score.py_func.__qualname__), device(score)
 
     def take(room: Any, batch: Any) -> None:
         t = cuda.grid(1)
-        if t < batch.taken.shape[0]:
+        if t < batch.which.shape[0]:
             p = batch.paths[t]
             total = 0.0
             for i in range(p.shape[0]):
@@ -185,75 +194,7 @@ def scoring(score: Any) -> Any:
             batch.taken[t, 0] = score(Path(p[0], p[1], p[2], p[3], p[4], p[5]), room)
             batch.taken[t, 1] = total
 
-    return _kept(cuda.jit(take), whose)
-
-
-class _Entries:
-    """What numba-cuda asks for a kernel's machine code, one entry for each signature and kind of GPU.
-
-    Args:
-        name: the kernel's.
-        facts: what it is made of besides the text of kernels, tasks and this file.
-    """
-
-    def __init__(self, name: str, *facts: object) -> None:
-        texts = [File(__file__), *sorted(File(tasks.__file__).parent.glob("*.py"))]
-        known = repr((facts, importlib.metadata.version("numba-cuda"))).encode()
-        self._name, self._of = name, known + b"".join(text.read_bytes() for text in texts)
-
-    def load_overload(self, sig: Any, _target_context: Any) -> Any:
-        """What was compiled for a signature; None where it has to be compiled."""
-        from numba.cuda.dispatcher import _Kernel
-
-        content = SHELF.read(self._entry(sig))
-        if content is not None:
-            try:
-                return _Kernel._rebuild(**pickle.loads(content))
-            except Exception:  # whole, but not to be used: of another making
-                SHELF.refuse(self._entry(sig))
-        return None
-
-    def save_overload(self, sig: Any, made: Any) -> None:
-        """Keep what was compiled, if it can be."""
-        from numba.cuda.serialize import dumps
-
-        with suppress(pickle.PicklingError, TypeError, RuntimeError):
-            SHELF.write(self._entry(sig), dumps(made._reduce_states()))
-
-    def _entry(self, sig: Any) -> str:
-        facts = repr((sig, cuda.get_current_device().compute_capability)).encode()
-        return f"{self._name}-{hashlib.sha256(self._of + facts).hexdigest()[:24]}.cuda"
-
-
-def _kept(made: Any, *facts: object) -> Any:
-    """A kernel whose machine code is kept on file."""
-    if not SIMULATED:
-        made._cache = _Entries(made.py_func.__name__, *facts)
-    return made
-
-
-@contextmanager
-def lean() -> Iterator[None]:
-    """Compile for a GPU as numba-cuda does not offer to.
-
-    Multiplications and additions are not fused: NVVM has a switch for that. No index counts from an array's
-    end, as negative ones otherwise do: steps have none.
-    """
-    from numba.cuda.cudadrv import nvvm
-    from numba.cuda.np import arrayobj
-
-    compile_ir, fix_index = nvvm.compile_ir, arrayobj.fix_integer_index
-    nvvm.compile_ir = lambda ir, **options: compile_ir(ir, **{**options, "fma": False})
-    arrayobj.fix_integer_index = _as_it_is
-    try:
-        yield
-    finally:
-        nvvm.compile_ir, arrayobj.fix_integer_index = compile_ir, fix_index
-
-
-def _as_it_is(context: Any, builder: Any, kind: Any, index: Any, _size: Any) -> Any:
-    """An index as a number of the width of a pointer."""
-    return context.cast(builder, index, kind, types.intp if kind.signed else types.uintp)
+    return Kernel(kept(cuda.jit(take), whose), WARP, small=False)
 
 
 def _own() -> Callable[[Work, int], Work]:
