@@ -6,6 +6,7 @@ with its disk. Every pixel is the mean of 3 × 3 rays. Lengths in cm, angles in 
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -32,20 +33,37 @@ class Lens:
         turn, _ = cv2.Rodrigues(np.array(self.lean))
         return turn @ np.diag([1.0, -1.0, -1.0])
 
-    def rays(self, columns, rows):
-        """Directions in the room of the rays through pixels, [..., 3]."""
-        bent = np.stack([(columns - self.middle[0]) / self.focal, (rows - self.middle[1]) / self.focal], -1)
-        straight = bent.copy()
-        for _ in range(12):
-            square = (straight**2).sum(-1, keepdims=True)
-            a, b, c = self.bend
-            straight = bent / (1 + a * square + b * square**2 + c * square**3)
-        return np.concatenate([straight, np.ones_like(straight[..., :1])], -1) @ self.rotation()
+    @lru_cache(maxsize=2)  # noqa: B019
+    def rays(self):
+        """How far along x and along y each ray of the picture goes for a cm up, RAYS × RAYS a pixel,
+        [2, rows, columns]."""
+        width, height = self.size
+        made, turn, (a, b, c) = np.empty((2, height * RAYS, width * RAYS)), self.rotation(), self.bend
+        bent_x = (np.arange(width * RAYS) / RAYS + (0.5 / RAYS - 0.5) - self.middle[0]) / self.focal
+        for row in range(height * RAYS):
+            bent_y = (row / RAYS + (0.5 / RAYS - 0.5) - self.middle[1]) / self.focal
+            squares, square = bent_x**2 + bent_y**2, 0.0
+            for _ in range(12):
+                straightened = 1 / (1 + square * (a + square * (b + square * c)))
+                square = squares * straightened**2
+            x, y = bent_x * straightened, bent_y * straightened
+            up = x * turn[0, 2] + y * turn[1, 2] + turn[2, 2]
+            made[0, row] = (x * turn[0, 0] + y * turn[1, 0] + turn[2, 0]) / up
+            made[1, row] = (x * turn[0, 1] + y * turn[1, 1] + turn[2, 1]) / up
+        return made
 
-    def on_plane(self, directions, height):
-        """Where rays meet a plane above the floor, [..., 2]."""
-        far = (height - self.place[2]) / directions[..., 2]
-        return np.array(self.place[:2]) + directions[..., :2] * far[..., None]
+    def on_plane(self, part, height):
+        """Where the rays of a part of the picture meet a plane above the floor: x and y."""
+        x, y = self.rays()[:, *part]
+        up = height - self.place[2]
+        return self.place[0] + x * up, self.place[1] + y * up
+
+    def about(self, x, y, radius, height):
+        """The part of the picture's rays that has all that is so near to a place, and some more."""
+        corners = [self.pixel(x + i * radius, y + j * radius, height) for i in (-1, 1) for j in (-1, 1)]
+        (left, top), (right, bottom) = np.floor(np.min(corners, 0)) - 3, np.ceil(np.max(corners, 0)) + 4
+        width, rows = self.size
+        return part_of(*np.clip([left, top, right, bottom], 0, [width, rows, width, rows]).astype(int))
 
     def pixel(self, x, y, height):
         """Where a place is in the picture, px."""
@@ -86,6 +104,11 @@ class Scene:
         return replace(self, **changes)
 
 
+def part_of(left, top, right, bottom):
+    """Rows and columns of the rays of these pixels."""
+    return slice(top * RAYS, bottom * RAYS), slice(left * RAYS, right * RAYS)
+
+
 class Renderer:
     """Draws a scene's pictures; the still part once."""
 
@@ -110,13 +133,6 @@ class Renderer:
         image += self.random.normal(0, scene.noise, image.shape) if scene.noise else 0
         return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
-    def _fine(self, left, top, right, bottom):
-        """Directions of the rays of a part of the picture, RAYS × RAYS a pixel."""
-        offsets = (np.arange(RAYS) + 0.5) / RAYS - 0.5
-        columns = (np.arange(left, right)[:, None] + offsets).ravel()
-        rows = (np.arange(top, bottom)[:, None] + offsets).ravel()
-        return self.scene.lens.rays(*np.meshgrid(columns, rows))
-
     def _mean(self, fine):
         """The mean of each pixel's rays."""
         rows, columns = fine.shape
@@ -124,28 +140,24 @@ class Renderer:
 
     def _still(self):
         """Floor, walls, cylinders and their shadows."""
-        scene, (width, height) = self.scene, self.scene.lens.size
-        image = np.empty((height, width))
+        scene, lens = self.scene, self.scene.lens
         grain = cv2.GaussianBlur(self.random.normal(0, 1, (256, 256)), (0, 0), 1.5) * 30
-        for top in range(0, height, 40):  # in strips: the rays of a whole picture are many
-            bottom = min(top + 40, height)
-            rays = self._fine(0, top, width, bottom)
-            at = scene.lens.on_plane(rays, 0.0)
-            cell = np.floor(at / 0.35).astype(int) % 256
-            light = scene.floor * (1 - 0.004 * np.hypot(at[..., 0] - 20, at[..., 1] - 30))
-            fine = light + grain[cell[..., 1], cell[..., 0]]
-            for x, y, radius in scene.cylinders:
-                far = np.hypot(at[..., 0] - x - 2.0, at[..., 1] - y + 1.2) - radius
-                fine *= 1 - 0.45 / (1 + np.exp(far / 0.5))
-            outside = (at < 0).any(-1) | (at > scene.room).any(-1)
-            fine = np.where(outside, 70.0, fine)
-            for step in np.linspace(0, 5, 9):
-                top_of = scene.lens.on_plane(rays, step)
-                for x, y, radius in scene.cylinders:
-                    inside = (top_of[..., 0] - x) ** 2 + (top_of[..., 1] - y) ** 2 < radius**2
-                    fine = np.where(inside, 205.0 if step == 5 else 120.0, fine)
-            image[top:bottom] = self._mean(fine)
-        return image
+        x, y = lens.on_plane(part_of(0, 0, *lens.size), 0.0)
+        fine = scene.floor * (1 - 0.004 * np.sqrt((x - 20) ** 2 + (y - 30) ** 2))
+        fine += grain[np.floor(y / 0.35).astype(int) % 256, np.floor(x / 0.35).astype(int) % 256]
+        for cylinder_x, cylinder_y, radius in scene.cylinders:
+            middle = cylinder_x + 2.0, cylinder_y - 1.2
+            part = lens.about(*middle, radius + 10, 0.0)  # farther off is no shadow
+            far = np.hypot(x[part] - middle[0], y[part] - middle[1]) - radius
+            fine[part] *= 1 - 0.45 / (1 + np.exp(far / 0.5))
+        fine[(x < 0) | (y < 0) | (x > scene.room[0]) | (y > scene.room[1])] = 70.0
+        for step in np.linspace(0, 5, 9):
+            for cylinder_x, cylinder_y, radius in scene.cylinders:
+                part = lens.about(cylinder_x, cylinder_y, radius, step)
+                x, y = lens.on_plane(part, step)
+                inside = (x - cylinder_x) ** 2 + (y - cylinder_y) ** 2 < radius**2
+                fine[part][inside] = 205.0 if step == 5 else 120.0
+        return self._mean(fine)
 
     def _draw_robot(self, image, pose):
         """The robot's shadow, body and disk, in place."""
@@ -156,14 +168,14 @@ class Renderer:
         top, bottom = max(int(row) - reach, 0), min(int(row) + reach, image.shape[0])
         if right <= left or bottom <= top:
             return
-        rays = self._fine(left, top, right, bottom)
-        fine = np.kron(image[top:bottom, left:right], np.ones((RAYS, RAYS)))
-        at = scene.lens.on_plane(rays, 0.0)
-        fine *= 1 - 0.4 / (1 + np.exp((np.hypot(at[..., 0] - x - 1.0, at[..., 1] - y + 0.6) - 2.8) / 0.3))
+        part = part_of(left, top, right, bottom)
+        fine = image[top:bottom, left:right].repeat(RAYS, 0).repeat(RAYS, 1)
+        floor_x, floor_y = scene.lens.on_plane(part, 0.0)
+        fine *= 1 - 0.4 / (1 + np.exp((np.hypot(floor_x - x - 1.0, floor_y - y + 0.6) - 2.8) / 0.3))
         for step in np.linspace(0.3, 0.95 * scene.disk_height, 6):
-            at = scene.lens.on_plane(rays, step)
-            fine = np.where(np.hypot(at[..., 0] - x, at[..., 1] - y) < 2.9, 85.0, fine)
-        at = scene.lens.on_plane(rays, scene.disk_height) - (x, y)
+            body_x, body_y = scene.lens.on_plane(part, step)
+            fine[(body_x - x) ** 2 + (body_y - y) ** 2 < 2.9**2] = 85.0
+        at = np.stack(scene.lens.on_plane(part, scene.disk_height), -1) - (x, y)
         fine = self._tag(fine, at, heading) if scene.tag else self._disk(fine, at, heading)
         if scene.hidden:  # a cable's end: a strip over the disk's rear, so wide
             across = at[..., 0] * math.cos(heading) + at[..., 1] * math.sin(heading) + 1.1 + scene.hidden / 2

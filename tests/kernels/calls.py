@@ -2,10 +2,13 @@
 
 import numpy as np
 
+from realitygap.kernels.contact import settle
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.network import output, think, wake
 from realitygap.kernels.rng import below, bits, log, normals, sin_cos, substream, uniform
-from realitygap.kernels.trial import scale_input
+from realitygap.kernels.trial import PROXIMITY, read, scale_input
+from realitygap.kernels.wheels import turn_wheel
+from tests.kernels.scenes import MOTOR_NOISE
 
 
 @kernel
@@ -58,3 +61,26 @@ def scale_inputs(low, high, readings, inputs):
     for k in range(readings.shape[0]):
         for i in range(readings.shape[1]):
             inputs[k, i] = scale_input(low, high, readings[k, i])
+
+
+@kernel
+def turn(robot, wheel, targets, drags, slips, speeds):
+    """Speeds of a wheel through a sequence of targets."""
+    for k in range(speeds.shape[0]):
+        speeds[k] = turn_wheel(robot, wheel, targets[k], drags[k], slips[k])
+
+
+@kernel
+def read_often(robot, level, speed, motors, noise, readings):
+    """Readings of one proximity sensor, each as it would be without noise, under these motors' noise."""
+    for i in range(readings.shape[0]):
+        noise[MOTOR_NOISE] = motors[i]
+        read(robot, PROXIMITY, level, speed, noise, readings[i : i + 1])
+
+
+@kernel
+def slide(arena, radius, x, y, steps, ends):
+    """Where a disc is after each of some steps [n, 2], and whether it touched anything [n, 3]."""
+    for k in range(steps.shape[0]):
+        x, y, touched = settle(arena, radius, x, y, steps[k, 0], steps[k, 1])
+        ends[k, 0], ends[k, 1], ends[k, 2] = x, y, touched

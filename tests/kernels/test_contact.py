@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from realitygap.kernels.contact import ground_speeds, settle
 from realitygap.kernels.wheels import Arc, drive_arc
 from realitygap.world.arena import Arena, Cylinder
+from tests.kernels.calls import slide
 from tests.kernels.reference.motion import settle as slow_settle
 from tests.kernels.reference.rays import overlap
 from tests.kernels.reference.trial import move as slow_move
@@ -37,11 +38,11 @@ def test_agrees_with_the_reference():
         if pose is None:
             continue
         x, y, _ = pose
-        for _ in range(10):
-            dx, dy = random.uniform(-1.2, 1.2, 2)
-            expected = slow_settle(arena, RADIUS, x, y, dx, dy)
-            got = go(arena, x, y, dx, dy)
-            assert got == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        steps, ends = random.uniform(-1.2, 1.2, (10, 2)), np.zeros((10, 3))
+        slide(arena.to_kernel(), RADIUS, x, y, steps, ends)
+        for step, got in zip(steps, ends, strict=True):
+            expected = slow_settle(arena, RADIUS, x, y, *step)
+            assert (*got[:2], bool(got[2])) == pytest.approx(expected, rel=1e-9, abs=1e-9)
             touched += got[2]
             x, y = got[:2]
     assert touched > 300, "hardly anything was touched"
@@ -77,12 +78,13 @@ def test_nothing_enters_anything(arena, sliding, seed, how):
     if pose is None:
         return
     kernel = replace(arena, sliding=sliding).to_kernel()
-    x, y, heading = pose
-    for k in range(60):
-        if how == "wander" or k % 20 == 0:
-            heading = random.uniform(-math.pi, math.pi)
-        before = x, y
-        x, y, _ = settle(kernel, RADIUS, x, y, 0.95 * math.cos(heading), 0.95 * math.sin(heading))
+    x, y, _ = pose
+    headings, ends = random.uniform(-math.pi, math.pi, 60), np.zeros((60, 3))
+    headings = headings if how == "wander" else np.repeat(headings[:3], 20)
+    steps = 0.95 * np.column_stack([np.cos(headings), np.sin(headings)])
+    slide(kernel, RADIUS, x, y, steps, ends)
+    for end in ends:
+        before, (x, y) = (x, y), end[:2]
         assert overlap(arena, x, y, RADIUS) <= LEFT_BEHIND * (1 + 1e-3)
         # So short a step cannot have jumped over anything: the body is as wide as six of them.
         assert math.hypot(x - before[0], y - before[1]) < RADIUS

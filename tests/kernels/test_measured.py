@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.kernels.trial import PROXIMITY, read
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.profile import Profile
+from tests.kernels.calls import read_often
 from tests.kernels.reference import sensors as reference
-from tests.kernels.scenes import MOTOR_NOISE, PAPER, SEEKING, random_scenes, readings
+from tests.kernels.scenes import PAPER, SEEKING, random_scenes, readings
 
 
 def measured(profile: Profile, random: np.random.Generator) -> Profile:
@@ -90,13 +90,9 @@ def noisy(rise: float = 0.0, dead: float = 0.0) -> Profile:
 
 def drawn(robot: Profile, value: float, *, level: float = 1.0, speed: float = 0.0) -> np.ndarray:
     """Four thousand readings of one sensor."""
-    random, out = np.random.default_rng(7), np.zeros(4000)
-    kernel, noise = robot.to_kernel(), np.zeros(16)
-    for i in range(len(out)):
-        reading = np.array([value])
-        noise[MOTOR_NOISE] = random.standard_normal()
-        read(kernel, PROXIMITY, level, speed, noise, reading)
-        out[i] = reading[0]
+    out = np.full(4000, value)
+    motors = np.random.default_rng(7).standard_normal(len(out))
+    read_often(robot.to_kernel(), float(level), float(speed), motors, np.zeros(16), out)
     return out
 
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.kernels.wheels import drive_arc, turn_wheel
+from realitygap.kernels.wheels import drive_arc
+from tests.kernels.calls import turn
 from tests.kernels.reference.motion import Wheel, arc
 from tests.kernels.scenes import PAPER
 
@@ -17,15 +18,11 @@ NO_FRICTION = replace(PAPER, wheels=replace(PAPER.wheels, friction_cm_s2=0.0))
 
 def speeds(profile, targets, drags=None, slips=None) -> np.ndarray:
     """The kernel's speeds of one wheel that starts at rest, cm/s."""
-    robot, wheel = profile.to_kernel(), np.zeros(9)
-    drags = np.ones(len(targets)) if drags is None else drags
-    slips = np.zeros(len(targets)) if slips is None else slips
-    return np.array(
-        [
-            turn_wheel(robot, wheel, float(v), float(d), float(s))
-            for v, d, s in zip(targets, drags, slips, strict=True)
-        ]
-    )
+    drags = np.ones(len(targets)) if drags is None else np.array(drags, float)
+    slips = np.zeros(len(targets)) if slips is None else np.array(slips, float)
+    got = np.zeros(len(targets))
+    turn(profile.to_kernel(), np.zeros(9), np.array(targets, float), drags, slips, got)
+    return got
 
 
 def test_unit_step_response():

@@ -10,6 +10,9 @@ from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.nearest import MANY
 from tests.kernels.scenes import full_room
 
+FROM_SEGMENT = getattr(from_segment, "py_func", from_segment)
+"""Uncompiled: to look at all that is in a room takes longer than the arithmetic."""
+
 
 @pytest.mark.parametrize("things", [MANY, 60, 200])
 def test_nothing_is_nearer_than_its_bound(things):
@@ -27,7 +30,7 @@ def test_nothing_is_nearer_than_its_bound(things):
             cx, cy, radius = room.cylinders[j]
             assert max(np.hypot(x - cx, y - cy) - radius, 0.0) >= gap
         for j, gap in zip(room.near_segments[cell], room.segment_gap[cell], strict=True):
-            assert np.hypot(*from_segment(room, int(j), x, y)) >= gap
+            assert np.hypot(*FROM_SEGMENT(room, int(j), x, y)) >= gap
 
 
 def test_few_obstacles_need_no_grid():

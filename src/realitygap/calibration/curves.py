@@ -117,7 +117,7 @@ class Curves:
 
     def __init__(self, seen: Seen, u: Floats) -> None:
         self._seen, self._u = seen, u
-        at = np.clip(u, 0.0, 1.0) * STEPS
+        at = np.minimum(np.maximum(u, 0.0), 1.0) * STEPS
         j = np.minimum(at.astype(np.int64), STEPS - 1)
         self._share, sensors = at - j, u.shape[1]
         self._cell = j + np.arange(sensors) * (STEPS + 1)
@@ -163,20 +163,22 @@ class Curves:
     def _solved(self, bread: Floats, towards: Floats, *, pooled: bool) -> Floats:
         seen, held = self._seen, self._held(bread, None if pooled else towards)
         size, matrix, pulled = bread[2].mean(), bread + held, _times(held, towards)
-        curves, falls = towards.copy(), np.zeros((len(towards), STEPS))
+        curves, falls = towards, np.zeros((len(towards), STEPS), bool)
+        steep, enough = matrix, SETTLED * seen.top
         for _ in range(ROUNDS):
             right = self._right_side(np.repeat(curves, self._bread.shape[1], 0) if pooled else curves)
             right = right.sum(axis=0, keepdims=True) if pooled else right
-            steep = matrix.copy()
-            steep[2, :, :-1] += STEEP * size * falls
-            steep[2, :, 1:] += STEEP * size * falls
-            steep[1, :, 1:] -= STEEP * size * falls
             new = _solve(steep, right + pulled)
             moved, curves = np.abs(new - curves).max(), new
-            fell = np.diff(curves, axis=1) < 0
-            if moved < SETTLED * seen.top and not (fell & (falls == 0)).any():
+            more = (curves[:, 1:] < curves[:, :-1]) & ~falls
+            if more.any():
+                falls |= more
+                weight, steep = STEEP * size * falls, matrix.copy()
+                steep[2, :, :-1] += weight
+                steep[2, :, 1:] += weight
+                steep[1, :, 1:] -= weight
+            elif moved < enough:
                 break
-            falls = np.maximum(falls, fell)
         return curves
 
     def _held(self, bread: Floats, common: Floats | None) -> Floats:
@@ -210,7 +212,7 @@ class Curves:
 
         model = self._low.on(curves)
         if self._dark > 0:
-            a = np.clip(-model / self._dark, -6.0, 6.0)
+            a = np.minimum(np.maximum(-model / self._dark, -6.0), 6.0)
             model = model - self._dark * np.exp(-a * a / 2) / np.sqrt(2 * np.pi) / ndtr(a)
         right = self._right + self._ended(self._low, np.minimum(model, self._seen.dead))
         if not len(self._high.cell):

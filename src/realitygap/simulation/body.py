@@ -84,8 +84,8 @@ class SimulatedBody:
     @property
     def wheels(self) -> tuple[float, float]:
         """What the wheels do, Khepera units."""
-        left, right = self._work.wheel[:, 0] / self._world.robot.speed_per_unit
-        return float(left), float(right)
+        speeds, units = self._work.wheel[:, 0].tolist(), self._world.robot.speed_per_unit.tolist()
+        return speeds[0] / units[0], speeds[1] / units[1]
 
     @property
     def odometry(self) -> Odometry:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -109,7 +109,13 @@ def body_hides(body: Body, pose, a: Point, b: Point) -> bool:
     """The line from `a` to `b` passes through the robot's body."""
     if body.outline_cm:
         return outline.cut(np.array(a), np.array(b), outline.corners(body.outline_cm, pose)) > 0
-    return circle_hides(Cylinder(x_cm=pose[0], y_cm=pose[1], radius_cm=body.radius_cm), a, b)
+    return circle_hides(disc(*pose[:2], body.radius_cm), a, b)
+
+
+@lru_cache(maxsize=16)  # asked for again at each ray
+def disc(x: float, y: float, radius: float) -> Cylinder:
+    """A robot's body."""
+    return Cylinder(x_cm=x, y_cm=y, radius_cm=radius)
 
 
 def wall_hides(wall, a: Point, b: Point) -> bool:
