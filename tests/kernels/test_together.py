@@ -140,14 +140,16 @@ def test_a_group_sees_whether_the_network_has_settled(restless):
 @pytest.mark.parametrize("rays", [False, True])
 @pytest.mark.parametrize(("way", "group"), [(alone, 1), (in_turn, 3), (in_turn, 8), (in_turn, 32)])
 def test_a_group_has_the_bits_of_one(profile, feeds, rays, way, group):
-    """Every step of the paths of two networks, with noise."""
+    """Every step of the paths of two networks, with noise and, where there is light, two lamps."""
     robot = load_profile(profile)
     if feeds != "proximity" and not robot.ambient.sensors:
         pytest.skip("no ambient sensors")
     if rays and way is alone:
         pytest.skip("threads share rays where there are several")
     task = load_task("light-seeking" if feeds == "ambient" else "obstacle-avoidance")
-    simulation = Simulation(replace(task, feeds=feeds, sensors=()).of(robot), robot, 1.0)
+    lamps = tuple(lamp for one in task.arena.lamps for lamp in (one, replace(one, x_cm=one.x_cm - 5.0)))
+    room = replace(task.arena, lamps=lamps)
+    simulation = Simulation(replace(task, arena=room, feeds=feeds, sensors=()).of(robot), robot, 1.0)
     if rays and feeds != "proximity" and goes_beyond.py_func(simulation._cores.robot):
         pytest.skip("light is followed ray by ray where it is the printed law's")
     cores, streams = simulation._cores, batch_streams(11, 2)

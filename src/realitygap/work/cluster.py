@@ -128,7 +128,7 @@ class Dask:
             alone_s = 0.0 if self._threads() else alone_s + WAIT_S
         raise StudyError(
             f"there has been no Dask worker for {PATIENCE_S:g} s. What was saved is kept: start workers "
-            "(`dask worker`, with the scheduler's address), and resume."
+            "(`dask worker`, with the scheduler's address), and resume or start again."
         )
 
     def close(self) -> None:
@@ -162,7 +162,8 @@ class Dask:
             if lost + 1 >= TRIES or self._client.status != "running":
                 raise StudyError(
                     f"a worker process died again and again on one job, or the scheduler did ({error}). "
-                    "What was saved is kept: resume, with workers that have more memory if that ran out."
+                    "What was saved is kept: resume, or start again, with workers that have more memory if "
+                    "that ran out."
                 ) from None
             return None
         except Exception as error:
@@ -188,7 +189,7 @@ def _reached() -> Iterator[None]:
     except (OSError, ClosedClientError) as error:
         raise StudyError(
             f"the Dask scheduler no longer answers ({error}). What was saved is kept: start it and "
-            "its workers, and resume."
+            "its workers, and resume or start again."
         ) from None
 
 

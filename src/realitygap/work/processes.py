@@ -148,8 +148,9 @@ class Processes:
         if code == 1 or task.lost >= TRIES:  # 1: Python's own, with a traceback on stderr
             how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
             raise StudyError(
-                f"a worker process died ({how}). What was saved is kept: resume, with fewer --workers if "
-                'memory ran out; in a script of your own, call run_study under `if __name__ == "__main__":`.'
+                f"a worker process died ({how}). What was saved is kept: resume, or start again, with "
+                "fewer --workers if memory ran out; a script of your own must begin its work under "
+                '`if __name__ == "__main__":`.'
             )
         return task
 
