@@ -3,6 +3,7 @@
 import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import realitygap
 from realitygap.cli import realitygap as command
@@ -37,3 +38,25 @@ def test_errors_are_typed(made_tables, tmp_path):
     loaded = realitygap.load_recording(wall, object="wall")
     with pytest.raises(CalibrationError, match="objects: expected none with recordings that are loaded"):
         realitygap.calibrate([loaded], objects="cylinder:4")
+
+
+def test_a_machines_cores_change_no_bit(made_tables, monkeypatch):
+    """Linear algebra takes one thread within, and as many as before afterwards."""
+    during = []
+
+    def fitted(*_given, **_named):
+        during.extend(threads())
+        raise CalibrationError("enough")
+
+    monkeypatch.setattr("realitygap.calibration.calibrate.fit_infrared", fitted)
+    with threadpool_limits(2, user_api="blas"):
+        before = threads()
+        with pytest.raises(CalibrationError, match="enough"):
+            realitygap.calibrate(made_tables / "wall.sam", objects="wall", form="paper")
+        assert set(before) == {2} and threads() == before
+    assert set(during) == {1}
+
+
+def threads() -> list[int]:
+    """Of each library of linear algebra."""
+    return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]

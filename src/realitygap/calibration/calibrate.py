@@ -19,6 +19,7 @@ from realitygap.calibration.wheels.fit import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.lazy import above
 from realitygap.text import must_be
+from realitygap.work.algebra import one_thread
 from realitygap.work.workers import Workers, opened
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, Provenance, SourceFile
@@ -132,10 +133,11 @@ def calibrate(
         report(next(done), total)
 
     tick()
-    with opened(workers, one_thread=True) as pool:
-        infrared = fit_infrared(near, base, infrared_form, pool, tick=tick) if near else None
-    ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
-    wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None
+    with one_thread():
+        with opened(workers, one_thread=True) as pool:
+            infrared = fit_infrared(near, base, infrared_form, pool, tick=tick) if near else None
+        ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
+        wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None
     made = Calibration(
         profile=base, infrared=infrared, ambient=ambient, wheels=wheels, recordings=tuple(recordings)
     )

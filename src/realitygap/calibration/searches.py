@@ -9,6 +9,7 @@ from realitygap.calibration.measured import fit_measured, read_unseen
 from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, Rows
 from realitygap.calibration.solve import Fit
 from realitygap.values import Floats
+from realitygap.work.algebra import one_thread
 from realitygap.work.pool import Here, Pool, Setup, Tell
 from realitygap.world.profile import Profile
 
@@ -80,6 +81,7 @@ class Searches:
 
     def carry_out(self, job: str | int, tell: Tell) -> None:
         """One of SEARCHES."""
+        one_thread()
         rows, base = self._rows, self._base
         if job == PRINTED:
             tell((job, self._printed(lambda: tell(None))))
