@@ -13,7 +13,7 @@ import numba
 import pytest
 
 from realitygap.errors import UsageError
-from realitygap.machine_code import Shelf
+from realitygap.machine_code import Shelf, way_in
 from realitygap.user_code import run_file
 from tests.hostile.damage import KINDS, damage
 
@@ -302,3 +302,10 @@ def test_code_that_lies_apart_is_there_before_what_calls_it(tmp_path: Path) -> N
     damage(apart, "cut", apart, seed=1)
     out, err = place.run()
     assert out == "2.0 0 0" and "was damaged" in err and place.run() == ("2.0 1 0", "")
+
+
+def test_a_way_in_is_found_for_each_kind_of_arguments() -> None:
+    """Whole numbers after fractions, and fractions after whole numbers, are not taken for each other."""
+    total = Shelf(b"a test").compiled(lambda *given: given[0] + given[1])
+    for _ in range(2):
+        assert way_in(total, 1, 2)((3, 4)) == 7 and way_in(total, 0.5, 1)((1.5, 1)) == 2.5
