@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import replace
@@ -145,6 +146,18 @@ def test_a_reset_begins_the_same_trial_again() -> None:
         body.clock.sleep_until(body.clock.now() + 2.0)
         ends.append((body.pose, body.sense().proximity.tolist(), body.odometry))
     assert ends[0] == ends[1] and ends[0][0] != MIDDLE
+
+
+def test_a_copy_of_a_body_goes_on_as_the_body_does() -> None:
+    """Through a pickle, too: what its steps are called by is found again."""
+    body = SimulatedBody(_room(), stream=7)
+    body.act(Command(left=4, right=5))
+    body.clock.sleep_until(0.5)
+    copy = pickle.loads(pickle.dumps(body))
+    for one in (body, copy):
+        one.clock.sleep_until(1.0)
+    assert copy.pose == body.pose
+    assert np.array_equal(copy.sense().proximity, body.sense().proximity)
 
 
 def test_a_body_is_refused_what_it_cannot_do() -> None:

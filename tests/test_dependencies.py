@@ -40,8 +40,10 @@ def test_every_import_is_declared():
 
 
 NOT_PUBLIC = (
+    ("numba._dispatcher", "compute_fingerprint"),
     ("numba.core.options", "DefaultOptions._nrt"),
     ("numba.core.dispatcher", "Dispatcher.enable_caching"),
+    ("numba.core.dispatcher", "Dispatcher.typeof_pyval"),
     ("numba.core.codegen", "JITCodeLibrary._optimize_final_module"),
     ("numba.core.codegen", "JITCodeLibrary._finalize_final_module"),
     ("numba.core.codegen", "JITCodeLibrary._get_module_for_linking"),

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import numba
 import pytest
 
 from realitygap.errors import UsageError
-from realitygap.machine_code import Shelf
+from realitygap.machine_code import Shelf, way_in
 from realitygap.user_code import run_file
 from tests.hostile.damage import KINDS, damage
 
@@ -30,12 +32,41 @@ def told():
     return *sums, sum(add.stats.cache_hits.values()), sum(subtract.stats.cache_hits.values())
 """
 
+NURSERY = """
+import json, os, sys
+import numba
+
+for line in sys.stdin:
+    order = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        break
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+else:
+    sys.exit()
+os.environ.clear()
+os.environ.update(order["environment"])
+os.chdir(order["folder"])
+sys.path.insert(1, order["folder"])
+for number, name in enumerate((os.devnull, "out", "err")):
+    os.dup2(os.open(name, os.O_RDONLY if number == 0 else os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+exec(order["program"], {"__name__": "__main__"})
+"""
+"""A process that has imported Numba, and no more, forks one for each program: importing it would be most of
+what they do."""
+
 compiler = pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="the compiler is off")
 pytestmark = compiler
 
 
+def program(more: str) -> str:
+    return f"from small import told; print(*told(), flush=True)\n{more}"
+
+
 class Place:
     """A program, its cache and its temporary folder."""
+
+    nursery: ClassVar[subprocess.Popen[str]]
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.cache, self.temporary = folder, folder / "cache", folder / "tmp"
@@ -44,22 +75,29 @@ class Place:
 
     def start(self, more: str = "", cache: str = "") -> subprocess.Popen[str]:
         """The program begun: it prints two sums and how many of the two functions were on file."""
-        names = {"XDG_CACHE_HOME": cache or str(self.cache), "TMPDIR": str(self.temporary)}
-        names["PYTHONDONTWRITEBYTECODE"] = "1"  # a file edited within a second would be taken for the old one
-        dropped = ("REALITYGAP_SPARE_CACHE", "NUMBA_CACHE_DIR")
-        environment = {key: value for key, value in os.environ.items() if key not in dropped} | names
         return subprocess.Popen(
-            [sys.executable, "-c", f"from small import told; print(*told(), flush=True)\n{more}"], text=True,
-            env=environment | {"PYTHONPATH": str(self.folder)}, cwd=self.folder,
+            [sys.executable, "-c", program(more)], text=True, env=self.environment(cache), cwd=self.folder,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.PIPE,
         )  # fmt: skip
 
     def run(self, more: str = "", cache: str = "") -> tuple[str, str]:
         """What the program said on stdout and stderr, once it ended well."""
-        process = self.start(more, cache)
-        out, err = process.communicate(timeout=120)
-        assert process.returncode == 0, err
-        return out.strip(), err.strip()
+        order = {"program": program(more), "folder": str(self.folder), "environment": self.environment(cache)}
+        nursery = self.nursery
+        assert nursery.stdin is not None and nursery.stdout is not None
+        print(json.dumps(order), file=nursery.stdin, flush=True)
+        code = nursery.stdout.readline()
+        out, err = ((self.folder / name).read_text().strip() for name in ("out", "err"))
+        assert code == "0\n", err
+        return out, err
+
+    def environment(self, cache: str) -> dict[str, str]:
+        """What the program finds."""
+        names = {"XDG_CACHE_HOME": cache or str(self.cache), "TMPDIR": str(self.temporary)}
+        names["PYTHONDONTWRITEBYTECODE"] = "1"  # a file edited within a second would be taken for the old one
+        dropped = ("REALITYGAP_SPARE_CACHE", "NUMBA_CACHE_DIR")
+        environment = {key: value for key, value in os.environ.items() if key not in dropped} | names
+        return environment | {"PYTHONPATH": str(self.folder)}
 
     def entries(self) -> list[Path]:
         """The files of the cache, by name."""
@@ -68,6 +106,15 @@ class Place:
     def left(self) -> list[str]:
         """What is in the temporary folder."""
         return os.listdir(self.temporary)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def nursery() -> Iterator[None]:
+    """From which all programs come that are run to their end."""
+    with subprocess.Popen(
+        [sys.executable, "-B", "-c", NURSERY], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as Place.nursery:
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -302,3 +349,10 @@ def test_code_that_lies_apart_is_there_before_what_calls_it(tmp_path: Path) -> N
     damage(apart, "cut", apart, seed=1)
     out, err = place.run()
     assert out == "2.0 0 0" and "was damaged" in err and place.run() == ("2.0 1 0", "")
+
+
+def test_a_way_in_is_found_for_each_kind_of_arguments() -> None:
+    """Whole numbers after fractions, and fractions after whole numbers, are not taken for each other."""
+    total = Shelf(b"a test").compiled(lambda *given: given[0] + given[1])
+    for _ in range(2):
+        assert way_in(total, 1, 2)((3, 4)) == 7 and way_in(total, 0.5, 1)((1.5, 1)) == 2.5

@@ -5,6 +5,7 @@ import numpy as np
 from realitygap.kernels.contact import settle
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.network import output, think, wake
+from realitygap.kernels.outline import settle_outline
 from realitygap.kernels.rng import below, bits, log, normals, sin_cos, substream, uniform
 from realitygap.kernels.trial import PROXIMITY, read, scale_input
 from realitygap.kernels.wheels import turn_wheel
@@ -84,3 +85,9 @@ def slide(arena, radius, x, y, steps, ends):
     for k in range(steps.shape[0]):
         x, y, touched = settle(arena, radius, x, y, steps[k, 0], steps[k, 1])
         ends[k, 0], ends[k, 1], ends[k, 2] = x, y, touched
+
+
+@kernel
+def slide_outline(arena, robot, pose, dx, dy, turn):
+    """Where a body of an outline is after a step, how far it turned, whether it touched anything."""
+    return settle_outline(arena, robot, pose, dx, dy, turn)

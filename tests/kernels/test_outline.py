@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from realitygap.kernels.contact import settle as settle_disc
-from realitygap.kernels.outline import body_clear, settle_outline
+from realitygap.kernels.outline import body_clear
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.body import Body
+from tests.kernels.calls import slide_outline
 from tests.kernels.reference import outline as slow
 from tests.kernels.reference.rays import overlap
 from tests.kernels.scenes import EMPTY, PAPER, random_arena
@@ -45,8 +46,11 @@ def robot(outline: tuple[tuple[float, float], ...]):
     return PAPER.to_kernel()._replace(radius=body.radius_cm, outline=body.edges())
 
 
+in_kernels = cache(Arena.to_kernel)
+
+
 def go(arena, outline, pose, dx, dy, turn):
-    return settle_outline(arena.to_kernel(), robot(outline), np.array([*pose, 0.0, 0.0]), dx, dy, turn)
+    return slide_outline(in_kernels(arena), robot(outline), np.array([*pose, 0.0, 0.0]), dx, dy, turn)
 
 
 def free_pose(random, arena, outline):

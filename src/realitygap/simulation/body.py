@@ -4,6 +4,7 @@ Time goes on with the body's own clock, in the simulation's steps: the profile's
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from realitygap.controller.network import NetworkController, decode
 from realitygap.errors import UsageError
 from realitygap.kernels import halves
 from realitygap.kernels.work import farthest_notice, new_aside, new_work
+from realitygap.machine_code import way_in
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
@@ -104,7 +106,8 @@ class SimulatedBody:
         """What the sensors read now, counts; empty for a kind that is not read."""
         told, readings = self.simulation.task.kinds, self._work.readings
         aside = not set(self.kinds) <= set(told)
-        halves.sense_now(self._world, np.uint64(self._drawn_from), self._k, aside, self._work, self._aside)
+        drawn_from = np.uint64(self._drawn_from)
+        self._sense_now((self._world, drawn_from, self._k, aside, self._work, self._aside))
         self._odometry = self._wheel_counts()
         near = len(self.simulation.profile.infrared.sensors) if told[0] == KINDS[0] else 0
         kept = {}
@@ -143,13 +146,27 @@ class SimulatedBody:
         self._world = self.simulation._cores.world_of(self.stream)
         self._work.span[0] = farthest_notice(self._world.robot, self._work.fan)
         self._k = 0
+        self._find_ways_in()
         self._pulses = [0.0, 0.0]
         self._odometry = self._wheel_counts()
         self.clock.begin_step()
 
+    def _find_ways_in(self) -> None:
+        """Of the kernels that every step calls: their arguments' types stay until a reset."""
+        world, now, step = self._world, np.uint64(self._drawn_from), self._k
+        self._sense_now = way_in(halves.sense_now, world, now, step, False, self._work, self._aside)
+        self._move_on = way_in(halves.move_on, world, self._nobody, now, step, self._work)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: kept for name, kept in vars(self).items() if name not in ("_sense_now", "_move_on")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._find_ways_in()
+
     def _step(self) -> None:
         """One step of the simulation."""
-        halves.move_on(self._world, self._nobody, np.uint64(self._drawn_from), self._k, self._work)
+        self._move_on((self._world, self._nobody, np.uint64(self._drawn_from), self._k, self._work))
         self._k += 1
         for i, speed in enumerate(self.wheels):
             self._pulses[i] += PULSES_PER_STEP * speed

@@ -23,8 +23,10 @@ def corners(outline: Array, pose) -> Array:
 
 def to_segment(p: Array, a: Array, b: Array) -> float:
     """Distance of a point to a segment."""
-    share = np.clip((p - a) @ (b - a) / max((b - a) @ (b - a), 1e-30), 0, 1)
-    return float(np.hypot(*(p - a - share * (b - a))))
+    (px, py), (ax, ay), (bx, by) = p.tolist(), a.tolist(), b.tolist()
+    ex, ey = bx - ax, by - ay
+    share = min(max(((px - ax) * ex + (py - ay) * ey) / max(ex * ex + ey * ey, 1e-30), 0.0), 1.0)
+    return math.hypot(px - ax - share * ex, py - ay - share * ey)
 
 
 def within(p: Array, body: Array) -> float:
@@ -93,7 +95,7 @@ def ways(arena: Arena, outline: Array):
             body, middle = corners(outline, pose), np.array([one.x_cm, one.y_cm])
             nearest, gap = None, math.inf
             for a, b in zip(body, np.roll(body, -1, axis=0), strict=True):
-                at = a + np.clip((middle - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1) * (b - a)
+                at = a + min(max((middle - a) @ (b - a) / ((b - a) @ (b - a)), 0), 1) * (b - a)
                 if np.hypot(*(middle - at)) < gap:
                     nearest, gap = at, float(np.hypot(*(middle - at)))
             side = -1 if within(middle, body) > 0 else 1
