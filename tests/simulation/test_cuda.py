@@ -29,6 +29,7 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import halves
+from realitygap.kernels.shared_rays import common_room, most_of_a_kind
 from realitygap.kernels.work import new_work
 from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation, batch_streams
@@ -228,6 +229,19 @@ def test_all_of_it_holds_in_the_simulator():
         words, env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1"}, capture_output=True, text=True
     )
     assert done.returncode == 0 and re.search(r"\d\d passed", done.stdout), done.stdout[-3000:]
+
+
+@pytest.mark.skipif(cuda_code.SIMULATED, reason="simulated threads share nothing")
+def test_threads_share_what_there_is_room_for():
+    """Whole warps, fewer for more sensors; of either kind, whichever are more; none where no warp fits."""
+    assert cuda_kernels.block_for(8) == 256
+    for sensors in (1, 11, 16, 40, 80):
+        block = cuda_kernels.block_for(sensors)
+        groups, one = block // cuda_kernels.GROUP, sum(a.nbytes for a in common_room(sensors))
+        assert block % 32 == 0 and 32 <= block <= 256 and groups * one <= cuda_kernels.ROOM
+    assert cuda_kernels.block_for(100) == 0
+    blind = replace(PAPER, infrared=replace(PAPER.infrared, sensors=PAPER.infrared.sensors[:2]))
+    assert most_of_a_kind(blind.to_kernel()) == len(PAPER.ambient.sensors) == 8
 
 
 @pytest.fixture

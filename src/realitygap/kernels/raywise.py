@@ -47,9 +47,8 @@ def returned(robot, k, i, inverse, incidence):
     if offset != 0.0:
         inverse = inverse / (1.0 + offset * inverse)
     light = robot.proximity_a[k] * (inverse * inverse)
-    return robot.proximity_weight[k, i] * (
-        (light * incidence if lambertian else light) + robot.proximity_b[k]
-    )
+    light = light * incidence if lambertian else light
+    return robot.proximity_weight[k, i] * (light + robot.proximity_b[k])
 
 
 @step
@@ -94,11 +93,8 @@ def met_by(arena, place, x, y, lambertian):
     across, along = meet_walls(Walls(place[2], place[3], place[4], place[5]), x, y)
     found, incidence = max(across, along), abs(x) if across >= along else abs(y)
     for j in range(arena.cylinders.shape[0]):
-        qx, qy, radius = (
-            arena.cylinders[j, 0] - place[0],
-            arena.cylinders[j, 1] - place[1],
-            arena.cylinders[j, 2],
-        )
+        qx, qy = arena.cylinders[j, 0] - place[0], arena.cylinders[j, 1] - place[1]
+        radius = arena.cylinders[j, 2]
         if meets_circle(qx, qy, radius, x, y):
             square, inverse_square = facing_circle(qx, qy, radius)
             met, half = meet_circle(qx, qy, square, inverse_square, x, y)

@@ -11,18 +11,24 @@ import numpy as np
 from realitygap.kernels.ambient import answer
 from realitygap.kernels.jit import step
 from realitygap.kernels.light import rays_of_fan
-from realitygap.kernels.params import RAYS
+from realitygap.kernels.params import RAYS, Robot
 from realitygap.kernels.raywise import follow_light, follow_ray, look_out, stand_about, take_in, take_up
 from realitygap.kernels.together import meet, part_of
 from realitygap.kernels.trial import AMBIENT, PROXIMITY, near_fed, read, wheels_speed
 
 Common = namedtuple("Common", "places noticed listed terms")
-"""What threads share of proximity sensors: places [P, 6] between the outer walls; marks [P] and numbers
-[P + 1] of those that notice anything; what their rays return and their beams overlap by [P, RAYS + 1]."""
+"""What threads share of so many sensors of a kind, S: places [S, 6] between the outer walls; marks [S] and
+numbers [S + 1] of those that notice anything; what their rays return or bring, and last the overlap of beams
+or the direct light [S, RAYS + 1]."""
+
+
+def most_of_a_kind(robot: Robot) -> int:
+    """S: the proximity sensors or the ambient ones, whichever are more."""
+    return max(len(robot.proximity_place), len(robot.ambient_place), 1)
 
 
 def common_room(sensors: int) -> Common:
-    """Room for what threads share of so many proximity sensors."""
+    """Room for what threads share of so many sensors of a kind."""
     marks, numbers = np.zeros(sensors, np.int32), np.zeros(sensors + 1, np.int32)
     return Common(np.zeros((sensors, 6)), marks, numbers, np.zeros((sensors, RAYS + 1)))
 

@@ -16,19 +16,13 @@ from numba import cuda
 from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
-from realitygap.kernels import halves
+from realitygap.kernels import halves, together
 from realitygap.kernels.params import Networks, Path
+from realitygap.kernels.shared_rays import most_of_a_kind
 from realitygap.kernels.together import Own, lanes_of_rays
 from realitygap.kernels.work import Work, new_work
 from realitygap.simulation.cuda_code import SIMULATED, Kernel, compiling
-from realitygap.simulation.cuda_kernels import (
-    GROUP,
-    GROUPS,
-    SHARED,
-    scoring,
-    swapped,
-    trials,
-)
+from realitygap.simulation.cuda_kernels import GROUP, SHARED, scoring, swapped, trials
 from realitygap.simulation.engine import Cores, Streams
 from realitygap.tasks.task import Task
 from realitygap.values import Floats
@@ -122,12 +116,23 @@ class Cuda:
     def _trials(self) -> Kernel:
         cores = self.cores
         rays = lanes_of_rays(new_work(cores.robot, cores.trial, halves.quiet()), cores.robot)
-        return trials((*rays, max(len(cores.robot.proximity_place), 1)), swapped(cores))
+        swaps = swapped(cores)
+        shares = together.sense_together in dict(swaps)
+        return trials((*rays, most_of_a_kind(cores.robot) if shares else 1), swaps)
+
+    @property
+    def _groups(self) -> int:
+        """Trials of a block."""
+        return self._trials.block // GROUP
+
+    def _whole(self, count: int) -> int:
+        """So many trials, and as many more as fill the last block."""
+        return -(-count // self._groups) * self._groups
 
     def _launched(self, networks: Networks, streams: Streams) -> Iterator[Batch]:
         """Trials as they are carried out, so many at a time as there is room for."""
         which, flat = self.cores.named(networks, streams)
-        most = max(GROUPS, MOST_BYTES // self._bytes(networks))
+        most = max(self._groups, MOST_BYTES // self._bytes(networks))
         nets = Networks(*(self._there(name, array) for name, array in networks._asdict().items()))
         for first in range(0, len(flat), most):
             some = slice(first, first + most)
@@ -150,8 +155,9 @@ class Cuda:
         """Scratch of at least so many trials, a row for each."""
         size = _size(networks)
         kept = self._kept.get(size)
-        if kept is None or len(kept.pose) < count + GROUPS:
-            one, rows = self._one(networks), count + GROUPS
+        rows = self._whole(count)
+        if kept is None or len(kept.pose) < rows:
+            one = self._one(networks)
             spread: dict[str, Any] = {
                 name: np.array(np.broadcast_to(array, (rows, *array.shape)), order="C")
                 for name, array in one._asdict().items() if name not in SHARED
@@ -163,7 +169,7 @@ class Cuda:
 
     def _run(self, nets: Any, which: NDArray[np.int64], streams: Streams, work: Work) -> Batch:
         """Carry out trials; their paths stay where they are until the next ones."""
-        count = -(-len(which) // GROUPS) * GROUPS
+        count = self._whole(len(which))
         paths = self._room_for("paths", (count, len(Path._fields), self.cores.trial.steps))
         taken = self._room_for("taken", (count, 2))
         batch = Batch(self._there("which", which), self._there("streams", streams), paths, taken)

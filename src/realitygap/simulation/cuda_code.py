@@ -81,8 +81,8 @@ def compiling(small: bool) -> Iterator[None]:
     """Compile as numba-cuda does not offer to: multiplications and additions are not fused.
 
     Args:
-        small: also, no loop is unrolled, since most are short and fetching code costs more than counting; and
-            no index counts from an array's end, as negative ones otherwise do. Steps have none.
+        small: also, no loop is unrolled, since most are short and code has to be fetched; and no index counts
+            from an array's end, as negative ones otherwise do. Steps have none.
     """
     from numba.cuda.cudadrv import nvvm
     from numba.cuda.np import arrayobj

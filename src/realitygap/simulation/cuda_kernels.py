@@ -33,26 +33,18 @@ from realitygap.kernels.work import Work
 from realitygap.simulation.cuda_code import SIMULATED, Kernel, kept
 from realitygap.simulation.engine import Cores
 
-__all__ = [
-    "BLOCK",
-    "GROUP",
-    "GROUPS",
-    "SHARED",
-    "device",
-    "scoring",
-    "swapped",
-    "trials",
-]
+__all__ = ["GROUP", "ROOM", "SHARED", "block_for", "device", "scoring", "swapped", "trials"]
 
 GROUP = 1 if SIMULATED else 8
 """Threads that share a trial: as many as most robots have sensors of a kind."""
 WARP = 32
 BLOCK = WARP if SIMULATED else 256
-"""Threads of a block, which carry out the same stage of a step at a time: what one of its warps fetched of
-the code is then there for the others. Fetching code is what takes longest."""
-GROUPS = BLOCK // GROUP
+"""Threads of a block at most. They carry out the same stage of a step at a time, so that what one warp has
+fetched of the code is there for the others."""
 REGISTERS = 128
 """Of a thread: a multiprocessor has room for two such blocks."""
+ROOM = 47 * 1024
+"""Bytes that the threads of a block may share, less a little for alignment."""
 SHARED = ("fan", "all_fans", "span", "bounds")
 """What of the scratch nobody writes."""
 Swaps = tuple[tuple[Dispatcher, Callable[..., Any]], ...]
@@ -108,7 +100,7 @@ def _meet(_lane: int, _group: int) -> None:
 def swapped(cores: Cores) -> Swaps:
     """Functions that these trials never call, each with something small to be compiled in its place.
 
-    And those that go ray by ray instead, where surfaces reflect alike.
+    And sensors whose rays threads share, where surfaces and light allow it and there is room.
     """
     robot, feed = cores.robot, cores.trial.feed
     seen, lit = feed != trial.AMBIENT, feed != trial.PROXIMITY
@@ -118,7 +110,8 @@ def swapped(cores: Cores) -> Swaps:
         found |= {infrared.infrared: _nothing, shared_rays.sense_near: _nothing}
     if not lit:
         found |= {ambient.ambient: _nothing, shared_rays.sense_light: _nothing}
-    if not len(cores.arena.reflectance) and not (lit and (beyond or len(robot.outline))):
+    printed = not len(cores.arena.reflectance) and not (lit and (beyond or len(robot.outline)))
+    if printed and block_for(shared_rays.most_of_a_kind(robot)):
         found[together.sense_together] = shared_rays.sense_by_rays
     if not beyond:
         found[light_beyond.illuminate_beyond] = _nothing
@@ -131,16 +124,26 @@ def swapped(cores: Cores) -> Swaps:
     return tuple(found.items())
 
 
+def block_for(sensors: int) -> int:
+    """Threads of a block whose groups have room for so many sensors; 0 if not even a warp's have."""
+    if SIMULATED:
+        return WARP
+    one = sum(array.nbytes for array in shared_rays.common_room(sensors))
+    warps = ROOM // (WARP // GROUP * one)
+    return int(min(WARP * warps, BLOCK))
+
+
 @cache
 def trials(rays: tuple[int, int, int], swaps: Swaps) -> Kernel:
     """The kernel that carries out a trial in each group of threads.
 
     Args:
-        rays: as `lanes_of_rays` gives them, and the number of proximity sensors.
+        rays: as `lanes_of_rays` gives them, and of how many sensors of a kind threads share the rays.
         swaps: as `swapped` gives them.
     """
     draw_start, own, (light, wide, sensors) = device(trial.draw_start), _own(), rays
-    more, terms = sensors + 1, RAYS + 1
+    block, more, terms = block_for(sensors), sensors + 1, RAYS + 1
+    groups = block // GROUP
     run_together = device(together.run_together, (*swaps, (together.meet, _meet)))
 
     def simulate(world: Any, nets: Any, work: Any, batch: Any) -> None:
@@ -163,10 +166,10 @@ def trials(rays: tuple[int, int, int], swaps: Swaps) -> Kernel:
         )  # fmt: skip
         group = cuda.threadIdx.x // GROUP
         common = Common(
-            cuda.shared.array((GROUPS, sensors, 6), d)[group],
-            cuda.shared.array((GROUPS, sensors), numba.int32)[group],
-            cuda.shared.array((GROUPS, more), numba.int32)[group],
-            cuda.shared.array((GROUPS, sensors, terms), d)[group],
+            cuda.shared.array((groups, sensors, 6), d)[group],
+            cuda.shared.array((groups, sensors), numba.int32)[group],
+            cuda.shared.array((groups, more), numba.int32)[group],
+            cuda.shared.array((groups, sensors, terms), d)[group],
         )
         n, stream, path = batch.which[i], batch.streams[i], Path(p[0], p[1], p[2], p[3], p[4], p[5])
         if lane == 0:
@@ -175,7 +178,7 @@ def trials(rays: tuple[int, int, int], swaps: Swaps) -> Kernel:
 
     named = [(one.py_func.__name__, getattr(other, "__name__", "")) for one, other in swaps]
     made = cuda.jit(simulate) if SIMULATED else cuda.jit(carry_out, max_registers=REGISTERS)
-    return Kernel(kept(made, rays, named), BLOCK, small=True)
+    return Kernel(kept(made, rays, named), block, small=True)
 
 
 @cache
