@@ -43,6 +43,7 @@ from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
 from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
+from realitygap.work.algebra import one_thread
 from realitygap.world.profile import Profile
 
 __all__ = ["LIMITS", "Judgement", "judge"]
@@ -146,10 +147,11 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     live = [k for k in recorded(recording) if k not in dead]
     paint = math.isnan(recording.reflectance)
     scene, (turn, scale, shift, light) = scene_of(recording), (0.0, 1.0, 0.0, 0.0)
-    if recording.from_sensor is None:
-        turn, scale, model = _fitted_out(recording, profile, scene, live)
-    else:
-        shift, light, model = set_up(recording, profile, scene)
+    with one_thread():
+        if recording.from_sensor is None:
+            turn, scale, model = _fitted_out(recording, profile, scene, live)
+        else:
+            shift, light, model = set_up(recording, profile, scene)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
     estimates = measure_noise([replace(recording, counts=known)], [model], part.top, profile.infrared.dead)
     stated = profile.noise.to_dict()

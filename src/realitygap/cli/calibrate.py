@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from functools import partial
 from math import isfinite
 from pathlib import Path
@@ -87,7 +86,6 @@ def calibrate(
         realitygap calibrate wall.sam light.sam --out robot.toml
         realitygap calibrate --check round.sam robot.toml --object cylinder:2.7
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads only wait for each other
     if check:
         _refuse_unused()
         _check(recordings, objects, json_output)

@@ -7,5 +7,5 @@ __all__ = ["one_thread"]
 
 
 def one_thread() -> threadpool_limits:
-    """From now on, or within a `with` statement."""
+    """For the whole process: from now on, or within a `with` statement."""
     return threadpool_limits(1, user_api="blas")
