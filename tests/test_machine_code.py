@@ -15,7 +15,8 @@ import numba
 import pytest
 
 from realitygap.errors import UsageError
-from realitygap.machine_code import Shelf, way_in
+from realitygap.kernels.jit import entry_for, kernel
+from realitygap.machine_code import Shelf
 from realitygap.user_code import run_file
 from tests.hostile.damage import KINDS, damage
 
@@ -351,8 +352,8 @@ def test_code_that_lies_apart_is_there_before_what_calls_it(tmp_path: Path) -> N
     assert out == "2.0 0 0" and "was damaged" in err and place.run() == ("2.0 1 0", "")
 
 
-def test_a_way_in_is_found_for_each_kind_of_arguments() -> None:
+def test_an_entry_is_found_for_each_kind_of_arguments() -> None:
     """Whole numbers after fractions, and fractions after whole numbers, are not taken for each other."""
-    total = Shelf(b"a test").compiled(lambda *given: given[0] + given[1])
+    total = kernel(lambda one, other: one + other)
     for _ in range(2):
-        assert way_in(total, 1, 2)((3, 4)) == 7 and way_in(total, 0.5, 1)((1.5, 1)) == 2.5
+        assert entry_for(total, 1, 2)((3, 4)) == 7 and entry_for(total, 0.5, 1)((1.5, 1)) == 2.5

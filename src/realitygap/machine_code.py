@@ -23,7 +23,6 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
-from numba._dispatcher import compute_fingerprint
 from numba.core.compiler import CompileResult
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
@@ -32,7 +31,7 @@ from numba.core.serialize import dumps
 from realitygap import linking, temporary, whole
 from realitygap.outside import frozen
 
-__all__ = ["Shelf", "way_in"]
+__all__ = ["Shelf"]
 
 SPARE = "REALITYGAP_SPARE_CACHE"
 """Tells the processes that this one starts which temporary folder they share."""
@@ -258,25 +257,6 @@ def _called(entire: Callable[[], Any], *args: Any) -> Any:
     return entire()._compile_for_args(*args)
 
 
-def way_in(made: Any, *given: Any) -> Callable[[tuple[Any, ...]], Any]:
-    """What runs a kernel on a tuple of arguments without a look at their types, which are those of `given`.
-
-    Numba looks at all of them at every call, and in a World that takes longer than a step of a trial. Others
-    would be taken for what they are not.
-
-    Args:
-        made: a compiled function of any number of arguments (`*given`), as a kernel is to Numba.
-        given: arguments of these types.
-    """
-    if numba.config.DISABLE_JIT:
-        return lambda others: made(*others)
-    key = made, compute_fingerprint(given)  # by which Numba's own calls tell types apart
-    if key not in _ways_in:
-        _ways_in[key] = made.compile((made.typeof_pyval(given),))
-    return _ways_in[key]
-
-
-_ways_in: dict[tuple[Any, bytes], Callable[[tuple[Any, ...]], Any]] = {}
 _held: dict[Path, int | None] = {}
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba._dispatcher import compute_fingerprint
 
 from realitygap.kernels.pointed import pointed
 from realitygap.machine_code import Shelf
@@ -70,6 +71,26 @@ def kernel(function: Callable[..., Any], *, like: Any = None, **options: Any) ->
     del vars(way_in)["__wrapped__"]  # Numba would take its parameters for this one's
     return SHELF.compiled(way_in, like=body, error_model="numpy", nogil=True, _nrt=False)
 
+
+def entry_for(made: Any, *given: Any) -> Callable[[tuple[Any, ...]], Any]:
+    """What runs a kernel on a tuple of arguments without a look at their types, which are those of `given`.
+
+    Numba looks at all of them at every call, and in a World that takes longer than a step of a trial. Others
+    would be taken for what they are not.
+
+    Args:
+        made: what `kernel` makes.
+        given: arguments of these types.
+    """
+    if numba.config.DISABLE_JIT:
+        return lambda others: made(*others)
+    key = made, compute_fingerprint(given)  # by which Numba's own calls tell types apart
+    if key not in _entries:
+        _entries[key] = made.compile((made.typeof_pyval(given),))
+    return _entries[key]
+
+
+_entries: dict[tuple[Any, bytes], Callable[[tuple[Any, ...]], Any]] = {}
 
 routine = partial(SHELF.compiled, fastmath=_FLAGS, error_model="numpy", nogil=True)
 """For what runs once an evaluation, not once a step, and may allocate."""

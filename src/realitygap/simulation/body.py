@@ -11,8 +11,8 @@ import numpy as np
 from realitygap.controller.network import NetworkController, decode
 from realitygap.errors import UsageError
 from realitygap.kernels import halves
+from realitygap.kernels.jit import entry_for
 from realitygap.kernels.work import farthest_notice, new_aside, new_work
-from realitygap.machine_code import way_in
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
@@ -146,23 +146,23 @@ class SimulatedBody:
         self._world = self.simulation._cores.world_of(self.stream)
         self._work.span[0] = farthest_notice(self._world.robot, self._work.fan)
         self._k = 0
-        self._find_ways_in()
+        self._find_entries()
         self._pulses = [0.0, 0.0]
         self._odometry = self._wheel_counts()
         self.clock.begin_step()
 
-    def _find_ways_in(self) -> None:
-        """Of the kernels that every step calls: their arguments' types stay until a reset."""
+    def _find_entries(self) -> None:
+        """Of the kernels that every step calls: the types of what they are given stay until a reset."""
         world, now, step = self._world, np.uint64(self._drawn_from), self._k
-        self._sense_now = way_in(halves.sense_now, world, now, step, False, self._work, self._aside)
-        self._move_on = way_in(halves.move_on, world, self._nobody, now, step, self._work)
+        self._sense_now = entry_for(halves.sense_now, world, now, step, False, self._work, self._aside)
+        self._move_on = entry_for(halves.move_on, world, self._nobody, now, step, self._work)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: kept for name, kept in vars(self).items() if name not in ("_sense_now", "_move_on")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._find_ways_in()
+        self._find_entries()
 
     def _step(self) -> None:
         """One step of the simulation."""
