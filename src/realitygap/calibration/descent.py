@@ -134,18 +134,18 @@ class Descent:
             values = about_rig(found, -1.0)
             for reach in FINE_DEG:
                 values = self.turned(optics, values, self._noise, reach)
-            values = self._level(values)
+            values = self.level(values)
         return self.mended(optics, values, self.solved(optics, values, self._noise).values)
 
     def mended(self, optics: Optics, values: Values, solved: Values) -> dict[str, Floats]:
         """The least-squares values with directions and ray ends readjusted, or the values before: whichever
         have the smaller residual."""
-        found = self._level(self.turned(optics, solved, self._noise, FINE_DEG[-1]))
+        found = self.level(self.turned(optics, solved, self._noise, FINE_DEG[-1]))
         tried: tuple[Values, ...] = (values, self.ended(optics, found))
         best = min(tried, key=lambda v: self.left(optics, v))
         return dict(best)
 
-    def _level(self, values: Values) -> dict[str, Floats]:
+    def level(self, values: Values) -> dict[str, Floats]:
         """The values with the directions' mean where it was and the rigs turned instead, if none stood
         exactly."""
         if not self._turned:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.constants import SIGMAS, moved
 from realitygap.calibration.curves import ALIKE, ALIKES, SMOOTH, STEPS, Curves, Seen, smoothness
 from realitygap.calibration.descent import BY_HAND, ENDS_CM, PLAIN, Descent
+from realitygap.calibration.edges import Edges
 from realitygap.calibration.forms import with_columns
 from realitygap.calibration.optics import SHARES, Optics
 from realitygap.calibration.rows import Rows, at_places, dead_zone, means, repeated_noise, saturation
@@ -78,17 +79,20 @@ class Measured:
         )
         self._first_of = np.unique(rows.place, return_index=True)[1]
         use = at_places(rows.use, rows.place) > 0
-        seen = replace(self._all, counts=means(rows), use=use, noise=FIRST * rows.top)
+        counts = means(rows.live(), rows.place, self._all.most)
+        seen = replace(self._all, counts=counts, use=use, noise=FIRST * rows.top)
         self._first = Optics(
             base=replace(base, infrared=law), scenes=rows.scenes, seen=seen, place=np.arange(len(seen.counts))
         )
         self._few = self._first.at(rows.sparse()[self._first_of])
+        self._edges = Edges(self._first, rows, self._step, noise)
 
     def fit(self) -> tuple[Profile, Fit]:
         """The profile and its constants, from the most promising start."""
         places, values = self._promising()
         fit = self._step.solved(places, values, self._noise, intervals=True)
-        values, use = self._step.mended(places, values, fit.values), self._rows.use
+        values = self._edges.matched(places, self._step.mended(places, values, fit.values))
+        use = self._rows.use
         constants = [moved(c, values) for c in fit.constants]
         fit = replace(fit, values=values, constants=(*constants, *self._points(values, use)))
         return self.profile(values, use), replace(fit, model=self.optics.shown(values, use))
@@ -105,7 +109,7 @@ class Measured:
         ]
         found = [self._start_at(i, *self._nearer(*one)) for i, one in enumerate(begun)]
         places, values = self._nearer(*min(found, key=itemgetter(0, 1))[2:])
-        values = self._step.lit(places, values)
+        values = self._edges.matched(places, self._step.lit(places, values))
         chosen = places.seen
         seen = replace(self._all, smooth=chosen.smooth, linear=chosen.linear, alike=chosen.alike)
         self.optics = replace(places, seen=seen, place=self._rows.place)

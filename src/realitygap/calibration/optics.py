@@ -31,13 +31,15 @@ SHARES = ("share_1", "share_2", "share_3", "share_4")
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optics:
     """A fit in progress: the base profile, the curves' middle, the readings (`seen`) and their places
-    (`place` [n]); and the free parts of the lobe."""
+    (`place` [n]); the free parts of the lobe; and the readings that curves are fitted to (`by` [n]; None:
+    all)."""
 
     base: Profile
     scenes: Sequence[tuple[str, Scene]]
     seen: Seen
     place: NDArray[np.int64]
     lobe: tuple[str, ...] = ()
+    by: NDArray[np.bool_] | None = None
 
     @cached_property
     def _robot(self) -> Robot:
@@ -108,7 +110,8 @@ class Optics:
     def curves(self, values: Values, use: Use, *, beyond: bool = False) -> tuple[Floats, Floats]:
         """The curves [S, n] that suit the optics, on beyond where readings end or not, and all shares."""
         u = self.share(self.profile(values), values)
-        return Curves(replace(self.seen, use=use), u).fitted(beyond=beyond), u
+        by = use if self.by is None else use & self.by[:, None]
+        return Curves(replace(self.seen, use=by), u).fitted(beyond=beyond), u
 
     def readings(self, values: Values, use: Use) -> Floats:
         """Noise-free readings [n, S] by curves fitted to those in `use`; in the dead zone what exceeds it."""

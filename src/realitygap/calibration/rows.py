@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,8 @@ LIT = 63.0
 class Rows:
     """Rows of several recordings of one kind, one after another.
 
-    `top` is the converter's highest count, `unit` its counts per count of the paper's robot.
+    `top` is the converter's highest count, `unit` its counts per count of the paper's robot; `edges` has the
+    places between those of each recording, if any, with NaN for readings that are not to be used.
     """
 
     def __init__(self, recordings: Sequence[SensorRecording], base: Profile) -> None:
@@ -95,26 +97,21 @@ class Rows:
             named = ", ".join(map(str, missing))
             self.warnings += (f"not recorded, and taken to be like the others: sensors {named}",)
         self.block = self._blocks()
+        self.edges = tuple(_without(r.edges, list(gone)) for r, gone in zip(recordings, dead, strict=True))
 
     def without(self, out: NDArray[np.bool_]) -> "Rows":
         """The same without the readings of the rows `out` [n], and without those at their distances and
         nearly their bearings, which would give them away."""
         some = copy(self)
-        some.use = self.use & ~(out | self._beside(out))[:, None]
+        parts = list(zip(self.recordings, self.split(out), self.edges, strict=True))
+        if self.block is not self.place:  # else no patches: places of a room, or of a straight series
+            out = out | np.concatenate([_beside(places, there, places) for places, there, _ in parts])
+        some.use = self.use & ~out[:, None]
+        some.edges = tuple(
+            edges and _without(edges, slice(None), _beside(places, there, edges))
+            for places, there, edges in parts
+        )
         return some
-
-    def _beside(self, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """[n] rows that stand within BESIDE_DEG of others, at their distances."""
-        near = np.zeros(len(out), bool)
-        if self.block is self.place:  # no patches: places of a room, or of a straight series
-            return near
-        of = np.repeat(np.arange(len(self.recordings)), [len(r.counts) for r in self.recordings])
-        ring = np.unique(np.column_stack([of, self.distance]), axis=0, return_inverse=True)[1].ravel()
-        for k in np.unique(ring[out]).tolist():
-            here = ring == k
-            apart = self.bearing[here, None] - np.unique(self.bearing[here & out])
-            near[here] = np.abs((apart + 180.0) % 360.0 - 180.0).min(axis=1) < BESIDE_DEG
-        return near
 
     def sparse(self) -> NDArray[np.bool_]:
         """[n] rows at some of the bearings, where there are many: enough to begin a search with."""
@@ -134,7 +131,7 @@ class Rows:
         """[n, S] readings; NaN for dead sensors."""
         return np.where(self.use, self.counts, np.nan)
 
-    def split(self, table: Floats) -> list[Floats]:
+    def split(self, table: NDArray[Any]) -> list[NDArray[Any]]:
         """A table's rows [n, …] by recording."""
         return np.split(table, np.cumsum([len(r.counts) for r in self.recordings])[:-1])
 
@@ -189,6 +186,28 @@ class Rows:
         return float(np.sqrt(((model - self.counts)[lit if lit.any() else self.use] ** 2).mean()))
 
 
+def _beside(places: SensorRecording, out: NDArray[np.bool_], others: SensorRecording) -> NDArray[np.bool_]:
+    """[m] which of the others stand within BESIDE_DEG of the places `out` [n], at their distances."""
+    near = np.zeros(len(others.counts), bool)
+    for distance in np.unique(places.distance_cm[out]).tolist():
+        here = others.distance_cm == distance
+        of = np.unique(places.bearing_deg[out & (places.distance_cm == distance)])
+        apart = (others.bearing_deg[here, None] - of + 180.0) % 360.0 - 180.0
+        near[here] = np.abs(apart).min(axis=1) < BESIDE_DEG
+    return near
+
+
+def _without(
+    edges: SensorRecording | None, sensors: list[int] | slice, rows: NDArray[np.bool_] | slice = slice(None)
+) -> SensorRecording | None:
+    """A copy with NaN for these readings."""
+    if edges is None:
+        return None
+    counts = edges.counts.copy()
+    counts[rows, sensors] = np.nan
+    return replace(edges, counts=counts)
+
+
 def places_of(recordings: Sequence[SensorRecording]) -> NDArray[np.int64]:
     """[n] number of each row's place, through all recordings."""
     places, first = [], 0
@@ -203,13 +222,19 @@ def at_places(values: Floats | NDArray[np.bool_], place: NDArray[np.int64]) -> F
     return np.stack([np.bincount(place, column) for column in values.T], 1)
 
 
-def means(rows: Rows) -> Floats:
-    """[m, S] reading at each place: the mean, or the sensor's end where half of its readings are there."""
-    many = np.maximum(at_places(rows.use, rows.place), 1.0)
-    mean = at_places(np.where(rows.use, rows.counts, 0.0), rows.place) / many
-    most = saturation(rows)
-    for end, there in ((0.0, rows.counts <= 0), (most, rows.counts >= most)):
-        mean = np.where(at_places(rows.use & there, rows.place) >= many / 2, end, mean)
+def means(counts: Floats, place: NDArray[np.int64], most: Floats | float) -> Floats:
+    """[m, S] reading at each place: the mean, or the sensor's end where half of its readings are there.
+
+    Args:
+        counts: [n, S] readings; NaN for those that do not count.
+        place: [n] the number of each row's place.
+        most: counts that a sensor does not exceed, [S] or one for all.
+    """
+    use = np.isfinite(counts)
+    many = np.maximum(at_places(use, place), 1.0)
+    mean = at_places(np.where(use, counts, 0.0), place) / many
+    for end, there in ((0.0, counts <= 0), (most, counts >= most)):
+        mean = np.where(at_places(there, place) >= many / 2, end, mean)
     return mean
 
 

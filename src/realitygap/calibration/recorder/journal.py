@@ -23,7 +23,7 @@ USUAL = "the usual"
 
 
 class Journal:
-    """One recording's folder; `done` holds the keys of the places that are finished.
+    """One recording's folder; `done` has the rows of the places that are finished, by their keys.
 
     Args:
         folder: the recording's.
@@ -31,6 +31,7 @@ class Journal:
         columns: of the table.
         key: the columns that name a place.
         rows: how many rows a finished place has, by its key.
+        table: another one than the kind's; it is made with its first rows.
 
     Raises:
         RecordingError: the folder holds another recording.
@@ -44,12 +45,13 @@ class Journal:
         columns: Sequence[str],
         key: Sequence[str],
         rows: Callable[[tuple[str, ...]], int],
+        table: str | None = None,
     ) -> None:
         self.folder = folder
-        self.path = self.folder / (STEPS if facts["kind"] == "wheels" else READINGS)
+        self.path = self.folder / (table or (STEPS if facts["kind"] == "wheels" else READINGS))
         self.columns = tuple(columns)
         self._key = [self.columns.index(name) for name in key]
-        self.done: set[tuple[str, ...]] = set()
+        self.done: dict[tuple[str, ...], Sequence[Sequence[str]]] = {}
         if (self.folder / FACTS).exists():
             self._check(facts)
             self._take_up(rows)
@@ -61,10 +63,11 @@ class Journal:
 
     def add(self, rows: Sequence[Sequence[str]]) -> None:
         """Write all rows of a finished place."""
-        text = "".join(",".join(row) + "\n" for row in rows)
+        head = [] if self.path.exists() else [self.columns]
+        text = "".join(",".join(row) + "\n" for row in (*head, *rows))
         with whole.named(self.path), self.path.open("ab", buffering=0) as file:
             file.write(text.encode("utf-8"))
-        self.done.add(self.key(rows[0]))
+        self.done[self.key(rows[0])] = rows
 
     def discard(self) -> None:
         """Remove an empty recording's files, and its folder if nothing else is in it."""
@@ -90,7 +93,9 @@ class Journal:
 
     def _take_up(self, rows: Callable[[tuple[str, ...]], int]) -> None:
         """Keep the table's finished places; drop an incomplete one that a kill left."""
-        data = self.path.read_bytes() if self.path.is_file() else b""
+        if not self.path.is_file():
+            return
+        data = self.path.read_bytes()
         lines = data[: data.rfind(b"\n") + 1].decode("utf-8", "replace").splitlines()
         head = ",".join(self.columns)
         if lines and lines[0] != head:
@@ -106,7 +111,7 @@ class Journal:
         text = "".join(f"{line}\n" for line in (head, *(line for kept in finished.values() for line in kept)))
         if text.encode() != data:
             whole.write(self.path, text)
-        self.done = set(finished)
+        self.done = {key: [line.split(",") for line in kept] for key, kept in finished.items()}
 
 
 def refuse_another(folder: Path, *, resume: bool) -> None:

@@ -1,7 +1,7 @@
 """Plans: where the robot or the object has to stand while its sensors are recorded."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,6 +45,11 @@ class Place:
     where: tuple[float, ...]
     says: str
 
+    @property
+    def key(self) -> tuple[str, ...]:
+        """`where` as the table has it."""
+        return tuple(f"{number:g}" for number in self.where)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SensorPlan:
@@ -60,6 +65,7 @@ class SensorPlan:
         begins: what a person prepares.
         reflectance: of the object's surface; NaN: not known.
         facts: what recording.toml says of the places.
+        at: the place at a distance (cm) and a bearing (degrees), if these tell the places.
     """
 
     name: str
@@ -72,6 +78,7 @@ class SensorPlan:
     begins: str
     reflectance: float = 1.0
     facts: Mapping[str, Any] = field(default_factory=dict)
+    at: Callable[[float, float], Place] | None = None
 
 
 def infrared_plan(
@@ -104,6 +111,10 @@ def infrared_plan(
         room["reflectance"] = [reflectance] if radius is None else [1.0, reflectance]
     short = "wall" if radius is None else "cylinder"
     what = "a wall, longer than 30 cm" if radius is None else f"a cylinder of radius {radius:g} cm"
+
+    def at(distance: float, bearing: float) -> Place:
+        return _before((edge, size / 2), radius, distance, bearing, body)
+
     return SensorPlan(
         name=f"infrared-{short}",
         kind="infrared",
@@ -112,13 +123,14 @@ def infrared_plan(
         room=room,
         arena=None,
         places=tuple(
-            _before((edge, size / 2), radius, distance, k * 360.0 / grid.bearings, body)
+            at(distance, k * 360.0 / grid.bearings)
             for distance in grid.distances_cm
             for k in range(grid.bearings)
         ),
         begins=f"Put up {what}, with nothing else within 20 cm, and keep lamps away.",
         reflectance=reflectance,
         facts=grid.facts,
+        at=at,
     )
 
 

@@ -10,11 +10,13 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from realitygap import whole
 from realitygap.calibration.recorder.acts import drive_trial, read_standing
+from realitygap.calibration.recorder.edges import FINE, TWICE, look_between
 from realitygap.calibration.recorder.grid import Grid
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
 from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
@@ -22,9 +24,9 @@ from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.body import stated_heights, stated_shape
 from realitygap.calibration.recordings.facts import UNKNOWN
-from realitygap.calibration.recordings.files import POSE, STEP_COLUMNS, UNITS
+from realitygap.calibration.recordings.files import EDGES, POSE, STEP_COLUMNS, UNITS
 from realitygap.errors import UsageError
-from realitygap.robots.body import Body, Filmed, Seen, attend, channel, facts_of
+from realitygap.robots.body import Body, Filmed, Placing, Seen, attend, channel, facts_of
 from realitygap.values import Pose
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
@@ -85,8 +87,8 @@ class Wanted:
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """A finished call of `record`: how many places are `done`, the time it took, and whether the person
-    stopped early."""
+    """A finished call of `record`: how many places of the plan are `done`, how many others between them where
+    readings jump, the time it took, and whether the person stopped early."""
 
     folder: Path
     name: str
@@ -94,6 +96,7 @@ class Made:
     places: int
     done: int
     seconds: float
+    between: int = 0
     stopped: bool = False
 
     @property
@@ -145,7 +148,8 @@ class _Part(NamedTuple):
     """A part of a plan: its `stops`, named by the columns `key` of its table.
 
     `own`: facts for its recording.toml; `rows`: how many rows a finished stop has, by its key; `read`: brings
-    the robot to a stop and returns its rows, none if the stop is skipped.
+    the robot to a stop and returns its rows, none if the stop is skipped; `fine`: whether places between the
+    stops are read, too, where readings jump, which `at` makes of a distance and a bearing.
     """
 
     name: str
@@ -157,8 +161,10 @@ class _Part(NamedTuple):
     key: tuple[str, ...]
     stops: Mapping[tuple[str, ...], Any]
     rows: Callable[[tuple[str, ...]], int]
-    read: Callable[[Site, Any], list[tuple[str, ...]]]
+    read: Callable[..., list[tuple[str, ...]]]
     arena: Arena | None = None
+    at: Callable[[float, float], Place] | None = None
+    fine: bool = False
 
 
 def _parts(wanted: Wanted, body: Body) -> list[_Part]:
@@ -211,17 +217,18 @@ def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> _Part:
     if plan.arena is not None:
         own |= {"arena": ARENA, **stated_heights(wanted.base)}
 
-    def read(site: Site, place: Place) -> list[tuple[str, ...]]:
+    def read(site: Site, place: Place, repeats: int = wanted.repeats) -> list[tuple[str, ...]]:
         if not site.stand(place):
             return []
-        readings = read_standing(body, one.name, wanted.repeats)
-        return [(*_texts(place.where), str(k), *row) for k, row in enumerate(readings)]
+        readings = read_standing(body, one.name, repeats)
+        return [(*place.key, str(k), *row) for k, row in enumerate(readings)]
 
     return _Part(
         name=plan.name, own=own, room=plan.room, begins=plan.begins, channel=one.name,
         columns=(*plan.columns, "repeat", *(f"s{i}" for i in range(one.sensors))), key=plan.columns,
-        stops={_texts(place.where): place for place in plan.places}, rows=lambda key: wanted.repeats,
-        read=read, arena=plan.arena,
+        stops={place.key: place for place in plan.places}, rows=lambda key: wanted.repeats,
+        read=read, arena=plan.arena, at=plan.at,
+        fine=isinstance(body, Placing) and wanted.grid(body).bearings >= FINE and wanted.repeats > 1,
     )  # fmt: skip
 
 
@@ -246,15 +253,13 @@ def _wheels(trials: Sequence[Trial], body: Body) -> _Part:
 
 def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site, report: Progress) -> Made:
     """Bring the robot to each stop of a part that is not done, and write its rows at once."""
-    begun, kind, stopped = time.perf_counter(), part.own["kind"], False
-    journal = Journal(
-        folder, facts={**part.own, **_facts(part, wanted, body)}, columns=part.columns, key=part.key,
-        rows=part.rows,
-    )  # fmt: skip
+    begun, kind, stopped, between = time.perf_counter(), part.own["kind"], False, 0
+    facts = {**part.own, **_facts(part, wanted, body)}
+    journal = Journal(folder, facts=facts, columns=part.columns, key=part.key, rows=part.rows)
     if part.arena is not None:
         whole.write(folder / ARENA, part.arena.to_toml())
     left = [stop for key, stop in part.stops.items() if key not in journal.done]
-    if left:
+    if left or part.fine:
         attend(body, part.channel, turns=kind == "wheels")
     try:
         if left and site.prepare(part.begins):
@@ -262,13 +267,22 @@ def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site,
                 if rows := part.read(site, stop):
                     journal.add(rows)
                 report(part.name, len(journal.done), len(part.stops))
+        if part.fine and part.at is not None and len(journal.done) == len(part.stops):
+            edges = Journal(
+                folder, facts=facts, columns=part.columns, key=part.key, rows=lambda key: TWICE, table=EDGES
+            )
+            read = partial(part.read, site, repeats=TWICE)
+            between = look_between(
+                journal, edges, part.at, read, channel(body, part.channel).high,
+                lambda done, many: report(f"{part.name}, jumps", done, many),
+            )  # fmt: skip
     except EnoughError:
         stopped = True
     if not journal.done:  # skipped: an empty table would only hinder a calibration
         journal.discard()
     return Made(
         folder=folder, name=part.name, kind=kind, places=len(part.stops), done=len(journal.done),
-        seconds=time.perf_counter() - begun, stopped=stopped,
+        seconds=time.perf_counter() - begun, between=between, stopped=stopped,
     )  # fmt: skip
 
 
@@ -280,10 +294,6 @@ def _facts(part: _Part, wanted: Wanted, body: Body) -> dict[str, Any]:
         known["marker"] = wanted.marker
     asked = {"notes": wanted.notes, "repeats": wanted.repeats, "seed": wanted.seed}
     return {"plan": wanted.plan, "units": units, **known, **asked, "places": len(part.stops)}
-
-
-def _texts(numbers: Sequence[float]) -> tuple[str, ...]:
-    return tuple(f"{number:g}" for number in numbers)
 
 
 def _pose(pose: Pose | None) -> tuple[str, ...]:

@@ -68,7 +68,7 @@ class OwnSite(Closing):
         return True
 
     def stand(self, place: Place) -> bool:
-        self._put("/".join(f"{number:g}" for number in place.where), place.pose)
+        self._put("/".join(place.key), place.pose)
         return True
 
     def begin(self, trial: Trial) -> bool:

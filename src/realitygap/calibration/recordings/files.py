@@ -3,6 +3,7 @@
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +43,11 @@ from realitygap.values import Floats
 from realitygap.world.arena import Arena, load_arena
 
 __all__ = [
-    "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "WHEEL_COUNTS",
+    "EDGES", "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "WHEEL_COUNTS",
     "find_recordings", "load_recording", "read_folder",
 ]  # fmt: skip
 
-READINGS, STEPS = "readings.csv", "steps.csv"
+READINGS, EDGES, STEPS = "readings.csv", "edges.csv", "steps.csv"
 POLAR = ("distance_cm", "bearing_deg")
 POSE = ("x_cm", "y_cm", "heading_deg")
 STEP_COLUMNS = (
@@ -150,7 +151,20 @@ def read_folder(folder: Path, *, object: str | None = None) -> Recording:
 
 
 def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
-    table = read_rows(folder / READINGS, ends="places" in facts)
+    """The readings at the places of a grid, and between them, where there are any."""
+    made, path = _read(folder / READINGS, facts, kind, name), folder / EDGES
+    if not path.exists():
+        return made
+    edges = _read(path, facts, kind, name)
+    if edges.sensors != made.sensors:
+        expected = f"{made.sensors} sensors, as {READINGS} has"
+        raise RecordingError(f"{path}, line 1: expected {expected}, got {edges.sensors}.")
+    digest = hashlib.sha256((made.hash + edges.hash).encode()).hexdigest()
+    return replace(made, edges=edges, hash=digest)
+
+
+def _read(path: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
+    folder, table = path.parent, read_rows(path, ends="places" in facts)
     sensors = _sensor_columns(table, facts)
     check_heights(folder, facts)
     pose, arena, body = None, None, body_of(folder, facts)

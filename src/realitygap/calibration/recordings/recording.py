@@ -97,6 +97,8 @@ class SensorRecording(Recorded):
         from_sensor: the sensor that faced the wall, from which distances are measured; None: from the body's
             edge.
         speed_cm_s: [n] mean absolute speed of both wheels during each reading; None: they stood.
+        edges: further places between these, where readings jump: they tell where rays end, and no error is
+            counted there.
     """
 
     kind: str
@@ -114,6 +116,7 @@ class SensorRecording(Recorded):
     speed_cm_s: Floats | None = None
     reflectance: float = 1.0
     from_sensor: int | None = None
+    edges: "SensorRecording | None" = None
 
     def __post_init__(self) -> None:
         n = len(self.repeat)
@@ -147,6 +150,9 @@ class SensorRecording(Recorded):
                 f"{self.source}: s{sensor}: expected counts from 0 to {top:g}, the full scale of {whose}, "
                 f"got {self.counts[row, sensor]:g} in reading {row + 1}. {cure}"
             )
+        if self.edges is not None:
+            edges, grid = self.edges.of_robot(robot), replace(self, edges=None).of_robot(robot)
+            return replace(grid, edges=edges)
         if self.from_sensor is not None:
             return self._before(part.sensors[self.from_sensor])
         if self.body_said:
