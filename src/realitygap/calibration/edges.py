@@ -4,8 +4,8 @@ A grid tells it to about the spacing of its places over the number of edges in a
 off by that still errs by its whole reading where it should just have met something.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from realitygap.values import Floats
 
 __all__ = ["Edges"]
 
-REACHES_DEG, TRIED = (0.3, 0.08, 0.02, 0.005), 13
-"""Ranges to either side of successive searches for directions and the beams' angle; values tried in each."""
+REACHES, TRIED = (0.3, 0.08, 0.02, 0.005, 0.005), 9
+"""Ranges to either side of successive searches for directions (degrees), and values tried in each."""
+COMMON = {"range_cm": 0.3, "aperture_deg": 1.0}
+"""What all sensors share, and its range as a multiple of these."""
 
 
 class Edges:
@@ -28,7 +30,7 @@ class Edges:
     Args:
         grid: the optics with the places of the grids.
         rows: with the recordings and their edges.
-        step: measures residuals, and finds where rays end.
+        step: holds what recordings do not determine.
         noise: of a reading, counts.
     """
 
@@ -65,26 +67,34 @@ class Edges:
             return dict(values)
         seen = replace(optics.seen, counts=self._all.seen.counts, use=self._all.seen.use)
         both = replace(self._all, base=optics.base, lobe=optics.lobe, seen=seen)
-        found = dict(values)
-        for reach in REACHES_DEG:
-            found = self._step.ended(both, self._turned(both, found, np.linspace(-reach, reach, TRIED)))
+        begin, found = self._cost(both, values).sum(), dict(values)
+        for reach in REACHES:
+            for key, far in COMMON.items():
+                if found[key] > 0:
+                    found = self._nearer(both, found, key, far * reach, reach)
         found = self._step.level(found)
-        return found if self._step.left(both, found) < self._step.left(both, values) else dict(values)
+        return found if self._cost(both, found).sum() < begin else dict(values)
 
-    def _turned(self, optics: Optics, values: Values, offs: Floats) -> dict[str, Floats]:
-        """The values with the beams' angle and each sensor's direction where they cost least, in the middle
-        of directions that suit equally well."""
-
-        def cost(tried: Mapping[str, Floats]) -> Floats:
-            off = (optics.readings(tried, optics.seen.use) - optics.seen.counts) / self._noise
-            off = np.where(optics.seen.use, off, 0.0) / ROBUST_AT
-            return np.asarray(np.sqrt(1.0 + off**2).sum(axis=0))
-
-        found: list[tuple[float, dict[str, Floats]]] = []
-        for wider in offs:
-            at = {**values, "aperture_deg": values["aperture_deg"] + wider}
-            costs = np.array([cost({**at, "direction_deg": at["direction_deg"] + off}) for off in offs])
+    def _nearer(
+        self, optics: Optics, values: dict[str, Floats], key: str, far: float, reach: float
+    ) -> dict[str, Floats]:
+        """The values with one that all sensors share, and each sensor's direction for it, where they cost
+        least: in the middle of directions that suit equally well."""
+        found = []
+        for more in np.linspace(-far, far, TRIED):
+            at, offs = {**values, key: values[key] + more}, np.linspace(-reach, reach, TRIED)
+            costs = np.array([self._cost(optics, _turned(at, off)) for off in offs])
             least = costs <= costs.min(axis=0) * LIKE
-            turned = {**at, "direction_deg": at["direction_deg"] + offs @ least / least.sum(axis=0)}
-            found.append((float(cost(turned).sum()), turned))
-        return min(found, key=lambda one: one[0])[1]
+            at = _turned(at, offs @ least / least.sum(axis=0))
+            found.append((float(self._cost(optics, at).sum()), at))
+        return min(found, key=itemgetter(0))[1]
+
+    def _cost(self, optics: Optics, values: Values) -> Floats:
+        """[S] misfit of each sensor, as least squares have it."""
+        use = optics.seen.use
+        off = np.where(use, optics.readings(values, use) - optics.seen.counts, 0.0) / self._noise
+        return np.asarray(np.sqrt(1.0 + (off / ROBUST_AT) ** 2).sum(axis=0))
+
+
+def _turned(values: dict[str, Floats], by: Floats | float) -> dict[str, Floats]:
+    return {**values, "direction_deg": values["direction_deg"] + by}

@@ -18,7 +18,7 @@ from realitygap.calibration.descent import BY_HAND, ENDS_CM, PLAIN, Descent
 from realitygap.calibration.edges import Edges
 from realitygap.calibration.forms import with_columns
 from realitygap.calibration.optics import SHARES, Optics
-from realitygap.calibration.rows import Rows, at_places, dead_zone, means, repeated_noise, saturation
+from realitygap.calibration.rows import Rows, dead_zone, means, repeated_noise, saturation
 from realitygap.calibration.solve import Fit, Values
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
@@ -78,8 +78,8 @@ class Measured:
             counts=rows.counts, use=rows.use, top=rows.top, most=saturation(rows), noise=noise, dead=law.dead
         )
         self._first_of = np.unique(rows.place, return_index=True)[1]
-        use = at_places(rows.use, rows.place) > 0
-        counts = means(rows.live(), rows.place, self._all.most)
+        mean = means(rows.live(), rows.place, self._all.most)
+        counts, use = np.nan_to_num(mean), np.isfinite(mean)
         seen = replace(self._all, counts=counts, use=use, noise=FIRST * rows.top)
         self._first = Optics(
             base=replace(base, infrared=law), scenes=rows.scenes, seen=seen, place=np.arange(len(seen.counts))

@@ -223,7 +223,8 @@ def at_places(values: Floats | NDArray[np.bool_], place: NDArray[np.int64]) -> F
 
 
 def means(counts: Floats, place: NDArray[np.int64], most: Floats | float) -> Floats:
-    """[m, S] reading at each place: the mean, or the sensor's end where half of its readings are there.
+    """[m, S] reading at each place: the mean, or the sensor's end where half of its readings are there; NaN
+    where none counts.
 
     Args:
         counts: [n, S] readings; NaN for those that do not count.
@@ -231,11 +232,11 @@ def means(counts: Floats, place: NDArray[np.int64], most: Floats | float) -> Flo
         most: counts that a sensor does not exceed, [S] or one for all.
     """
     use = np.isfinite(counts)
-    many = np.maximum(at_places(use, place), 1.0)
-    mean = at_places(np.where(use, counts, 0.0), place) / many
+    many = at_places(use, place)
+    mean = at_places(np.where(use, counts, 0.0), place) / np.maximum(many, 1.0)
     for end, there in ((0.0, counts <= 0), (most, counts >= most)):
         mean = np.where(at_places(there, place) >= many / 2, end, mean)
-    return mean
+    return np.where(many > 0, mean, np.nan)
 
 
 def repeated_noise(rows: Rows) -> float:

@@ -118,7 +118,8 @@ def record(
         print_json(_facts(made, plan, out, facts))
         return
     for one in made:
-        click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s")
+        more = f" and {one.between} between them, where readings jump," if one.between else ","
+        click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places{more} {one.seconds:.1f} s")
     if not all(one.finished for one in made):
         click.echo("not finished: the same command with --resume continues")
 
@@ -186,7 +187,7 @@ def _facts(made: list[Made], plan: str, out: str, facts: dict[str, Any]) -> dict
     recordings = [
         {
             "folder": str(one.folder), "kind": one.kind, "places": one.places, "done": one.done,
-            "finished": one.finished, "seconds": round(one.seconds, 3),
+            "between": one.between, "finished": one.finished, "seconds": round(one.seconds, 3),
         }
         for one in made
     ]  # fmt: skip

@@ -1,0 +1,244 @@
+"""Between bearings where readings jump: which places are read, and what a fit takes from them."""
+
+from __future__ import annotations
+
+import csv
+import os
+import shutil
+from contextlib import closing
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from realitygap.calibration.curves import SMOOTH
+from realitygap.calibration.forward import proximity, scene_of
+from realitygap.calibration.judge import judge
+from realitygap.calibration.measured import TWO_BEAMS, Measured
+from realitygap.calibration.recorder import edges as recorder
+from realitygap.calibration.recorder.edges import look_between
+from realitygap.calibration.recorder.record import Wanted, record
+from realitygap.calibration.recordings.files import load_recording
+from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.rows import BESIDE_DEG, Rows, repeated_noise
+from realitygap.calibration.share import thinned
+from realitygap.errors import RecordingError
+from realitygap.robots.address import Address
+from realitygap.world.profile import Profile
+from tests.calibration.test_measured import HALF, odd
+from tests.calibration.written import save_recording
+
+BEARINGS, TOP = 180, 1023.0
+
+
+def looked(readings, repeats: int = 3, noise: float = 2.0) -> list[tuple[float, float]]:
+    """Where a robot is read between the bearings of a grid at 1 and 2 cm: `readings` there."""
+    random = np.random.default_rng(1)
+
+    def at(distance, bearing):
+        where = (distance, 180.0 - (180.0 - bearing) % 360.0)
+        return SimpleNamespace(where=where, key=tuple(f"{number:g}" for number in where))
+
+    def read(place, many):
+        clean = np.array(readings(place.where[0], place.where[1] % 360.0))
+        drawn = clean + noise * random.normal(size=(many, len(clean)))
+        return [(*place.key, str(k), *map(str, row)) for k, row in enumerate(drawn.tolist())]
+
+    grid = [at(d, k * 360.0 / BEARINGS) for d in (1.0, 2.0) for k in range(BEARINGS)]
+    made, told = {}, []
+    look_between(
+        SimpleNamespace(done={place.key: read(place, repeats) for place in grid}),
+        SimpleNamespace(done=made, add=lambda rows: made.update({rows[0][:2]: rows})),
+        at, lambda place: read(place, 2), TOP, lambda *so_far: told.append(so_far),
+    )  # fmt: skip
+    assert told == [(k, len(told)) for k in range(1, len(told) + 1)]
+    return [(float(distance), float(bearing) % 360.0) for distance, bearing in made]
+
+
+def test_a_jump_is_followed_and_a_slope_is_not():
+    """To a sixteenth of a degree from two, by five readings; at the distance and bearing where it is."""
+    for edge in (33.33, 201.07, 359.1):
+        found = looked(
+            lambda d, b, edge=edge: [
+                500.0 * (d > 1.5) * ((b - edge) % 360.0 < 180.0),
+                400.0 + 300.0 * np.sin(np.radians(3 * b)),
+            ]
+        )
+        assert {d for d, _ in found} == {2.0} and len(found) == 10
+        for there in (edge, edge - 180.0):
+            off = [(b - there + 180.0) % 360.0 - 180.0 for _, b in found]
+            before = max([-(there % 2.0), *(o for o in off if -2.0 < o < 0)])
+            behind = min([2.0 - there % 2.0, *(o for o in off if 0 <= o < 2.0)])
+            assert behind - before == pytest.approx(2.0 / 2**5, abs=2e-3)
+
+
+def test_noise_is_followed_nowhere():
+    assert looked(lambda d, b: [500.0, 20.0], noise=60.0) == []
+
+
+def beams(turn: float = 0.0, wider: float = 0.0) -> Profile:
+    """A robot with three rays a sensor that see no farther than 6 cm."""
+    law = odd().infrared
+    sensors = tuple(replace(s, direction_deg=s.direction_deg + turn) for s in law.sensors)
+    law = replace(
+        law, sensors=sensors, lobe=(1 / 3, 0.0, 0.0, 0.0, 2 / 3), overlap=2 / 3, aperture_deg=15.0 + wider,
+        range_cm=6.0, dead=0.0,
+    )  # fmt: skip
+    return replace(HALF, infrared=law)
+
+
+def seen(robot: Profile, object: str, where: np.ndarray, repeats: int) -> SensorRecording:
+    """Its noisy readings at distances and bearings [m, 2]."""
+    rows = np.repeat(where, repeats, axis=0)
+    blank = SensorRecording(
+        kind="infrared", object=object, distance_cm=rows[:, 0], bearing_deg=rows[:, 1],
+        repeat=np.tile(np.arange(repeats), len(where)),
+        counts=np.zeros((len(rows), len(robot.infrared.sensors))),
+        source=f"made {object}", facts={"unit": 1},
+    )  # fmt: skip
+    clean = proximity(robot, scene_of(blank))
+    drawn = clean + 4.0 * np.random.default_rng(len(rows)).normal(size=clean.shape)
+    return replace(blank, counts=np.clip(np.rint(drawn), 0, 1023))
+
+
+@pytest.fixture(scope="module")
+def recordings() -> list[SensorRecording]:
+    """A wall and a cylinder, at two degrees, and between them where readings jump."""
+    made, robot = [], beams()
+    grid = np.array([(d, 180.0 - 2.0 * k) for d in (0.5, 1.5, 3.0, 4.5) for k in range(180)])
+    for object in ("wall", "cylinder:4"):
+        one = seen(robot, object, grid, 3)
+        rows = {
+            (f"{d:g}", f"{b:g}"): [("", "", "", *map(str, row)) for row in counts.tolist()]
+            for (d, b), counts in zip(grid.tolist(), one.counts.reshape(-1, 3, 4), strict=True)
+        }
+        between: list[SensorRecording] = []
+
+        def read(place, object=object, between=between):
+            between.append(seen(robot, object, np.array([place.where]), 2))
+            return [(*place.key, "", *map(str, row)) for row in between[-1].counts.tolist()]
+
+        def at(distance, bearing):
+            where = (distance, 180.0 - (180.0 - bearing) % 360.0)
+            return SimpleNamespace(where=where, key=tuple(f"{number:g}" for number in where))
+
+        done: dict = {}
+        look_between(
+            SimpleNamespace(done=rows),
+            SimpleNamespace(done=done, add=lambda rows, done=done: done.update({rows[0][:2]: rows})),
+            at, read, TOP, lambda *_: None,
+        )  # fmt: skip
+        columns = ("distance_cm", "bearing_deg", "repeat", "counts")
+        joined = {name: np.concatenate([getattr(r, name) for r in between]) for name in columns}
+        made.append(replace(one, edges=replace(one, **joined)))
+    return made
+
+
+def matched(recordings: list[SensorRecording], robot: Profile, fold: int | None = None):
+    """Directions off the truth, the beams' angle and the range, from values that are nearly right; by what a
+    fold leaves."""
+    rows = Rows(recordings, robot)
+    rows = rows if fold is None else rows.without(rows.fold(fold))
+    fit = Measured(rows, robot, repeated_noise(rows))
+    places = replace(fit._first, lobe=tuple(TWO_BEAMS))
+    places = replace(places, seen=replace(places.seen, noise=5.0, smooth=SMOOTH[1]))
+    law, none = robot.infrared, dict.fromkeys(("share_1", "share_2", "share_3"), np.zeros(1))
+    values = {
+        **none, "share_4": np.array([2 / 3]), "offset_cm": np.array([0.4]), "width_cm": np.array([2.0]),
+        "aperture_deg": np.array([law.aperture_deg]), "range_cm": np.array([law.range_cm]),
+        "direction_deg": np.array([s.direction_deg for s in law.sensors]),
+    }  # fmt: skip
+    found = fit._edges.matched(places, values)
+    true = beams().infrared
+    off = found["direction_deg"] - [s.direction_deg for s in true.sensors]
+    return off, found["aperture_deg"][0] - 15.0, found["range_cm"][0] - 6.0
+
+
+def test_edges_tell_where_rays_look(recordings):
+    """Sensors turned by 0.13 degrees, with beams 0.07 too wide, come out within a hundredth of a degree, with
+    fewer places within a fiftieth; without any between nothing changes."""
+    for fold, near in ((None, 0.01), (1, 0.02)):
+        off, wide, end = matched(recordings, beams(turn=0.13, wider=0.07), fold)
+        assert np.abs(off).max() < near and abs(wide) < near and abs(end) < 0.01
+    plain = [replace(one, edges=None) for one in recordings]
+    off, wide, _ = matched(plain, beams(turn=0.13, wider=0.07))
+    assert off == pytest.approx(0.13) and wide == pytest.approx(0.07)
+
+
+def test_no_error_is_counted_between(recordings):
+    """A profile is judged at the places of the grid; with other readings between them no figure differs."""
+    one, robot = recordings[1], beams()
+    told = judge(one, robot)
+    assert one.edges is not None
+    wrong = replace(one, edges=replace(one.edges, counts=1023.0 - one.edges.counts))
+    assert (
+        judge(wrong, robot).per_sensor == judge(replace(one, edges=None), robot).per_sensor == told.per_sensor
+    )
+
+
+def test_places_held_out_are_not_told_of_by_those_between(recordings):
+    """None within ten degrees of one, at its distance, is used; all others are."""
+    rows = Rows(recordings, HALF)
+    out = rows.fold(1)
+    for one, edges, there in zip(recordings, rows.without(out).edges, rows.split(out), strict=True):
+        held = np.column_stack([one.distance_cm, one.bearing_deg])[there]
+        for d, b, counts in zip(edges.distance_cm, edges.bearing_deg, edges.counts, strict=True):
+            near = np.abs((held[held[:, 0] == d, 1] - b + 180.0) % 360.0 - 180.0)
+            assert np.isnan(counts).all() == bool((near < BESIDE_DEG).any())
+        assert 0 < np.isnan(edges.counts).mean() < 1
+
+
+def test_a_share_of_the_places_has_none_between(recordings):
+    assert thinned(recordings[0], 0.5, 1).edges is None
+
+
+def test_they_are_kept_in_a_table_of_their_own(recordings, tmp_path):
+    """And are read with the others; a table of other sensors is refused."""
+    one = recordings[1]
+    assert one.edges is not None
+    save_recording(tmp_path / "a", replace(one, facts={}))
+    plain = load_recording(tmp_path / "a")
+    save_recording(tmp_path / "b", replace(one.edges, facts={}))
+    shutil.copy(tmp_path / "b" / "readings.csv", tmp_path / "a" / "edges.csv")
+    read = load_recording(tmp_path / "a")
+    assert (read.counts == plain.counts).all() and (read.edges.counts == one.edges.counts).all()
+    assert read.hash != plain.hash and len(read.edges.counts) > 100
+    rows = [row[:-1] for row in csv.reader((tmp_path / "a" / "edges.csv").read_text().splitlines())]
+    (tmp_path / "a" / "edges.csv").write_text("".join(",".join(row) + "\n" for row in rows))
+    facts = tmp_path / "a" / "recording.toml"
+    facts.write_text(facts.read_text().replace("sensors = 4\n", ""))
+    with pytest.raises(RecordingError, match=r"edges.csv, line 1: expected 4 sensors, .*, got 3"):
+        load_recording(tmp_path / "a")
+
+
+@pytest.mark.skipif(
+    not os.path.exists("/usr/include/enki/PhysicalEngine.h"), reason="Enki is not installed here"
+)
+def test_a_recorder_looks_between_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    """A robot that places itself is read between, by the plan's own names; stopped in the midst and resumed,
+    the table is the same."""
+    monkeypatch.setattr(recorder, "HALVINGS", 3)
+    wanted = Wanted(plan="infrared", object="cylinder:4", repeats=3, bearings=120, distances_cm=(2.0, 4.0))
+
+    def recorded(name, stop_at=None, **how):
+        def told(part, done, _):
+            if "jumps" in part and done == stop_at:
+                raise KeyboardInterrupt
+
+        with closing(Address.parse("enki:epuck:1").open()) as body:
+            return record(wanted, tmp_path / name, body, on_progress=told, **how)
+
+    (made,) = recorded("whole")
+    assert made.places == 240 and made.between > 20
+    with pytest.raises(KeyboardInterrupt):
+        recorded("again", stop_at=3)
+    short = (tmp_path / "again" / "edges.csv").read_text().splitlines()
+    (resumed,) = recorded("again", resume=True)
+    text = (tmp_path / "whole" / "edges.csv").read_text()
+    assert len(short) < len(text.splitlines()) == 2 * made.between + 1
+    assert (tmp_path / "again" / "edges.csv").read_text() == text and resumed.between == made.between
+    assert load_recording(tmp_path / "whole").edges.repeat.max() == 1
+    wanted = replace(wanted, repeats=1)  # so nothing is known of the noise
+    (once,) = recorded("once")
+    assert once.between == 0 and not (tmp_path / "once" / "edges.csv").exists()
