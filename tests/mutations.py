@@ -24,6 +24,7 @@ CONTACT = ("tests/kernels/test_contact.py",)
 RANDOM = ("tests/kernels/test_rng.py",)
 TRIALS = ("tests/kernels/test_trials.py",)
 FITS = ("tests/calibration/test_fits.py",)
+EDGES = ("tests/calibration/test_edges.py",)
 MISFIT = ("tests/calibration/test_misfit.py",)
 WHEEL_FITS = ("tests/calibration/test_wheels.py",)
 TRACKER = ("tests/film/test_tracker.py",)
@@ -166,6 +167,20 @@ MUTATIONS = (
     Mutation("calibration/judge.py", "the bias has the sign turned",
              "off = (model - recording.counts)[:, live]", "off = (recording.counts - model)[:, live]",
              MISFIT),
+    Mutation("calibration/edges.py", "readings left out count as 0",
+             "use=np.isfinite(read)", "use=np.ones(read.shape, bool)", EDGES),
+    Mutation("calibration/edges.py", "the beams' angle is not looked for",
+             '"aperture_deg": 1.0}', "}", EDGES),
+    Mutation("calibration/rows.py", "readings between tell of places held out",
+             "edges and _without(edges, slice(None), _beside(places, there, edges))", "edges", EDGES),
+    Mutation("calibration/recorder/edges.py", "both halves of a gap are looked into",
+             "still = sensors & (np.abs(off) > least)", "still = sensors", EDGES),
+    Mutation("calibration/recorder/edges.py", "a slope is followed",
+             "& (step > STEEPER * beside)", "", EDGES),
+    Mutation("calibration/recorder/edges.py", "noise is followed",
+             "max(LEAST * top, SURE * noise)", "LEAST * top", EDGES),
+    Mutation("calibration/recorder/edges.py", "a place that was read is read again",
+             "mean |= {key", "_ = {key", EDGES),
     Mutation("calibration/wheels/intervals.py", "steps of one trial are taken for independent",
              "spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))",
              "spread = np.diag(bread)", WHEEL_FITS),
