@@ -156,7 +156,7 @@ def matched(recordings: list[SensorRecording], robot: Profile, fold: int | None 
 
 
 def test_edges_tell_where_rays_look(recordings):
-    """Sensors turned by 0.13 degrees, with beams 0.07 too wide, come out within a two-hundredth of a degree, by
+    """Sensors turned by 0.13 degrees, with beams 0.07 too wide, come out within a two-hundredth of one, by
     what a fold leaves, too; without places between nothing changes."""
     for fold in (None, 0):
         off, wide, end = matched(recordings, beams(turn=0.13, wider=0.07), fold)
