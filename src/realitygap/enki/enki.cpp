@@ -36,7 +36,7 @@ using namespace Enki;
 const double STEP_S = 0.02;        // part of the model: the wheels' noise is drawn anew each step
 const double BOARD_CM = 0.6;       // a partition's thickness
 const double HIGH_CM = 20;         // of whatever stands in the room: every sensor sees it
-const int SIDES = 128;             // of a cylinder that is none
+const int SIDES = 256;             // of a cylinder that is none
 const double FIXED = -1;           // mass of what cannot be moved
 
 // Enki handles objects in the order of their addresses. Here that order is always the same: the robot, then
@@ -163,9 +163,10 @@ class Room {
         if (unit->robot().isCylindric()) return thing.setCylindric(radius, HIGH_CM, FIXED);
         static std::map<double, PhysicalObject> made;  // Enki takes 17 ms for each
         if (!made.count(radius)) {
+            const double corner = 2 * radius / (1 + cos(M_PI / SIDES));  // as far outside as the sides are inside
             Polygon sides;
             for (int i = 0; i < SIDES; ++i)
-                sides.push_back(Point(radius * cos(2 * M_PI * i / SIDES), radius * sin(2 * M_PI * i / SIDES)));
+                sides.push_back(Point(corner * cos(2 * M_PI * i / SIDES), corner * sin(2 * M_PI * i / SIDES)));
             made[radius].setCustomHull(PhysicalObject::Hull(PhysicalObject::Part(sides, HIGH_CM)), FIXED);
         }
         const Point there = thing.pos;
