@@ -77,7 +77,8 @@ def record(
 
     Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away (Enki's robots: to 15 cm). Ambient:
     poses all over the arena of light seeking. Wheels: speed steps, standing starts, straight lines and
-    turns. Each finished place is saved at once; --resume continues after an interruption.
+    turns. Each finished place is saved at once; --resume continues after an interruption. A robot that
+    places itself at 120 bearings or more is also read between them, where readings jump.
 
     \b
     Examples: all that a calibration of a twin needs; a robot at a wall, and how to continue after "q";

@@ -45,7 +45,7 @@ def look_between(
         at: the place at a distance (cm) and a bearing.
         read: brings the robot there and returns its rows.
         top: the full scale, counts.
-        told: called after each jump with the number of those followed, and of all.
+        told: called at first and after each jump with the number of those followed, and of all.
     """
     counts = {key: _counts(rows) for key, rows in grid.done.items()}
     noise = float(np.sqrt(np.median([there.var(axis=0, ddof=1).max() for there in counts.values()])))
@@ -67,6 +67,7 @@ def look_between(
         there = partial(reading, distance)
         ring = np.array([there(k * gap) for k in range(round(360.0 / gap))])
         found += [(there, k * gap, sensors) for k, sensors in _jumps(ring, max(LEAST * top, SURE * noise))]
+    told(0, len(found))
     for k, (there, bearing, sensors) in enumerate(found, 1):
         _halve(there, bearing, bearing + gap, sensors, HALVINGS)
         told(k, len(found))

@@ -266,7 +266,7 @@ def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site,
             for stop in left:
                 if rows := part.read(site, stop):
                     journal.add(rows)
-                report(part.name, len(journal.done), len(part.stops))
+                report(part.name, len(journal.done), len(part.stops) + part.fine)
         if part.fine and part.at is not None and len(journal.done) == len(part.stops):
             edges = Journal(
                 folder, facts=facts, columns=part.columns, key=part.key, rows=lambda key: TWICE, table=EDGES
@@ -274,7 +274,7 @@ def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site,
             read = partial(part.read, site, repeats=TWICE)
             between = look_between(
                 journal, edges, part.at, read, channel(body, part.channel).high,
-                lambda done, many: report(f"{part.name}, jumps", done, many),
+                lambda done, many: report(part.name, len(part.stops) + done, len(part.stops) + many),
             )  # fmt: skip
     except EnoughError:
         stopped = True
