@@ -6,6 +6,7 @@ off by that still errs by its whole reading where it should just have met someth
 
 from dataclasses import replace
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,7 @@ COMMON = {"range_cm": 0.3, "aperture_deg": 1.0}
 
 
 class Edges:
-    """Places of recordings and those between them.
+    """The places between those of the recordings.
 
     Args:
         grid: the optics with the places of the grids.
@@ -36,63 +37,69 @@ class Edges:
 
     def __init__(self, grid: Optics, rows: Rows, step: Descent, noise: float) -> None:
         self._step, self._noise = step, noise
-        self._all: Optics | None = None
-        if all(edges is None for edges in rows.edges):
-            return
-        ends = np.cumsum([len(scene.poses) for _, scene in rows.scenes])[:-1]
-        of_grid = np.split(np.where(grid.seen.use, grid.seen.counts, np.nan), ends)
-        most, sensors = grid.seen.most, grid.seen.counts.shape[1]
-        scenes, counts, by = [], [], []
-        for i, ((name, scene), edges, here) in enumerate(zip(rows.scenes, rows.edges, of_grid, strict=True)):
-            there, poses = np.empty((0, sensors)), scene.poses
+        scenes, counts = [], []
+        for i, ((name, scene), edges) in enumerate(zip(rows.scenes, rows.edges, strict=True)):
+            there = replace(scene, poses=scene.poses[:0])
             if edges is not None:
-                there = means(edges.counts, edges.place(), most)
-                poses = np.concatenate([poses, scene_of(edges, f"{REFLECTANCE}{i}").poses])
-            scenes.append((name, replace(scene, poses=poses, row=np.arange(len(poses)))))
-            counts += [here, there]
-            by += [np.ones(len(here), bool), np.zeros(len(there), bool)]
-        read = np.concatenate(counts)
-        seen = replace(grid.seen, counts=np.nan_to_num(read), use=np.isfinite(read))
-        self._all = replace(grid, scenes=scenes, seen=seen, place=np.arange(len(read)), by=np.concatenate(by))
+                there = scene_of(edges, f"{REFLECTANCE}{i}")
+                counts.append(means(edges.counts, edges.place(), grid.seen.most))
+            scenes.append((name, there))
+        self._found = bool(counts)
+        if counts:
+            read = np.concatenate(counts)
+            seen = replace(grid.seen, counts=np.nan_to_num(read), use=np.isfinite(read))
+            self._between = replace(grid, scenes=scenes, seen=seen, place=np.arange(len(read)))
 
     def matched(self, optics: Optics, values: Values) -> dict[str, Floats]:
-        """The values with directions, the beams' angle and where rays end as the edges have them, if that
-        leaves a smaller residual.
+        """The values with directions, the beams' angle and where rays end as the edges have them, if they
+        suit these better.
 
         Args:
             optics: of the grids' places.
             values: nearly right.
         """
-        if self._all is None:
+        if not self._found:
             return dict(values)
-        seen = replace(optics.seen, counts=self._all.seen.counts, use=self._all.seen.use)
-        both = replace(self._all, base=optics.base, lobe=optics.lobe, seen=seen)
-        begin, found = self._cost(both, values).sum(), dict(values)
+        there = replace(self._between, base=optics.base, lobe=optics.lobe)
+        fit, found = _Fit(optics, there, self._noise), dict(values)
         for reach in REACHES:
             for key, far in COMMON.items():
                 if found[key] > 0:
-                    found = self._nearer(both, found, key, far * reach, reach)
+                    found = fit.nearer(found, key, far * reach, reach)
         found = self._step.level(found)
-        return found if self._cost(both, found).sum() < begin else dict(values)
+        before, now = (fit.cost(v, fit.curves(v)).sum() for v in (values, found))
+        return found if now < before else dict(values)
 
-    def _nearer(
-        self, optics: Optics, values: dict[str, Floats], key: str, far: float, reach: float
-    ) -> dict[str, Floats]:
+
+class _Fit(NamedTuple):
+    """The optics of the grids' places and of those between, and the noise of a reading, counts."""
+
+    grid: Optics
+    between: Optics
+    noise: float
+
+    def nearer(self, values: dict[str, Floats], key: str, far: float, reach: float) -> dict[str, Floats]:
         """The values with one that all sensors share, and each sensor's direction for it, where they cost
         least: in the middle of directions that suit equally well."""
-        found = []
+        found, offs = [], np.linspace(-reach, reach, TRIED)
         for more in np.linspace(-far, far, TRIED):
-            at, offs = {**values, key: values[key] + more}, np.linspace(-reach, reach, TRIED)
-            costs = np.array([self._cost(optics, _turned(at, off)) for off in offs])
+            at = {**values, key: values[key] + more}
+            curves = self.curves(at)
+            costs = np.array([self.cost(_turned(at, off), curves) for off in offs])
             least = costs <= costs.min(axis=0) * LIKE
             at = _turned(at, offs @ least / least.sum(axis=0))
-            found.append((float(self._cost(optics, at).sum()), at))
+            found.append((float(self.cost(at, curves).sum()), at))
         return min(found, key=itemgetter(0))[1]
 
-    def _cost(self, optics: Optics, values: Values) -> Floats:
-        """[S] misfit of each sensor, as least squares have it."""
-        use = optics.seen.use
-        off = np.where(use, optics.readings(values, use) - optics.seen.counts, 0.0) / self._noise
+    def curves(self, values: Values) -> Floats:
+        """The curves by the grids' places alone: few of these depend on where rays look."""
+        return self.grid.curves(values, self.grid.seen.use, beyond=True)[0]
+
+    def cost(self, values: Values, curves: Floats) -> Floats:
+        """[S] misfit of each sensor at the edges, as least squares have it."""
+        seen = self.between.seen
+        model = self.between.read(curves, self.between.share(self.between.profile(values), values))
+        off = np.where(seen.use, model - seen.counts, 0.0) / self.noise
         return np.asarray(np.sqrt(1.0 + (off / ROBUST_AT) ** 2).sum(axis=0))
 
 

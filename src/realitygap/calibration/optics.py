@@ -31,15 +31,13 @@ SHARES = ("share_1", "share_2", "share_3", "share_4")
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optics:
     """A fit in progress: the base profile, the curves' middle, the readings (`seen`) and their places
-    (`place` [n]); the free parts of the lobe; and the readings that curves are fitted to (`by` [n]; None:
-    all)."""
+    (`place` [n]); and the free parts of the lobe."""
 
     base: Profile
     scenes: Sequence[tuple[str, Scene]]
     seen: Seen
     place: NDArray[np.int64]
     lobe: tuple[str, ...] = ()
-    by: NDArray[np.bool_] | None = None
 
     @cached_property
     def _robot(self) -> Robot:
@@ -110,13 +108,15 @@ class Optics:
     def curves(self, values: Values, use: Use, *, beyond: bool = False) -> tuple[Floats, Floats]:
         """The curves [S, n] that suit the optics, on beyond where readings end or not, and all shares."""
         u = self.share(self.profile(values), values)
-        by = use if self.by is None else use & self.by[:, None]
-        return Curves(replace(self.seen, use=by), u).fitted(beyond=beyond), u
+        return Curves(replace(self.seen, use=use), u).fitted(beyond=beyond), u
 
     def readings(self, values: Values, use: Use) -> Floats:
         """Noise-free readings [n, S] by curves fitted to those in `use`; in the dead zone what exceeds it."""
-        model, dead = on_curves(*self.curves(values, use, beyond=True)), self.seen.dead
-        model = np.minimum(model, self.seen.most)
+        return self.read(*self.curves(values, use, beyond=True))
+
+    def read(self, curves: Floats, u: Floats) -> Floats:
+        """The same by curves [S, n] at shares [n, S]."""
+        model, dead = np.minimum(on_curves(curves, u), self.seen.most), self.seen.dead
         return np.where((self.seen.counts <= 0) & (dead > 0), np.maximum(model - dead, 0.0), model)
 
     def shown(self, values: Values, use: Use) -> Floats:
