@@ -57,7 +57,7 @@ def looked(readings, repeats: int = 3, noise: float = 2.0) -> list[tuple[float, 
 
 
 def test_a_jump_is_followed_and_a_slope_is_not():
-    """To a sixteenth of a degree from two, by five readings; at the distance and bearing where it is."""
+    """To a sixty-fourth of a degree from two, by seven readings; at the distance and bearing where it is."""
     for edge in (33.33, 201.07, 359.1):
         found = looked(
             lambda d, b, edge=edge: [
@@ -65,12 +65,12 @@ def test_a_jump_is_followed_and_a_slope_is_not():
                 400.0 + 300.0 * np.sin(np.radians(3 * b)),
             ]
         )
-        assert {d for d, _ in found} == {2.0} and len(found) == 10
+        assert {d for d, _ in found} == {2.0} and len(found) == 14
         for there in (edge, edge - 180.0):
             off = [(b - there + 180.0) % 360.0 - 180.0 for _, b in found]
             before = max([-(there % 2.0), *(o for o in off if -2.0 < o < 0)])
             behind = min([2.0 - there % 2.0, *(o for o in off if 0 <= o < 2.0)])
-            assert behind - before == pytest.approx(2.0 / 2**5, abs=2e-3)
+            assert behind - before == pytest.approx(2.0 / 2**7, abs=2e-3)
 
 
 def test_noise_is_followed_nowhere():

@@ -24,8 +24,8 @@ FINE = 120
 """Bearings of a grid from which on a jump can be told from a slope."""
 TWICE = 2
 """Readings at a place between: enough to know on which side of a jump it is."""
-HALVINGS = 5
-"""From 2 degrees between bearings to a sixteenth of a degree."""
+HALVINGS = 7
+"""From 2 degrees between bearings to a sixty-fourth of a degree."""
 LEAST, SURE, STEEPER, KEPT = 0.02, 6.0, 2.0, 0.7
 """A jump is larger than this share of the full scale, than so many deviations of the noise, and than so many
 times what is read on either side; and of it so much is found again in one half of the gap."""
