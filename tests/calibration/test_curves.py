@@ -114,8 +114,12 @@ def test_what_stands_beside_a_place_held_out_is_not_fitted(recorded):
             repeat=np.zeros(len(bearing), np.int64), counts=table.counts[row],
         )  # fmt: skip
         rows = Rows.__new__(Rows)
-        rows.recordings, rows.distance, rows.bearing = [few], few.distance_cm, few.bearing_deg
-        rows.place, rows.use = np.arange(len(bearing)), np.ones((len(bearing), 8), bool)
+        rows.recordings, rows.edges, rows.distance = [few], (None,), few.distance_cm
+        rows.bearing, rows.place, rows.use = (
+            bearing,
+            np.arange(len(bearing)),
+            np.ones((len(bearing), 8), bool),
+        )
         rows.block = rows._blocks()
         out = np.abs(np.abs(bearing) - 180.0) < 1
         kept[step] = bearing[rows.without(out).use.all(axis=1)]
