@@ -189,6 +189,16 @@ def test_places_held_out_are_not_told_of_by_those_between(recordings):
         assert 0 < np.isnan(edges.counts).mean() < 1
 
 
+def test_places_between_others_are_of_their_kind(recordings):
+    """Of the same sensors, by distances and bearings, of infrared."""
+    one = recordings[0]
+    fewer = replace(one.edges, counts=one.edges.counts[:, :3])
+    posed = replace(one.edges, pose=np.zeros((len(one.edges.counts), 3)))
+    for wrong in (fewer, posed, one):
+        with pytest.raises(RecordingError, match="expected places between others in an infrared recording"):
+            replace(one, edges=wrong)
+
+
 def test_a_share_of_the_places_has_none_between(recordings):
     assert thinned(recordings[0], 0.5, 1).edges is None
 
@@ -208,7 +218,9 @@ def test_they_are_kept_in_a_table_of_their_own(recordings, tmp_path):
     (tmp_path / "a" / "edges.csv").write_text("".join(",".join(row) + "\n" for row in rows))
     facts = tmp_path / "a" / "recording.toml"
     facts.write_text(facts.read_text().replace("sensors = 4\n", ""))
-    with pytest.raises(RecordingError, match=r"edges.csv, line 1: expected 4 sensors, .*, got 3"):
+    with pytest.raises(
+        RecordingError, match=r"edges.csv: expected places .*, of 4 sensors, got an infrared one of 3"
+    ):
         load_recording(tmp_path / "a")
 
 
@@ -234,12 +246,16 @@ def test_a_recorder_looks_between_and_goes_on_where_it_stopped(tmp_path, monkeyp
     assert made.places == 240 and made.between > 20
     with pytest.raises(KeyboardInterrupt):
         recorded("again", stop_at=243)
+    (said,) = load_recording(tmp_path / "again").warnings
+    assert "unfinished: places between the bearings" in said and "--resume goes on" in said
     short = (tmp_path / "again" / "edges.csv").read_text().splitlines()
     (resumed,) = recorded("again", resume=True)
     text = (tmp_path / "whole" / "edges.csv").read_text()
     assert len(short) < len(text.splitlines()) == 2 * made.between + 1
     assert (tmp_path / "again" / "edges.csv").read_text() == text and resumed.between == made.between
-    assert load_recording(tmp_path / "whole").edges.repeat.max() == 1
+    for name in ("whole", "again"):
+        read = load_recording(tmp_path / name)
+        assert read.edges.repeat.max() == 1 and not read.warnings and read.facts["between"] == made.between
     wanted = replace(wanted, repeats=1)  # so nothing is known of the noise
     (once,) = recorded("once")
     assert once.between == 0 and not (tmp_path / "once" / "edges.csv").exists()

@@ -13,11 +13,8 @@ from hypothesis import strategies as st
 
 from realitygap.calibration.checks import dead_sensors
 from realitygap.calibration.recordings.files import find_recordings, load_recording
-from realitygap.calibration.recordings.recording import (
-    SensorRecording,
-    WheelRecording,
-    cylinder_radius,
-)
+from realitygap.calibration.recordings.objects import cylinder_radius
+from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
 from realitygap.errors import RecordingError
 from realitygap.world.arena import load_arena
 from tests.calibration.written import save_recording

@@ -1,7 +1,7 @@
 """What places between those of a grid tell, where readings jump: where rays look, and where they end.
 
-A grid tells it to about the spacing of its places over the number of edges in a recording; and a ray that is
-off by that still errs by its whole reading where it should just have met something.
+A grid tells it to about the spacing of its places over the number of edges in a recording; and a model whose
+rays are off by that still errs by a whole reading where a ray should just have met something.
 """
 
 from dataclasses import replace
@@ -22,7 +22,7 @@ __all__ = ["Edges"]
 REACHES, TRIED = (0.3, 0.08, 0.02, 0.005, 0.005), 9
 """Ranges to either side of successive searches for directions (degrees), and values tried in each."""
 COMMON = {"range_cm": 0.3, "aperture_deg": 1.0}
-"""What all sensors share, and its range as a multiple of these."""
+"""What all sensors share, and its range to either side as a multiple of the directions'."""
 
 
 class Edges:
@@ -31,7 +31,7 @@ class Edges:
     Args:
         grid: the optics with the places of the grids.
         rows: with the recordings and their edges.
-        step: holds what recordings do not determine.
+        step: holds the directions' mean where rigs may stand turned.
         noise: of a reading, counts.
     """
 

@@ -215,15 +215,11 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
         click.echo(
             f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm"
         )
-        vague = [c.key for c in made.wheels.constants if not c.told]
-        if vague:
+        if vague := [c.key for c in made.wheels.constants if not c.told]:
             click.echo(f"  not identifiable from these recordings: {', '.join(vague)}")
         _tell_alike(made.wheels.alike)
-    for said in made.surfaces:
+    for said in (*made.surfaces, f"profile {target}", *([f"report {page}"] if page else ())):
         click.echo(said)
-    click.echo(f"profile {target}")
-    if page:
-        click.echo(f"report {page}")
 
 
 def _tell_misplaced(found: ChannelFit | Judgement) -> None:

@@ -161,7 +161,7 @@ class Room {
     // have many sides.
     void round(PhysicalObject &thing, double radius) {
         if (unit->robot().isCylindric()) return thing.setCylindric(radius, HIGH_CM, FIXED);
-        static std::map<double, PhysicalObject> made;  // Enki takes 17 ms for each
+        static std::map<double, PhysicalObject> made;  // Enki needs tens of ms for one
         if (!made.count(radius)) {
             const double corner = 2 * radius / (1 + cos(M_PI / SIDES));  // as far outside as the sides are inside
             Polygon sides;

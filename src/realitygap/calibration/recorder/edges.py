@@ -1,7 +1,7 @@
 """Places between those of a grid: where a sensor's reading jumps from one bearing to the next, because a ray
-just meets a thing or just not.
+just meets a thing or just misses it.
 
-The gap is halved towards the jump, so a few places tell where rays end as nearly as a far denser grid.
+The gap is halved towards the jump, so a few places tell where rays end as exactly as a far denser grid.
 """
 
 from collections.abc import Callable, Sequence

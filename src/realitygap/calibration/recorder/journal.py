@@ -69,6 +69,11 @@ class Journal:
             file.write(text.encode("utf-8"))
         self.done[self.key(rows[0])] = rows
 
+    def state(self, name: str, fact: Any) -> None:
+        """Put a fact into recording.toml that is known only now."""
+        path = self.folder / FACTS
+        whole.write(path, to_toml({**self._stated(), name: fact}))
+
     def discard(self) -> None:
         """Remove an empty recording's files, and its folder if nothing else is in it."""
         for name in (self.path.name, ARENA, FACTS):
@@ -80,9 +85,11 @@ class Journal:
         """The columns of a row that name its place."""
         return tuple(row[i] for i in self._key)
 
+    def _stated(self) -> dict[str, Any]:
+        return read_toml(self.folder / FACTS, RecordingError, "Begin the recording anew, in another folder.")
+
     def _check(self, facts: Mapping[str, Any]) -> None:
-        path = self.folder / FACTS
-        there = read_toml(path, RecordingError, "Begin the recording anew, in another folder.")
+        path, there = self.folder / FACTS, self._stated()
         for name in SAME:
             if there.get(name) != facts.get(name):
                 begun, asked = (repr(said[name]) if name in said else USUAL for said in (there, facts))

@@ -8,27 +8,27 @@ record(Wanted(plan="all"), "unit-7", Address.parse("twin:7").open())
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from realitygap import whole
 from realitygap.calibration.recorder.acts import drive_trial, read_standing
 from realitygap.calibration.recorder.edges import FINE, TWICE, look_between
 from realitygap.calibration.recorder.grid import Grid
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
+from realitygap.calibration.recorder.part import Part
 from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.body import stated_heights, stated_shape
 from realitygap.calibration.recordings.facts import UNKNOWN
-from realitygap.calibration.recordings.files import EDGES, POSE, STEP_COLUMNS, UNITS
+from realitygap.calibration.recordings.files import EDGES, POSE, STEP_COLUMNS, UNFINISHED, UNITS
 from realitygap.errors import UsageError
 from realitygap.robots.body import Body, Filmed, Placing, Seen, attend, channel, facts_of
 from realitygap.values import Pose
-from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["REPEATS", "Made", "Wanted", "check_period", "record"]
@@ -144,37 +144,14 @@ def record(
     return made
 
 
-class _Part(NamedTuple):
-    """A part of a plan: its `stops`, named by the columns `key` of its table.
-
-    `own`: facts for its recording.toml; `rows`: how many rows a finished stop has, by its key; `read`: brings
-    the robot to a stop and returns its rows, none if the stop is skipped; `fine`: whether places between the
-    stops are read, too, where readings jump, which `at` makes of a distance and a bearing.
-    """
-
-    name: str
-    own: dict[str, Any]
-    room: Mapping[str, Any]
-    begins: str
-    channel: str
-    columns: tuple[str, ...]
-    key: tuple[str, ...]
-    stops: Mapping[tuple[str, ...], Any]
-    rows: Callable[[tuple[str, ...]], int]
-    read: Callable[..., list[tuple[str, ...]]]
-    arena: Arena | None = None
-    at: Callable[[float, float], Place] | None = None
-    fine: bool = False
-
-
-def _parts(wanted: Wanted, body: Body) -> list[_Part]:
+def _parts(wanted: Wanted, body: Body) -> list[Part]:
     """The parts of the plan for which the robot has sensors.
 
     Raises:
         UsageError: it lacks the requested sensors, or they differ from the base's.
     """
     base, kinds = wanted.base, [one.name for one in body.channels]
-    parts: list[_Part] = []
+    parts: list[Part] = []
     shape, grid = base.body if base else KHEPERA, wanted.grid(body)
     for part in sensor_plans(wanted.plan, wanted.object, shape, wanted.reflectance, grid):
         kind = CHANNELS[part.kind]
@@ -208,7 +185,7 @@ def check_period(body: Body, base: Profile) -> None:
         )
 
 
-def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> _Part:
+def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> Part:
     """The part of a plan that reads sensors of a standing robot."""
     one = channel(body, CHANNELS[plan.kind])
     own = {"kind": plan.kind, "object": plan.object, **plan.facts, **stated_shape(wanted.base, one)}
@@ -223,7 +200,7 @@ def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> _Part:
         readings = read_standing(body, one.name, repeats)
         return [(*place.key, str(k), *row) for k, row in enumerate(readings)]
 
-    return _Part(
+    return Part(
         name=plan.name, own=own, room=plan.room, begins=plan.begins, channel=one.name,
         columns=(*plan.columns, "repeat", *(f"s{i}" for i in range(one.sensors))), key=plan.columns,
         stops={place.key: place for place in plan.places}, rows=lambda key: wanted.repeats,
@@ -232,7 +209,7 @@ def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> _Part:
     )  # fmt: skip
 
 
-def _wheels(trials: Sequence[Trial], body: Body) -> _Part:
+def _wheels(trials: Sequence[Trial], body: Body) -> Part:
     """The part of a plan that drives."""
     counted = [name for name in STEP_COLUMNS if body.counts_turns or not name.startswith(OF_COUNTERS)]
     stops: dict[tuple[str, ...], Trial] = {(str(trial.number),): trial for trial in trials}
@@ -244,17 +221,17 @@ def _wheels(trials: Sequence[Trial], body: Body) -> _Part:
         seen = {**poses, **site.end(trial)}
         return [(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)]
 
-    return _Part(
+    return Part(
         name="wheels", own={"kind": "wheels"}, room=ROOM, begins=FLOOR, channel=body.channels[0].name,
         columns=(*counted, *POSE), key=("trial",), stops=stops,
         rows=lambda key: len(stops[key].commands) if key in stops else -1, read=read,
     )  # fmt: skip
 
 
-def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site, report: Progress) -> Made:
+def _recorded(part: Part, folder: Path, wanted: Wanted, body: Body, site: Site, report: Progress) -> Made:
     """Bring the robot to each stop of a part that is not done, and write its rows at once."""
     begun, kind, stopped, between = time.perf_counter(), part.own["kind"], False, 0
-    facts = {**part.own, **_facts(part, wanted, body)}
+    facts = {**part.own, **_facts(part, wanted, body), **({"between": UNFINISHED} if part.fine else {})}
     journal = Journal(folder, facts=facts, columns=part.columns, key=part.key, rows=part.rows)
     if part.arena is not None:
         whole.write(folder / ARENA, part.arena.to_toml())
@@ -276,6 +253,7 @@ def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site,
                 journal, edges, part.at, read, channel(body, part.channel).high,
                 lambda done, many: report(part.name, len(part.stops) + done, len(part.stops) + many),
             )  # fmt: skip
+            edges.state("between", between)
     except EnoughError:
         stopped = True
     if not journal.done:  # skipped: an empty table would only hinder a calibration
@@ -286,7 +264,7 @@ def _recorded(part: _Part, folder: Path, wanted: Wanted, body: Body, site: Site,
     )  # fmt: skip
 
 
-def _facts(part: _Part, wanted: Wanted, body: Body) -> dict[str, Any]:
+def _facts(part: Part, wanted: Wanted, body: Body) -> dict[str, Any]:
     """The content of recording.toml."""
     known = dict(facts_of(body))
     units = UNITS.format(known.pop("units", OWN_UNITS))

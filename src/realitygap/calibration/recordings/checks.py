@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from realitygap.calibration.recordings.recording import count_unit, cylinder_radius
+from realitygap.calibration.recordings.objects import cylinder_radius
+from realitygap.calibration.recordings.recording import count_unit
 from realitygap.errors import RecordingError
 from realitygap.table import Table, read_table
 from realitygap.values import Floats

@@ -24,15 +24,14 @@ from realitygap.calibration.recordings.facts import (
     read_facts,
     reflectance_of,
 )
+from realitygap.calibration.recordings.objects import KINDS, check_object
 from realitygap.calibration.recordings.recording import (
     HEIGHTS_CM,
-    KINDS,
     PULSES_PER_MM,
     STEP_KINDS,
     Recording,
     SensorRecording,
     WheelRecording,
-    check_object,
 )
 from realitygap.calibration.recordings.sam import read_sam
 from realitygap.calibration.recordings.thymio import LIKE, read_thymio, sensor_of
@@ -43,7 +42,7 @@ from realitygap.values import Floats
 from realitygap.world.arena import Arena, load_arena
 
 __all__ = [
-    "EDGES", "READINGS", "STEPS", "STEP_COLUMNS", "UNITS", "WHEEL_COUNTS",
+    "EDGES", "READINGS", "STEPS", "STEP_COLUMNS", "UNFINISHED", "UNITS", "WHEEL_COUNTS",
     "find_recordings", "load_recording", "read_folder",
 ]  # fmt: skip
 
@@ -61,11 +60,13 @@ WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
 KNOWN = (
     "kind", "object", "reflectance", "sensors", "full_scale", "body_radius_cm", "body_outline_cm",
     *HEIGHTS_CM, "arena", "units", "notes", "robot", "unit", "twin_noise", "port", "bios", "protocol",
-    "firmware", "plan", "seed", "repeats", "bearings", "distances_cm", "places", "date", "base",
-    "pulses_per_mm", "marker", "id", "productId", "fwversion", "prox.comm.tx",
+    "firmware", "plan", "seed", "repeats", "bearings", "distances_cm", "places", "between", "date",
+    "base", "pulses_per_mm", "marker", "id", "productId", "fwversion", "prox.comm.tx",
 )  # fmt: skip
 """Keys of recording.toml: a calibration reads those about the body, surfaces and units, the others are for
 the record; the last ones come from a Thymio."""
+UNFINISHED = "unfinished"
+"""How many places there are between the bearings, while they are looked for."""
 DRIVE = "end"
 """A key of a drive's recording.toml, which is another format of the same name."""
 
@@ -155,10 +156,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
     made, path = _read(folder / READINGS, facts, kind, name), folder / EDGES
     if not path.exists():
         return made
-    edges = _read(path, facts, kind, name)
-    if edges.sensors != made.sensors:
-        expected = f"{made.sensors} sensors, as {READINGS} has"
-        raise RecordingError(f"{path}, line 1: expected {expected}, got {edges.sensors}.")
+    edges = replace(_read(path, facts, kind, name), source=str(path))
     digest = hashlib.sha256((made.hash + edges.hash).encode()).hexdigest()
     return replace(made, edges=edges, hash=digest)
 
@@ -286,12 +284,16 @@ def _from_lamp(pose: Floats, arena: Arena, body_radius_cm: float) -> tuple[Float
 
 
 def _unfinished(table: Table, facts: Mapping[str, Any]) -> tuple[str, ...]:
-    """A warning if there are fewer places than planned."""
+    """A warning if there are fewer places than planned, or not all that were looked for between them."""
     planned = facts.get("places")
     if not isinstance(planned, int):
         return ()
     key = ("trial",) if "trial" in table.columns else POSE if "x_cm" in table.columns else POLAR
     done = len(set(zip(*(table.texts(name) for name in key), strict=True)))
-    if done >= planned:
+    if done < planned:
+        what = f"{table.path}: unfinished: {done} of {planned} places"
+    elif facts.get("between") == UNFINISHED:
+        what = f"{table.path.parent}: unfinished: places between the bearings, which tell where rays end"
+    else:
         return ()
-    return (f"{table.path}: unfinished: {done} of {planned} places; `realitygap record … --resume` goes on",)
+    return (f"{what}; `realitygap record … --resume` goes on",)

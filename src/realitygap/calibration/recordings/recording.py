@@ -27,6 +27,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.recordings.objects import check_object, cylinder_radius
 from realitygap.errors import RecordingError
 from realitygap.values import Floats
 from realitygap.world.arena import Arena
@@ -35,11 +36,10 @@ from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensor_checks import Sensor
 
 __all__ = [
-    "BODY_RADIUS_CM", "HEIGHTS_CM", "KINDS", "PULSES_PER_MM", "STEP_KINDS", "Recording", "SensorRecording",
-    "WheelRecording", "check_object", "count_unit", "cylinder_radius",
+    "BODY_RADIUS_CM", "HEIGHTS_CM", "PULSES_PER_MM", "STEP_KINDS", "Recording", "SensorRecording",
+    "WheelRecording", "count_unit",
 ]  # fmt: skip
 
-KINDS = ("infrared", "ambient", "wheels")
 STEP_KINDS = ("step", "start", "straight", "turn")
 
 FOLLOWED_STEPS = 300
@@ -124,6 +124,18 @@ class SensorRecording(Recorded):
         if lengths != {n} or self.counts.ndim != 2 or (self.pose is not None and self.pose.shape != (n, 3)):
             raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length: {lengths}.")
         check_object(self.kind, self.object, self.source or "a recording")
+        if self.edges is not None:
+            self._check_edges(self.edges)
+
+    def _check_edges(self, edges: "SensorRecording") -> None:
+        """Refuse places between others that are no such places."""
+        known = self.kind == edges.kind == "infrared" and self.pose is None and edges.pose is None
+        if not known or edges.edges is not None or edges.sensors != self.sensors:
+            raise RecordingError(
+                f"{edges.source or self.source or 'a recording'}: expected places between others in an "
+                f"infrared recording by distances and bearings, of {self.sensors} sensors, got an "
+                f"{edges.kind} one of {edges.sensors}{'' if edges.pose is None else ', by poses'}."
+            )
 
     def of_robot(self, robot: Profile) -> Self:
         """A copy as a recording of this robot: with its body, and a warning about that, if it states none.
@@ -277,30 +289,3 @@ Recording = SensorRecording | WheelRecording
 def count_unit(full_scale: float) -> float:
     """Counts of a converter per count of the paper's robot, in which limits and first guesses are stated."""
     return full_scale / load_profile("paper").infrared.top
-
-
-def cylinder_radius(name: str) -> float | None:
-    """The radius (cm) of "cylinder:RADIUS_CM"; None for any other object."""
-    word, _, rest = name.partition(":")
-    try:
-        radius = float(rest) if word == "cylinder" else math.nan
-    except ValueError:
-        return None
-    return radius if math.isfinite(radius) and radius > 0 else None
-
-
-def check_object(kind: str, name: str, where: str) -> None:
-    """Refuse an object that sensors of this kind cannot be recorded with.
-
-    Raises:
-        RecordingError: names the known ones.
-    """
-    if kind not in KINDS[:2]:
-        raise RecordingError(f'{where}: kind: expected "infrared" or "ambient", got {kind!r}.')
-    if kind == "ambient" and name != "lamp":
-        raise RecordingError(f'{where}: object: ambient light is recorded with a "lamp", got {name!r}.')
-    if kind == "infrared" and name != "wall" and cylinder_radius(name) is None:
-        raise RecordingError(
-            f'{where}: object: expected "wall" or "cylinder:RADIUS_CM" with a radius above 0, got {name!r}. '
-            "Say what the sensors saw."
-        )

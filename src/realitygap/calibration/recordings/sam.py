@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from realitygap.calibration.recordings.checks import FARTHEST_CM, doubt_object
-from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording, check_object
+from realitygap.calibration.recordings.objects import check_object
+from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording
 from realitygap.errors import RecordingError
 from realitygap.text import read_text
 from realitygap.values import Floats
