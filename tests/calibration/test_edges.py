@@ -247,7 +247,7 @@ def test_a_recorder_looks_between_and_goes_on_where_it_stopped(tmp_path, monkeyp
     with pytest.raises(KeyboardInterrupt):
         recorded("again", stop_at=243)
     (said,) = load_recording(tmp_path / "again").warnings
-    assert "unfinished: places between the bearings" in said and "--resume goes on" in said
+    assert "unfinished: places between the bearings" in said and "--resume` goes on" in said
     short = (tmp_path / "again" / "edges.csv").read_text().splitlines()
     (resumed,) = recorded("again", resume=True)
     text = (tmp_path / "whole" / "edges.csv").read_text()
