@@ -6,7 +6,7 @@ sensors share. Matrices are kept as bands [3, S, STEPS + 1], diagonal last. Read
 converter are censored (Tobin 1958).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
@@ -164,11 +164,11 @@ class Curves:
         seen, held = self._seen, self._held(bread, None if pooled else towards)
         size, matrix, pulled = bread[2].mean(), bread + held, _times(held, towards)
         curves, falls = towards, np.zeros((len(towards), STEPS), bool)
-        steep, enough = matrix, SETTLED * seen.top
+        solve, enough = _solver(matrix), SETTLED * seen.top
         for _ in range(ROUNDS):
             right = self._right_side(np.repeat(curves, self._bread.shape[1], 0) if pooled else curves)
             right = right.sum(axis=0, keepdims=True) if pooled else right
-            new = _solve(steep, right + pulled)
+            new = solve(right + pulled)
             moved, curves = np.abs(new - curves).max(), new
             more = (curves[:, 1:] < curves[:, :-1]) & ~falls
             if more.any():
@@ -177,6 +177,7 @@ class Curves:
                 steep[2, :, :-1] += weight
                 steep[2, :, 1:] += weight
                 steep[1, :, 1:] -= weight
+                solve = _solver(steep)
             elif moved < enough:
                 break
         return curves
@@ -228,14 +229,14 @@ class Curves:
         return Ends(self._cell[where], share, here, there, self._seen.counts[where])
 
 
-def _solve(bands: Floats, right: Floats) -> Floats:
-    """[S, n] solutions of symmetric banded systems: all solved as one long matrix."""
-    from scipy.linalg.lapack import dpbsv
+def _solver(bands: Floats) -> Callable[[Floats], Floats]:
+    """What solves symmetric banded systems for right sides [S, n]: all as one long matrix, factored once."""
+    from scipy.linalg.lapack import dpbtrf, dpbtrs
 
-    _, found, failed = dpbsv(bands.reshape(3, -1), right.ravel())
+    factors, failed = dpbtrf(bands.reshape(3, -1))
     if failed:
         raise np.linalg.LinAlgError("curves: a matrix that is not positive definite")
-    return np.asarray(found.reshape(right.shape))
+    return lambda right: np.asarray(dpbtrs(factors, right.ravel())[0].reshape(right.shape))
 
 
 def _times(bands: Floats, vectors: Floats) -> Floats:
