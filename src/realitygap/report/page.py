@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from jinja2 import Environment, FileSystemLoader
 from matplotlib.figure import Figure
 
 from realitygap import whole
@@ -24,6 +25,12 @@ OnProgress = Callable[[int, int, str], None]
 
 FEW = 12
 """Up to this number of figures, drawing takes less time than loading Matplotlib in other processes."""
+
+TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent / "templates"),
+    autoescape=True, trim_blocks=True, lstrip_blocks=True,
+)  # fmt: skip
+"""Each is compiled once."""
 
 GLYPHS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
 
@@ -169,11 +176,7 @@ def write_page(
 
 def rendered(template: str, facts: Mapping[str, object]) -> str:
     """The HTML of a page from a template in the folder `templates`."""
-    from jinja2 import Environment, FileSystemLoader
-
-    loader = FileSystemLoader(Path(__file__).parent / "templates")
-    environment = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    return re.sub(r"\n\s*\n+", "\n", environment.get_template(template).render(facts))
+    return re.sub(r"\n\s*\n+", "\n", TEMPLATES.get_template(template).render(facts))
 
 
 def noise_key(levels: Mapping[float, str]) -> list[tuple[str, str, str]]:
