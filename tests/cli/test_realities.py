@@ -69,6 +69,7 @@ def test_a_reality_that_is_named_must_be_there(no_enki, refused, tmp_path):
     assert not (tmp_path / "study").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
     """Stopped by Ctrl-C it says so in a line, and `--resume` ends as if nothing had happened."""
     import realitygap.experiments.noise.situated as situated

@@ -16,6 +16,7 @@ WORDS = (
 )  # fmt: skip
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path):
     """What `slurm` prints does its shard, and goes on; all shards merged are the study of one process."""
     monkeypatch.chdir(tmp_path)

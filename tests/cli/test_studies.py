@@ -7,6 +7,7 @@ import sys
 
 import pytest
 from click.testing import CliRunner
+from tests.conftest import FIGURE
 
 from realitygap.cli import realitygap
 from realitygap.commands import evolve, merge
@@ -20,12 +21,32 @@ SMALL = (
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """A small finished study of two runs, made by `evolve`, and what that printed."""
+    """A small finished study of two runs, made by `evolve`, and what that printed; its page is undrawn."""
     folder = tmp_path_factory.mktemp("studies") / "small"
     words = ["evolve", "light", "--noise", "double", "--seed", "7", "--runs", "2", *SMALL]
-    result = CliRunner().invoke(realitygap, [*words, "--out", str(folder), "--json"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+        result = CliRunner().invoke(realitygap, [*words, "--out", str(folder), "--json"])
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """A user's task with two inputs, a study of it, and what `evolve` printed; tests leave all as it is."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "front.py").write_text(
+        "from realitygap import Start, Task\n"
+        "def score(path, room):\n    return 1.0 - path.contact.mean()\n"
+        "task = Task(name='front', arena='obstacle-avoidance', feeds='proximity', sensors=(2, 3),\n"
+        "            start=Start(x_cm=25, y_cm=25), score=score)\n"
+    )
+    words = ["evolve", str(folder / "front.py"), *SMALL, "--out", str(folder / "study"), "--json"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+        result = CliRunner().invoke(realitygap, words)
+    assert result.exit_code == 0, result.output
+    return folder / "front.py", folder / "study", json.loads(result.stdout)
 
 
 def test_evolve_tells_what_show_tells(study, json_of):
@@ -101,6 +122,7 @@ def test_a_network_can_be_drawn(study, call, tmp_path):
     assert (tmp_path / "network.svg").read_text().startswith("<?xml")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_report_can_be_made_again(study, json_of):
     """`report` makes the page anew."""
     folder, _ = study
@@ -109,7 +131,8 @@ def test_a_report_can_be_made_again(study, json_of):
     told = json_of("report", folder)
     assert told["report"] == str(page)
     assert [len(table["rows"]) for table in told["tables"]] == [2]
-    assert told["tables"] == json_of("evolve", "light", "--resume", "--out", folder)["tables"]
+    resumed = json_of("evolve", "light", "--resume", "--workers", 1, "--out", folder)
+    assert told["tables"] == resumed["tables"]
     assert page.is_file()
 
 
@@ -145,10 +168,12 @@ def test_a_study_is_not_overwritten(study, refused):
     assert "--resume" in refused("evolve", "light", *SMALL, "--out", folder)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_resuming_needs_no_options_again(study, json_of):
     """With --resume omitted options keep their saved values; a finished study stays as it is."""
     folder, printed = study
-    assert json_of("evolve", "light", "--resume", "--out", folder)["runs"] == printed["runs"]
+    resumed = json_of("evolve", "light", "--resume", "--workers", 1, "--out", folder)
+    assert resumed["runs"] == printed["runs"]
 
 
 @pytest.mark.parametrize(
@@ -186,7 +211,8 @@ def test_a_wrong_setting_is_refused_by_key(refused, tmp_path, setting, named):
 def test_evolving_from_a_configuration(study, json_of, tmp_path):
     """A study's own TOML, given to --config, makes the same runs again."""
     folder, printed = study
-    made = json_of("evolve", "light", "--config", folder / "study.toml", "--out", tmp_path / "again")
+    words = ("--config", folder / "study.toml", "--workers", 1)
+    made = json_of("evolve", "light", *words, "--out", tmp_path / "again")
     assert made["runs"] == printed["runs"]
 
 
@@ -212,38 +238,15 @@ def test_resuming_with_another_robot_is_refused(study, refused):
     assert "profile.toml" in refused("evolve", "light", "--profile", "khepera", "--resume", "--out", folder)
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_a_task_of_ones_own(json_of, call, tmp_path):
+def test_a_task_of_ones_own(own, json_of, call, tmp_path):
     """A user's task with two inputs evolves, and its champion is saved, driven and replayed."""
-    task, champion = tmp_path / "front.py", tmp_path / "champion.txt"
-    task.write_text(
-        "from realitygap import Start, Task\n"
-        "def score(path, room):\n    return 1.0 - path.contact.mean()\n"
-        "task = Task(name='front', arena='obstacle-avoidance', feeds='proximity', sensors=(2, 3),\n"
-        "            start=Start(x_cm=25, y_cm=25), score=score)\n"
-    )
-    made = json_of("evolve", task, *SMALL, "--out", tmp_path / "study")
-    champion.write_text(call("show", tmp_path / "study", 1).stdout)
+    (task, study, made), champion = own, tmp_path / "champion.txt"
+    champion.write_text(call("show", study, 1).stdout)
     words = ("--pose", 25, 25, 0, "--seconds", 2)
     driven = json_of("simulate", task, "--controller", champion, *words)
     assert made["runs"][0]["champion"].strip() in champion.read_text()
     assert {len(row) for row in driven["inputs"]} == {2}
-    assert driven["x_cm"] == json_of("replay", tmp_path / "study", 1, *words)["x_cm"]
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_reproduce_runs_both_tasks_at_three_levels(json_of, refused, tmp_path):
-    """`reproduce` evolves two tasks at three levels, here in the paper's simulation, and makes the page."""
-    words = ("--runs", 1, "--evaluations", 66, "--workers", 1, "--no-transfer", "--profile", "paper")
-    words = (*words, "--out", tmp_path)
-    made = json_of("reproduce", *words)
-    assert [(run["task"], run["noise"]) for run in made["runs"]] == [
-        (task, noise) for task in ("obstacle-avoidance", "light-seeking") for noise in (0.0, 1.0, 2.0)
-    ]
-    assert (tmp_path / "report" / "index.html").is_file()
-    assert not (tmp_path / "calibration").exists()
-    # `evolve` does not continue it as if it were of one task
-    assert "conditions" in refused("evolve", "light", "--resume", "--out", tmp_path)
+    assert driven["x_cm"] == json_of("replay", study, 1, *words)["x_cm"]
 
 
 def test_ctrl_c_says_how_to_go_on(tmp_path):
@@ -300,25 +303,16 @@ def test_shards_from_python_are_the_study(study, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"whole", "whole-shard-1-of-2", "whole-shard-2-of-2"}
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_a_strangers_task_file_is_asked_about(call, refused, json_of, monkeypatch, tmp_path):
+def test_a_strangers_task_file_is_asked_about(own, call, refused, json_of, monkeypatch, tmp_path):
     """`show` runs nothing; `replay` refuses, or asks on a terminal; --trust and a yes are remembered."""
     from realitygap.study import sources
 
-    task = tmp_path / "mine.py"
-    task.write_text(
-        "from realitygap import Start, Task\n"
-        "def score(path, room):\n    return 1.0 - path.contact.mean()\n"
-        "task = Task(name='mine', arena='obstacle-avoidance', feeds='proximity', sensors=(2, 3),\n"
-        "            start=Start(x_cm=25, y_cm=25), score=score)\n"
-    )
-    study = tmp_path / "study"
-    call("evolve", task, *SMALL, "--out", study)
+    _, study, _ = own
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "elsewhere"))
     sources._known.cache_clear()
     assert json_of("show", study)["runs"][0]["champion"]
     for words in (("replay", study, 1), ("report", study), ("transfer", study, "--robot", "twin")):
-        assert "--trust" in refused(*words) and "mine.py" in refused(*words)
+        assert "--trust" in refused(*words) and "front.py" in refused(*words)
     monkeypatch.setattr("realitygap.cli.estimate.at_terminal", lambda: True)
     replay = ["replay", str(study), "1"]
     no = CliRunner().invoke(realitygap, replay, input="n\n")

@@ -217,9 +217,11 @@ def test_ctrl_c_says_how_to_go_on(study):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_reproduce_transfers_before_it_reports(json_of, monkeypatch, tmp_path):
-    """Every champion drives unit 1 from each start; the first of one run of each condition is filmed."""
-    asked = []
+def test_reproduce_transfers_before_it_reports(json_of, refused, monkeypatch, tmp_path):
+    """Two tasks are evolved at three levels, here in the paper's simulation, and their page is made. Every
+    champion drives unit 1 from each start; the first of one run of each condition is filmed."""
+    asked, out = [], tmp_path / "study"
+    monkeypatch.setattr("realitygap.report.build.marks_of", lambda study: [])  # other tests look at them
 
     def transfer(study, options, **settings):
         asked.append(options)
@@ -228,16 +230,22 @@ def test_reproduce_transfers_before_it_reports(json_of, monkeypatch, tmp_path):
 
     monkeypatch.setattr("realitygap.experiments.reproduction.run_transfer", transfer)
     words = ("reproduce", "--runs", 1, "--evaluations", 66, "--workers", 1, "--profile", "paper")
-    words = (*words, "--starts", 3, "--out", tmp_path / "study")
-    assert json_of(*words)["transfers"] == []
+    words = (*words, "--starts", 3, "--out", out)
+    told = json_of(*words)
+    assert told["transfers"] == []
+    assert [(run["task"], run["noise"]) for run in told["runs"]] == [
+        (task, noise) for task in ("obstacle-avoidance", "light-seeking") for noise in (0.0, 1.0, 2.0)
+    ]
+    assert (out / "report" / "index.html").is_file() and not (out / "calibration").exists()
     (made,) = asked
     assert made.robots == ("twin:1",) and made.runs == () and made.starts == 3
     assert made.film == [(run, 1) for run in range(1, 7)]
     asked.clear()
     assert "transfers" not in json_of(*words, "--resume", "--no-transfer")
     assert not asked
-    shown = json.loads(CliRunner().invoke(realitygap, ["show", str(tmp_path / "study"), "--json"]).stdout)
-    assert len(shown["runs"]) == 6
+    assert len(json_of("show", out)["runs"]) == 6
+    # `evolve` does not continue it as if it were of one task
+    assert "conditions" in refused("evolve", "light", "--resume", "--out", out)
 
 
 def test_a_score_without_a_camera(study, json_of, call, refused):

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from realitygap.kernels.params import MAX_DELAY
+from realitygap.report.page import Picture
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.report.tables import NoiseClass, Row, TaskPart
 from realitygap.track import Trajectory
 from realitygap.values import Pose
+from tests.conftest import FIGURE
 
 LEVELS = {0.0: "zero", 1.0: "observed", 2.0: "double"}
 
@@ -93,3 +98,17 @@ def _mean(value: float) -> Mean:
     mean = mean_of([value - 0.01 * abs(value), value + 0.01 * abs(value)])
     assert mean is not None
     return mean
+
+
+def draw_only(patch: pytest.MonkeyPatch, wanted: Callable[[str], bool]) -> None:
+    """Pages have an empty figure, as files too, in the place of each whose name is not wanted."""
+    save = Picture.save
+
+    def some(picture: Picture, folder: Path, **settings: int) -> str:
+        if wanted(picture.name):
+            return save(picture, folder, **settings)
+        for kind in ("png", "svg"):
+            (folder / f"{picture.name}.{kind}").write_text(FIGURE, "utf-8")
+        return FIGURE
+
+    patch.setattr(Picture, "save", some)

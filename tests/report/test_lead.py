@@ -26,6 +26,7 @@ from tests.conftest import FIGURE
 from tests.report.situations import write_transfer
 
 HEXAGON = Path(__file__).parents[2] / "examples" / "hexagon.toml"
+SHORT = ["task.seconds=0.5", "fresh_trials=2", "retest_trials=2"]
 
 
 @pytest.fixture(scope="module")
@@ -35,10 +36,17 @@ def reproduced(tmp_path_factory) -> Study:
     return run_study(tmp_path_factory.mktemp("again") / "study", config, workers=1)
 
 
-def _page(study: Study, monkeypatch) -> str:
-    monkeypatch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
-    monkeypatch.setattr("realitygap.report.build.marks_of", lambda study: [])  # other tests look at them
-    return " ".join(build_report(study.folder).read_text("utf-8").split())
+@pytest.fixture(scope="module")
+def page(reproduced: Study) -> str:
+    """Its page, without figures."""
+    return _page(reproduced)
+
+
+def _page(study: Study) -> str:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+        patch.setattr("realitygap.report.build.marks_of", lambda study: [])  # other tests look at them
+        return " ".join(build_report(study.folder).read_text("utf-8").split())
 
 
 def _like(study: Study, folder: Path, **changes: object) -> SimpleNamespace:
@@ -53,19 +61,17 @@ def _calibrated(name: str) -> Profile:
     return replace(load_profile("paper"), name=name, provenance=Provenance(base="paper", fits=fits))
 
 
-def test_the_page_prints_the_command_that_makes_the_study_again(reproduced, monkeypatch):
+def test_the_page_prints_the_command_that_makes_the_study_again(page):
     """Its profile, which is not calibrated first, and no transfer where there was none."""
     command = "realitygap reproduce --runs 1 --evaluations 64 --seed 3 --profile paper --no-transfer"
-    text = _page(reproduced, monkeypatch)
-    assert f"<code>{command}</code>" in text
-    assert "the same two tasks, robot, networks and genetic algorithm" in text
+    assert f"<code>{command}</code>" in page
+    assert "the same two tasks, robot, networks and genetic algorithm" in page
 
 
-def test_the_page_names_the_processor_and_the_versions(reproduced, monkeypatch):
+def test_the_page_names_the_processor_and_the_versions(page):
     """Those of every session, as bits may depend on them."""
-    text = _page(reproduced, monkeypatch)
     for name, version in versions().items():
-        assert f"<dt>{name}</dt><dd>{escape(version)}</dd>" in text
+        assert f"<dt>{name}</dt><dd>{escape(version)}</dd>" in page
 
 
 def test_the_command_tells_what_is_not_usual(reproduced, tmp_path):
@@ -134,7 +140,7 @@ def test_a_calibrated_khepera_is_the_papers_robot(reproduced, tmp_path):
     assert "the robot of profile “mine”, calibrated to recordings of it" in lead(study, parts_of(study))
 
 
-def test_a_calibrated_simulation_is_not_passed_off_as_the_printed_one(reproduced, monkeypatch, tmp_path):
+def test_a_calibrated_simulation_is_not_passed_off_as_the_printed_one(page, tmp_path):
     """The page says what of the printed equations is no more, and nothing where all of them are there."""
     assert departures(load_profile("paper")) == ""
     both = "none of the printed sensor equations is used as it stands"
@@ -147,20 +153,19 @@ def test_a_calibrated_simulation_is_not_passed_off_as_the_printed_one(reproduced
     wheels = replace(paper.wheels, ki=1e-9, friction_cm_s2=0.0)
     made = replace(paper, wheels=wheels, provenance=Provenance(base="paper", fits=(driven,)))
     assert departures(made) == "the wheels have no integral term and no static friction"
-    assert "calibrated, not the paper’s as printed" not in _page(reproduced, monkeypatch)
-    config = StudyConfig.reproduction(runs=1, evaluations=64, seed=3).with_settings(["profile=khepera"])
-    text = _page(run_study(tmp_path / "measured", config, workers=1), monkeypatch)
+    assert "calibrated, not the paper’s as printed" not in page
+    config = StudyConfig.reproduction(runs=1, evaluations=64, seed=3)
+    config = config.with_settings(["profile=khepera", *SHORT])
+    text = _page(run_study(tmp_path / "measured", config, workers=1))
     assert f"The simulation is calibrated, not the paper’s as printed: {both}." in text
 
 
-def test_the_lead_says_noise_and_length(reproduced, tmp_path, monkeypatch):
+def test_the_lead_says_noise_and_length(tmp_path):
     """Without noise it claims none; trials of another length are not the paper's tasks unsaid."""
-    config = StudyConfig.single("avoidance", 0.0, evaluations=64, seed=3, fresh_trials=2, retest_trials=2)
-    study = run_study(tmp_path / "still", config.with_settings(["task.seconds=0.5"]), workers=1)
-    text = _page(study, monkeypatch)
+    config = StudyConfig.single("avoidance", 0.0, evaluations=64, seed=3)
+    text = _page(run_study(tmp_path / "still", config.with_settings(SHORT), workers=1))
     assert "in a simulation of a Khepera robot (the paper’s constants), without noise; after Jakobi" in text
     assert "noisy" not in re.sub(r"<script.*", "", text) and "realitygap reproduce" not in text
     changed = StudyConfig.reproduction(runs=1, evaluations=64, seed=3)
-    changed = changed.with_settings(["task.seconds=0.5", "fresh_trials=2", "retest_trials=2"])
-    text = _page(run_study(tmp_path / "short", changed, workers=1), monkeypatch)
+    text = _page(run_study(tmp_path / "short", changed.with_settings(SHORT), workers=1))
     assert "the same two tasks (with seconds = 0.5), robot, networks" in text

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from realitygap.report.noise.figures import map_figure
 from realitygap.report.noise.report import noise_summary
 from realitygap.report.noise.results import read_results
 from realitygap.report.noise.tables import names_table
+from realitygap.report.page import Picture
 from realitygap.world.profile import load_profile
 from tests.experiments.crosses import TASKS, comparison, flat, study, write
 
@@ -36,6 +38,12 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert noise.build_noise_report(out, on_progress=lambda *now: told.append(now)).name == "index.html"
     assert [done for done, _, _ in told] == list(range(told[0][1] + 1))
     return out
+
+
+@pytest.fixture(scope="module")
+def summary(built: Path) -> dict[str, Any]:
+    """What is told of it in JSON."""
+    return noise_summary(built)
 
 
 def test_the_page_has_claims_verdicts_warnings_and_limits(built: Path) -> None:
@@ -56,9 +64,8 @@ def test_the_page_has_claims_verdicts_warnings_and_limits(built: Path) -> None:
     assert all((built / "report" / name).is_file() for name in linked)
 
 
-def test_the_summary_is_json_and_says_what_was_found(built: Path) -> None:
+def test_the_summary_is_json_and_says_what_was_found(summary: dict[str, Any]) -> None:
     """Verdicts, effects, intervals and the paragraph, without NaN."""
-    summary = noise_summary(built)
     assert json.loads(json.dumps(summary, allow_nan=False)) == json.loads(json.dumps(summary))
     assert [claim["verdict"] for claim in summary["claims"]] == ["supported", "not supported", "supported"]
     against_zero = summary["scopes"]["both tasks"]["contrasts"]["a"][0]
@@ -87,8 +94,10 @@ def said(out: Path) -> str:
     return str(noise_summary(out)["paragraph"])
 
 
-def test_a_robot_of_ones_own_is_called_a_robot(built: Path, tmp_path: Path) -> None:
-    """Where a robot of the user's own drove, nothing on its page speaks of a twin."""
+def test_a_robot_of_ones_own_is_called_a_robot(built: Path, tmp_path: Path, monkeypatch) -> None:
+    """Where a robot of the user's own drove, nothing on its page speaks of a twin, in no figure either."""
+    save = Picture.save  # as the page has them, without the files beside it
+    monkeypatch.setattr(Picture, "save", lambda picture, folder, **settings: save(picture, None, **settings))
     shutil.copytree(built / "results", tmp_path / "results")
     lines("study.toml", lambda rows: ['robot = "my_robot.py:Mine"', *rows])(tmp_path / "results")
     page = noise.build_noise_report(tmp_path).read_text("utf-8")
@@ -136,11 +145,13 @@ def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:
     assert contrast["found"] == "open"
 
 
-def test_scores_of_the_home_unit_may_come_in_a_file_of_their_own(built: Path, tmp_path: Path) -> None:
+def test_scores_of_the_home_unit_may_come_in_a_file_of_their_own(
+    built: Path, summary: dict[str, Any], tmp_path: Path
+) -> None:
     """home.csv, with some levels only, makes claim (c) for the calibration unit alone; broken, it is
     refused."""
     folder = shutil.copytree(built / "results", tmp_path / "results")
-    assert "On the calibration unit alone" not in said(built)
+    assert "On the calibration unit alone" not in summary["paragraph"]
     cells = (folder / "cells.csv").read_text().splitlines()
     head = cells[0].split(",")[:6]
     some = [row for row in (line.split(",")[:6] for line in cells[1:]) if row[3] == row[4] != "2.0"]
@@ -177,21 +188,23 @@ def test_a_fall_from_home_that_shrinks_with_noise_is_found() -> None:
     assert all(fall.shown and fall.rho.high < 0 for fall in found)
 
 
-def test_beside_the_twins_model_error_stands_a_real_robots(built: Path) -> None:
+def test_beside_the_twins_model_error_stands_a_real_robots(built: Path, summary: dict[str, Any]) -> None:
     """The calibration's table ends with the profile khepera's ratios, and words compare the two."""
-    assert beside(built, said(built), "ratio_over_all") == "over all readings, so that dark ones flatter them"
+    found = beside(built, summary["paragraph"], "ratio_over_all")
+    assert found == "over all readings, so that dark ones flatter them"
 
 
-def test_like_is_compared_with_like(built: Path, tmp_path: Path) -> None:
+def test_like_is_compared_with_like(built: Path, summary: dict[str, Any], tmp_path: Path) -> None:
     """A study that keeps both figures is held against the robot's where readings are not dark."""
     out = shutil.copytree(built, tmp_path / "study")
     file = out / "results" / "calibration.csv"
     head, *rows = file.read_text().splitlines()
     file.write_text("\n".join([f"{head},ratio_over_all", *(f"{row},0.5" for row in rows)]) + "\n")
-    found = beside(out, said(out), "ratio")
+    told = noise_summary(out)
+    found = beside(out, told["paragraph"], "ratio")
     assert found == "on places held out, where readings are neither dark nor saturated"
-    assert noise_summary(out)["calibration"][0]["ratio_over_all"] == 0.5
-    assert noise_summary(built)["calibration"][0]["ratio_over_all"] is None
+    assert told["calibration"][0]["ratio_over_all"] == 0.5
+    assert summary["calibration"][0]["ratio_over_all"] is None
 
 
 def beside(out: Path, words: str, figure: str) -> str:

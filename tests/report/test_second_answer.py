@@ -27,9 +27,9 @@ from tests.experiments.second import UNITS, arm, write
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Arms E, with one task, and T: an effect of the level compared with; in T failures besides."""
     out = tmp_path_factory.mktemp("arms")
-    one = arm(comparison(1.0), runs=32, fall=0.6, tasks=TASKS[:1])
+    one = arm(comparison(1.0), runs=16, fall=0.6, tasks=TASKS[:1])
     write(one, out / "E" / "results", name="E")
-    write(arm(comparison(1.0), runs=32, failing=0.3, seed=3), out / "T" / "results", name="T")
+    write(arm(comparison(1.0), runs=16, failing=0.3, seed=3), out / "T" / "results", name="T")
     return out
 
 
@@ -121,7 +121,7 @@ def test_a_sign_that_turns_is_told(tmp_path: Path) -> None:
 
 def test_means_on_the_other_side_of_ranks_are_told(tmp_path):
     """What ranks found and the difference of means does not bear out is no plain finding."""
-    write(arm(comparison(1.0), runs=16), tmp_path, name="E")
+    write(arm(comparison(1.0), runs=16, tasks=TASKS[:1]), tmp_path, name="E")
     one = read_arms([tmp_path])[0]
     first, *others = one.judged.verdicts
     assert "means" not in " ".join(strays(one, first.claim))

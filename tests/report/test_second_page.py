@@ -43,6 +43,21 @@ def kept(script: ModuleType) -> list[Arm]:
     return script.read()
 
 
+@pytest.fixture(scope="module")
+def made(script: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Arm]:
+    """Four arms of one made-up truth, by name: E5 has fewer levels, the model of S errs too much.
+
+    They are judged once, by whoever asks first.
+    """
+    folder, data = tmp_path_factory.mktemp("arms"), arm(comparison(1.0), runs=16, tasks=TASKS[:1])
+    few, some = data.only(np.isin(data.evolved, script.LEVELS)), np.isin(data.levels, script.LEVELS)
+    columns = ("score", "behaviour", "layout", "home_score", "noisiness", "responsiveness")
+    few = replace(few, levels=few.levels[some], **{name: getattr(few, name)[:, some] for name in columns})
+    for name, its, error in (("E", data, 20.0), ("T", data, 20.0), ("E5", few, 20.0), ("S", few, 60.0)):
+        write(its, folder / name, name=name, error=error)
+    return {one.name: one for one in script.read(folder)}
+
+
 def test_the_page_is_made_of_its_tables_byte_for_byte(script: ModuleType, kept: list[Arm]) -> None:
     """Rendered again from the kept tables, the page is the one that is there."""
     made = script.page(kept, script.bought()).splitlines()
@@ -72,60 +87,52 @@ def test_no_result_is_typed() -> None:
     assert not re.findall(r"[^\n]{0,40}\d[^\n]{0,20}", results)
 
 
-def test_it_is_right_with_any_arms(script: ModuleType, tmp_path: Path) -> None:
+def test_it_is_right_with_any_arms(script: ModuleType, made: dict[str, Arm]) -> None:
     """With none it says so; with one the others are named, and what it advises is its verdict."""
     nothing = script.page([], [])
     assert "No arm has been run yet: E, T, E5, T5, T2, S" in nothing and "Monday" not in nothing
-    write(arm(comparison(1.0), runs=16, tasks=TASKS[:1]), tmp_path / "E", name="E")
-    text = script.page(script.read(tmp_path), [])
+    text = script.page([made["E"]], [])
     assert "Not yet carried out as planned on any robot." in text
     assert "**Not yet run:** T, E5, T5, T2, S." in text and "no headline: T not run" in text
     assert "give the simulation by which you judge as much noise" in text
     assert "Do not count on the noise during evolution" in text and "nan" not in text
 
 
-def test_arms_of_other_levels_and_realities_are_told_apart(script: ModuleType, tmp_path: Path) -> None:
+def test_arms_of_other_levels_and_realities_are_told_apart(
+    script: ModuleType, made: dict[str, Arm], tmp_path: Path
+) -> None:
     """An arm of fewer levels in the first one's reality is no second reality; one without a model is mute."""
-    data = arm(comparison(1.0), runs=16, tasks=TASKS[:1])
-    few, some = data.only(np.isin(data.evolved, script.LEVELS)), np.isin(data.levels, script.LEVELS)
-    columns = ("score", "behaviour", "layout", "home_score", "noisiness", "responsiveness")
-    few = replace(few, levels=few.levels[some], **{name: getattr(few, name)[:, some] for name in columns})
-    for name, made, error in (("E", data, 20.0), ("E5", few, 20.0), ("S", few, 60.0)):
-        write(made, tmp_path / name, name=name, error=error)
-    arms = script.read(tmp_path)
+    arms, data = [made["E"], made["E5"], made["S"]], made["E"].data
     text = script.page(arms, [])
     assert "rests on one simulated reality (Enki's Khepera: arms E, E5); a headline waits for arm T." in text
     assert "Arms E and E5 are one reality" in text and "**Out of order.**" in text
     assert "S (the stranger, 1000 evaluations, 96 champions" in text and "(e) in arm S" not in text
     assert "| S | proximity | 16 | 3.00" in text and "supports no claim" in text
     (told,) = re.findall(r"From levels 0, 1 and 2 alone, which every arm has, it is: E ([^,]+), not", text)
+    some = np.isin(data.levels, script.LEVELS)
     three = replace(data, levels=data.levels[some], score=data.score[:, some])
     assert told == script.shown(script.peak_of(three)) and "nan" not in text
     assert "| (d) | slopes | all levels |" in text.split("Arm E5: level 1 against")[1]
     script.draw(arms, tmp_path, [])
 
 
-def test_what_does_not_fit_into_the_plans_hours_is_said(script: ModuleType, tmp_path: Path) -> None:
+def test_what_does_not_fit_into_the_plans_hours_is_said(
+    script: ModuleType, made: dict[str, Arm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Arms fall off the end where what a headline needs has taken the hours; not before."""
-    data = arm(comparison(1.0), runs=16, tasks=TASKS[:1])
-    for name in ("E", "T"):
-        write(data, tmp_path / name, name=name)
-    arms = script.read(tmp_path)
-    took = [replace(one, settings={**one.settings, "seconds": {"evolve": 12_000.0}}) for one in arms]
-    bought = script.bought()
-    text = script.page(took, [one for one in bought if one.name == "E"])
+    arms, late, bought = [made["E"], made["T"]], made["S"], script.bought()
+    assert "**Not yet run:** E5, T5, T2, S." in script.page(arms, [])
+    for one in (*arms, late):
+        monkeypatch.setitem(one.settings, "seconds", {"evolve": 12_000.0})
+    text = script.page(arms, [one for one in bought if one.name == "E"])
     assert "**Not run:** E5, T5, T2, S: the arms before E5 took 6.7 hours of two cores" in text
     assert "The plan also has this experiment on arm T's robot" in text and "on arm E's robot" not in text
-    assert "the plan also has this experiment" not in script.page(took, bought).lower()
-    write(data, tmp_path / "S", name="S", error=60.0)
-    (late,) = (one for one in script.read(tmp_path) if one.name == "S")
-    late = replace(late, settings={**late.settings, "seconds": {"evolve": 12_000.0}})
-    text = script.page([*took, late], bought)
+    assert "the plan also has this experiment" not in script.page(arms, bought).lower()
+    text = script.page([*arms, late], bought)
     assert "**Not run:** E5, T5, T2: the arms before E5 took 6.7 hours of two cores" in text
     assert "S was run all the same, past those hours and out of order" in text
     assert "in another 3.3 hours: it is reported" in text
-    assert "**Not yet run:** E5, T5, T2, S." in script.page(arms, [])
-    assert "**Not yet run:** T, E5, T5, T2, S." in script.page(took[:1] * 2, [])
+    assert "**Not yet run:** T, E5, T5, T2, S." in script.page(arms[:1] * 2, [])
 
 
 @pytest.mark.parametrize("folder", sorted((DOCS / "measure-or-randomise").iterdir()), ids=lambda f: f.name)

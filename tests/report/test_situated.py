@@ -15,7 +15,7 @@ from matplotlib.patches import Circle
 
 from realitygap.report import build_report, style
 from realitygap.report.gather import parts_of
-from realitygap.report.page import Figures, Picture
+from realitygap.report.page import Figures
 from realitygap.report.paths import PathPanel, Scene, pairs_figure
 from realitygap.report.situated import SituatedPart, make_situated
 from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pair, transfers_csv
@@ -26,7 +26,7 @@ from realitygap.tasks import load_task
 from realitygap.track import Track
 from realitygap.transfer.chosen import shown_runs
 from realitygap.world.profile import load_profile
-from tests.conftest import FIGURE
+from tests.report.scenes import draw_only
 from tests.report.situations import STEPS, write_transfer
 
 PAPER = load_profile("paper")
@@ -91,13 +91,14 @@ def test_a_page_without_transfers_is_as_before(study: Study) -> None:
     assert not list((study.folder / "report").rglob("*transfers*"))
 
 
-def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study) -> None:
+def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, monkeypatch) -> None:
     """Pairs stand in the place of the simulated paths and name the robot; films are reached from there."""
     _all(study)
     shown = _situated(study, AVOID).shown
     assert [pair.run for pair in shown] == [run.id for run in shown_runs(study)[:3]]
     shutil.rmtree(shown[1].folder)
     write_transfer(study, study.run(shown[1].run), film=True)
+    draw_only(monkeypatch, lambda name: "-pairs" in name)
     text = _built(study)
     for name, label in ((AVOID, "Figure 3"), (LIGHT, "Figure 5")):
         found = re.search(rf'<figure id="{name}-pairs".*?</figure>', text, re.DOTALL)
@@ -123,7 +124,7 @@ def test_a_report_that_is_given_away_keeps_its_films(
 ) -> None:
     """Every link of a copied report stays within it and leads somewhere; a film made anew is copied anew."""
     _all(study)
-    monkeypatch.setattr("realitygap.report.page.Picture.save", _empty)
+    draw_only(monkeypatch, lambda name: False)
     shown = _situated(study, AVOID).shown[0]
     shutil.rmtree(shown.folder)
     film = write_transfer(study, study.run(shown.run), film=True) / "film.mp4"
@@ -136,13 +137,6 @@ def test_a_report_that_is_given_away_keeps_its_films(
         assert all((away / link).is_file() for link in links)
         (kept,) = (away / link for link in links if link.endswith(".mp4"))
         assert kept.read_bytes() == content
-
-
-def _empty(picture: Picture, folder: Path, **_: object) -> str:
-    """An empty figure in its place, as a file too."""
-    for kind in ("png", "svg"):
-        (folder / f"{picture.name}.{kind}").write_text(FIGURE, "utf-8")
-    return FIGURE
 
 
 @pytest.mark.usefixtures("undrawn")
