@@ -35,10 +35,18 @@ def drive(study: Path, *, shard: Shard | None = None, starts: int = 2) -> list[P
     return [one.folder for one in run_transfer(study, options, workers=1, shard=shard)]
 
 
-def test_shards_of_a_transfer_are_the_whole(finished, tmp_path):
+@pytest.fixture(scope="module")
+def whole(finished, tmp_path_factory) -> Path:
+    """The study with its trials, made in one piece."""
+    study = Path(shutil.copytree(finished.folder, tmp_path_factory.mktemp("made") / "whole"))
+    drive(study)
+    return study
+
+
+def test_shards_of_a_transfer_are_the_whole(finished, whole, tmp_path):
     """Every trial, file by file; twice is as good as once, and nothing is overwritten."""
-    whole, parts = (Path(shutil.copytree(finished.folder, tmp_path / name)) for name in ("whole", "parts"))
-    trials = drive(whole)
+    parts = Path(shutil.copytree(finished.folder, tmp_path / "parts"))
+    trials = [one.folder for one in load_transfers(whole)]
     shards = [Shard(number, 2) for number in (1, 2)]
     assert [len(drive(parts, shard=shard)) for shard in shards] == [2, 2]
     assert not (parts / "transfer").exists()
@@ -141,13 +149,11 @@ def test_an_archive_that_was_just_opened_holds_nothing(tmp_path):
         content_of(file.parent / "twin-1" / "run" / "start-1" / "transfer.toml")
 
 
-def test_packed_trials_are_the_same(finished, tmp_path):
+def test_packed_trials_are_the_same(finished, whole, tmp_path):
     """In one file: tracks, recordings, replays and score rows as of folders; resumed, merged, damaged."""
-    loose, packed = (
-        load_study(shutil.copytree(finished.folder, tmp_path / name)) for name in ("loose", "packed")
-    )
+    loose, packed = load_study(whole), load_study(shutil.copytree(finished.folder, tmp_path / "packed"))
     options = Transfer(robots=("twin:1",), starts=2, seconds=0.5, watch=False)
-    one = run_transfer(loose, options, workers=1)
+    one = load_transfers(whole)
     shards = [Shard(number, 2) for number in (1, 2)]
     for shard in shards:
         run_transfer(packed, replace(options, pack=True), workers=1, shard=shard)

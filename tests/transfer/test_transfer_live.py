@@ -91,9 +91,9 @@ def seen_from_above(file: Path, arena, plate=None, *, nobody: int = COVERED, the
     return file
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def robot(arena):
-    """A twin in real time; and how it is carried."""
+    """A twin in real time, which stands between two tests; and how it is carried."""
     with start_twin(arena.plain(), unit=1, clock="real") as twin:
         yield f"serial:{twin.device}", lambda one, pose: twin.place(pose)
 
