@@ -105,7 +105,7 @@ def noise_figure(fit: ChannelFit) -> Figure:
         seen = density > 0
         name = f"{estimate.channel}: {estimate.deviation:.3g} counts"
         left.plot(middle[seen], density[seen], mark, ms=3.5, color=colour, label=name)
-        levels, sizes = zip(*estimate.bins, strict=True)
+        levels, sizes = np.reshape(estimate.bins, (-1, 2)).T  # of few readings none
         right.plot(levels, sizes, mark + "-", ms=4, lw=0.8, color=colour)
         right.axhspan(estimate.low, estimate.high, color=colour, alpha=0.15, lw=0)
     left.set(yscale="log", ylim=(1e-4, 2), xlabel="noise, in standard deviations", ylabel="density")
