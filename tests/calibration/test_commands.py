@@ -21,7 +21,7 @@ def call(*words: object):
 def folder(tmp_path_factory, recorded, driven):
     """Recordings of a robot on disk."""
     place = tmp_path_factory.mktemp("recordings")
-    save_recording(place / "wall", recorded("wall"))
+    save_recording(place / "wall", recorded("wall", repeats=2))
     save_recording(place / "wheels", driven(friction_cm_s2=0.0))
     return place
 

@@ -93,8 +93,8 @@ def test_an_arenas_walls_are_found(lit, monkeypatch):
         "reflectance": 0.05, "matt": 1.0, "lamp_height_cm": 3.0, "lamp_narrow": 1.0, "rays": 30.0,
     }  # fmt: skip
     monkeypatch.setattr(light_forms, "RAY_NUMBERS", (10, 20, 30))  # the quicker
-    monkeypatch.setattr(forms, "DRAWS", 500)
-    monkeypatch.setattr(forms, "DRAWS_HELD_OUT", 100)
+    monkeypatch.setattr(forms, "DRAWS", 200)
+    monkeypatch.setattr(forms, "DRAWS_HELD_OUT", 50)
     searches = []
 
     def spy(frees, model, measured, values, **more):
@@ -139,8 +139,8 @@ def test_a_unit_is_fitted(tmp_path, monkeypatch, recorded, driven, lit):
     """All its recordings make its profile, without a day in it: the same bits on any day."""
     made = {
         "ambient": lit(7), "wheels": driven(friction_cm_s2=0.0),
-        "infrared-wall": recorded("wall", repeats=2),
-        "infrared-cylinder": recorded("cylinder:4", repeats=2, seed=5),
+        "infrared-wall": recorded("wall", repeats=1),
+        "infrared-cylinder": recorded("cylinder:4", repeats=1, seed=5),
     }  # fmt: skip
     assert set(made) == set(PARTS)
     for name, recording in made.items():
