@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,10 +16,10 @@ import numba
 import pytest
 
 from realitygap.errors import UsageError
-from realitygap.kernels.jit import entry_for, kernel
+from realitygap.kernels.jit import SHELF, entry_for, kernel
 from realitygap.machine_code import Shelf
 from realitygap.user_code import run_file
-from tests.hostile.damage import KINDS, damage
+from tests.hostile.damage import KINDS, command, damage
 
 SMALL = """
 from realitygap.machine_code import Shelf
@@ -34,8 +35,13 @@ def told():
 """
 
 NURSERY = """
-import json, os, sys
+import gc, json, os, sys
 import numba
+
+@numba.njit
+def first(a): return a + 1
+first(1)
+gc.freeze()
 
 for line in sys.stdin:
     order = json.loads(line)
@@ -53,8 +59,8 @@ for number, name in enumerate((os.devnull, "out", "err")):
     os.dup2(os.open(name, os.O_RDONLY if number == 0 else os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
 exec(order["program"], {"__name__": "__main__"})
 """
-"""A process that has imported Numba, and no more, forks one for each program: importing it would be most of
-what they do."""
+"""A process that has imported Numba and compiled one function, and no more, forks one for each program: what
+comes before a first compilation, and freeing all that at the end, would be most of what they do."""
 
 compiler = pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="the compiler is off")
 pytestmark = compiler
@@ -137,8 +143,8 @@ def place(kept: Place) -> Iterator[Place]:
 
 def test_what_is_on_file_is_loaded_and_nobody_else_can_write_it(place: Place) -> None:
     """A second process compiles nothing, nor loads what only that needs; the folder is the user's alone."""
-    needs = "import sys; print('numba.np.arraymath' in sys.modules)"
-    assert place.run(needs) == ("8 2 1 1\nFalse", "")
+    process = place.start("import sys; print('numba.np.arraymath' in sys.modules)")
+    assert process.communicate(timeout=60) == ("8 2 1 1\nFalse\n", "") and process.returncode == 0
     assert place.entries()[0].parent.stat().st_mode & 0o777 == 0o700
 
 
@@ -260,10 +266,10 @@ def test_what_a_kill_left_is_swept(place: Place) -> None:
 
 def test_a_command_survives_a_damaged_entry_of_its_own(tmp_path: Path) -> None:
     """`simulate` with its score's compiled code cut short ends as without."""
-    from tests.hostile.damage import command, copied_cache
-
-    cache = copied_cache(tmp_path)
-    right, _ = command(cache)
+    right, _ = command(None)
+    cache, there = tmp_path / "cache", SHELF.place
+    copy = shutil.copytree(there, cache / "realitygap" / there.name)
+    copy.chmod(0o700)
     for entry in cache.rglob("score-*.code"):
         damage(entry, "cut", entry, seed=1)
     out, err = command(cache)
