@@ -24,9 +24,16 @@ HARD = {
 }
 
 
-def test_clean_film_is_exact(clean_film, camera, poses, errors_of):
+@pytest.fixture(scope="module")
+def clean(clean_film, camera):
+    """The clean film's track, and what was told on the way: frames done, and how many there are."""
+    told = []
+    return track_film(clean_film, camera, Disk(), lambda *frames: told.append(frames)).track, told
+
+
+def test_clean_film_is_exact(clean, poses, errors_of):
     """On a clean film no frame is lost, the mean error is under 0.4 mm and 0.5°, the worst under 1.5 mm."""
-    track = track_film(clean_film, camera, Disk()).track
+    track, _ = clean
     off, turned = errors_of(track, poses)
     assert track.lost == 0
     assert off.mean() < 0.4
@@ -40,14 +47,14 @@ def test_places_are_not_off_to_one_side(poses):
     calibrated with the finder itself would make up for a finder whose places are all off to one side."""
     straight = Scene(lens=replace(Lens(), bend=(0, 0, 0), middle=(319.5, 239.5)))
     renderer, tracker = Renderer(straight), Tracker(pinhole((0, 0)), Disk())
-    seen = [tracker.see(renderer.picture(pose))[0] for pose in poses]
-    off = np.array([(pose.x, pose.y) for pose in seen]) - poses[:, :2]
+    seen = [tracker.see(renderer.picture(pose))[0] for pose in poses[::2]]
+    off = np.array([(pose.x, pose.y) for pose in seen]) - poses[::2, :2]
     assert np.abs(off.mean(axis=0)).max() < 0.01
 
 
-def test_wrong_truth_is_told_apart(clean_film, camera, poses, errors_of):
+def test_wrong_truth_is_told_apart(clean, poses, errors_of):
     """The errors' measure is no rubber stamp: truth one frame late is far off."""
-    track = track_film(clean_film, camera, Disk()).track
+    track, _ = clean
     off, turned = errors_of(track, np.roll(poses, 1, axis=0))
     assert off.mean() > 3
     assert turned.mean() > 2
@@ -122,10 +129,9 @@ def test_height_of_the_disk_is_corrected(camera, errors_of):
     assert wrong is None or np.hypot(wrong.x - 40, wrong.y - 40) > 0.5
 
 
-def test_progress_reaches_the_end(clean_film, camera):
+def test_progress_reaches_the_end(clean):
     """Progress only grows, and ends with all frames."""
-    seen = []
-    track_film(clean_film, camera, Disk(), lambda done, total: seen.append((done, total)))
+    _, seen = clean
     assert seen[-1] == (40, 40)
     assert [done for done, _ in seen] == sorted(done for done, _ in seen)
 

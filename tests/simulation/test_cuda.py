@@ -112,7 +112,9 @@ def test_a_look_up_table_is_refused():
 @pytest.mark.parametrize("name", EngineContract.tasks)
 def test_scores_are_distributed_as_the_processors(name):
     """Trials on other streams: the same law; wheels a twentieth (a quarter) farther apart are found out."""
-    trials, share = (1000, 1.25) if cuda_code.SIMULATED else (10_000, 1.05)
+    trials, share = (10_000, 1.05)
+    if cuda_code.SIMULATED:  # where obstacles are met, far fewer tell
+        trials, share = (150 if name == "obstacle-avoidance" else 1000, 1.25)
     wrong = replace(PAPER, wheels=replace(PAPER.wheels, track_cm=share * PAPER.wheels.track_cm))
     expected = scores(Cores, PAPER, 1, trials, name)
     assert ks_2samp(scores(engine.Cuda, PAPER, 2, trials, name), expected).pvalue > NEVER

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -36,12 +37,14 @@ def within(p: Array, body: Array) -> float:
     return float(((ahead[:, 0] * away[:, 1] - ahead[:, 1] * away[:, 0]) / np.hypot(*ahead.T)).min())
 
 
-def cut(a: Array, b: Array, body: Array) -> float:
+def cut(a: Iterable[float], b: Iterable[float], body: Array) -> float:
     """The length of a segment that lies inside a convex polygon: clipped edge by edge (Cyrus and Beck)."""
     low, high = 0.0, 1.0
-    for p, q in zip(body, np.roll(body, -1, axis=0), strict=True):
-        inward = np.array([p[1] - q[1], q[0] - p[0]])
-        at, rise = inward @ (a - p), inward @ (b - a)
+    (ax, ay), (bx, by) = map(float, a), map(float, b)
+    ends = body.tolist()
+    for (px, py), (qx, qy) in zip(ends, [*ends[1:], ends[0]], strict=True):
+        inward_x, inward_y = py - qy, qx - px
+        at, rise = inward_x * (ax - px) + inward_y * (ay - py), inward_x * (bx - ax) + inward_y * (by - ay)
         if rise == 0:
             if at < 0:
                 return 0.0
@@ -49,7 +52,7 @@ def cut(a: Array, b: Array, body: Array) -> float:
             low = max(low, -at / rise)
         else:
             high = min(high, -at / rise)
-    return max(high - low, 0.0) * float(np.hypot(*(b - a)))
+    return max(high - low, 0.0) * math.hypot(bx - ax, by - ay)
 
 
 def clearance(arena: Arena, outline: Array, pose) -> float:

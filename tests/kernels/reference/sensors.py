@@ -108,7 +108,7 @@ def circle_hides(circle: Cylinder, a: Point, b: Point) -> bool:
 def body_hides(body: Body, pose, a: Point, b: Point) -> bool:
     """The line from `a` to `b` passes through the robot's body."""
     if body.outline_cm:
-        return outline.cut(np.array(a), np.array(b), outline.corners(body.outline_cm, pose)) > 0
+        return outline.cut(a, b, outline.corners(body.outline_cm, pose)) > 0
     return circle_hides(disc(*pose[:2], body.radius_cm), a, b)
 
 
