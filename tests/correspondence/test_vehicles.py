@@ -44,7 +44,7 @@ def test_a_smooth_avoider_follows_no_wall(made):
 
 def test_a_large_robots_name_is_as_sure_as_it_is_right():
     """On a Thymio, which sees nothing beside it, who shows its behaviour gets its name."""
-    drives = [drive for drive in everybody(range(100, 103), ("thymio2",)) if drive.shown]
+    drives = [drive for drive in everybody(range(100, 104), ("thymio2",)) if drive.shown]
     names = called_by_name(drives)
     made = [Named(d.kind, name.name, name.confidence) for d, name in zip(drives, names, strict=True)]
     assert right(made) >= 0.8
