@@ -122,7 +122,6 @@ def test_rays_that_end_and_beams_that_overlap_are_found():
     assert np.sqrt(np.mean([one.lit_ratio**2 for one in told.per_sensor])) < 1.0
 
 
-@pytest.mark.usefixtures("fewer_starts")
 def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
     """Each series of a real Thymio gets a shift; a millimetre's error of place explains what is left,
     within a factor of two."""
