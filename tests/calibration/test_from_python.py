@@ -12,10 +12,11 @@ from tests.calibration.tables import BEARINGS
 
 
 def test_the_same_profile_as_the_commands(made_tables, tmp_path, capsys):
-    """From paths, with the options' names; progress goes to stderr, nothing to stdout."""
+    """From paths, with the options' names; progress goes to stderr, nothing to stdout. The page says that
+    five distances tell nothing of noise by the reading."""
     wall = tmp_path / "wall.sam"
     rows = (made_tables / "wall.sam").read_text("utf-8").splitlines()
-    near = rows[1 : 1 + 5 * (1 + BEARINGS)]  # five of the distances: it takes less time
+    near = rows[1 : 1 + 5 * (1 + BEARINGS)]
     wall.write_text("\n".join([f"8 {BEARINGS} 5 2 3", *near, "END", ""]), "utf-8")
     out = tmp_path / "robot.toml"
     made = realitygap.calibrate(wall, objects="wall", form="paper", out=out)
@@ -25,6 +26,7 @@ def test_the_same_profile_as_the_commands(made_tables, tmp_path, capsys):
     assert CliRunner().invoke(command, words).exit_code == 0
     assert out.read_text("utf-8") == ours and realitygap.load_profile(out) == made.profile
     page = made.show()
+    assert "too few readings to tell it by the reading" in page.html
     assert "Infrared proximity" in page.html and page._repr_html_().startswith("<iframe")
     figures = made.figures()
     assert "infrared-curves" in figures and isinstance(figures["infrared-maps"], Figure)

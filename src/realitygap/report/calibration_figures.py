@@ -105,12 +105,14 @@ def noise_figure(fit: ChannelFit) -> Figure:
         seen = density > 0
         name = f"{estimate.channel}: {estimate.deviation:.3g} counts"
         left.plot(middle[seen], density[seen], mark, ms=3.5, color=colour, label=name)
-        levels, sizes = np.reshape(estimate.bins, (-1, 2)).T  # of few readings none
+        levels, sizes = np.reshape(estimate.bins, (-1, 2)).T
         right.plot(levels, sizes, mark + "-", ms=4, lw=0.8, color=colour)
         right.axhspan(estimate.low, estimate.high, color=colour, alpha=0.15, lw=0)
     left.set(yscale="log", ylim=(1e-4, 2), xlabel="noise, in standard deviations", ylabel="density")
     left.legend(loc="lower center", fontsize=6.5)
     right.set(xlabel="reading, counts", ylabel="deviation, counts")
+    if not any(estimate.bins for estimate in shown):
+        right.set(xlabel="too few readings to tell it by the reading", xticks=[])
     right.set_ylim(0, 1.25 * max([e.high for e in shown] + [s for e in shown for _, s in e.bins]))
     for axes in (left, right):
         axes.grid(True, color=GRID, lw=0.5)
