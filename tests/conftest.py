@@ -69,7 +69,12 @@ FIGURE = '<svg width="72pt" viewBox="0 0 72 72" xmlns="http://www.w3.org/2000/sv
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages have an empty figure for each of theirs: for tests that look at everything else."""
-    monkeypatch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+    draw_nothing(monkeypatch)
+
+
+def draw_nothing(patch: pytest.MonkeyPatch) -> None:
+    """The same for a fixture of a module."""
+    patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
 
 
 @pytest.fixture(scope="session")

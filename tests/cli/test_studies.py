@@ -7,7 +7,7 @@ import sys
 
 import pytest
 from click.testing import CliRunner
-from tests.conftest import FIGURE
+from tests.conftest import draw_nothing
 
 from realitygap.cli import realitygap
 from realitygap.commands import evolve, merge
@@ -25,7 +25,7 @@ def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("studies") / "small"
     words = ["evolve", "light", "--noise", "double", "--seed", "7", "--runs", "2", *SMALL]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+        draw_nothing(patch)
         result = CliRunner().invoke(realitygap, [*words, "--out", str(folder), "--json"])
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
@@ -43,7 +43,7 @@ def own(tmp_path_factory):
     )
     words = ["evolve", str(folder / "front.py"), *SMALL, "--out", str(folder / "study"), "--json"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+        draw_nothing(patch)
         result = CliRunner().invoke(realitygap, words)
     assert result.exit_code == 0, result.output
     return folder / "front.py", folder / "study", json.loads(result.stdout)

@@ -8,7 +8,7 @@ from realitygap.report import build_report
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
-from tests.conftest import FIGURE
+from tests.conftest import draw_nothing
 from tests.transfer.helpers import transfer
 
 
@@ -25,6 +25,6 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Study:
     transfer(study, [1], starts=2, watch=False, workers=1)
     transfer(study, [2], watch=False, workers=1)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+        draw_nothing(patch)
         build_report(folder)
     return load_study(folder)

@@ -22,7 +22,7 @@ from realitygap.tasks import load_task
 from realitygap.world.arena import load_arena
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, Provenance
-from tests.conftest import FIGURE
+from tests.conftest import draw_nothing
 from tests.report.situations import write_transfer
 
 HEXAGON = Path(__file__).parents[2] / "examples" / "hexagon.toml"
@@ -44,7 +44,7 @@ def page(reproduced: Study) -> str:
 
 def _page(study: Study) -> str:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+        draw_nothing(patch)
         patch.setattr("realitygap.report.build.marks_of", lambda study: [])  # other tests look at them
         return " ".join(build_report(study.folder).read_text("utf-8").split())
 

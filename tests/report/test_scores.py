@@ -18,7 +18,7 @@ from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.transfer.score_rows import ScoreRow
 from realitygap.world.profile import load_profile
-from tests.conftest import FIGURE
+from tests.conftest import draw_nothing
 from tests.report.situations import write_transfer
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"
@@ -131,7 +131,7 @@ def test_the_page_holds_tables_1_and_2_beside_the_papers(evolved: Path, tmp_path
 def bare(evolved: Path) -> str:
     """The page of the study without transfers; its figures are not drawn."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.report.page.Picture.save", lambda *_, **__: FIGURE)
+        draw_nothing(patch)
         return _page(evolved)
 
 
