@@ -90,16 +90,20 @@ def load(cls: type[T], name: str | PathLike[str] | T, *, folder: str) -> T:
     where = str(name)
     tidy = where.strip().lower().replace("_", "-").replace(" ", "-")
     names = shipped(folder)
-    if tidy in names:
-        table = tomllib.loads(files("realitygap.world").joinpath(folder, f"{tidy}.toml").read_text("utf-8"))
-    else:
-        table = _table(Path(where), kind, names)
+    table = _shipped(folder, tidy) if tidy in names else _table(Path(where), kind, names)
     try:
         return build(cls, table)
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from None
 
 
+@cache
+def _shipped(folder: str, name: str) -> dict[str, Any]:
+    """A shipped file's table, which nobody changes."""
+    return tomllib.loads(files("realitygap.world").joinpath(folder, f"{name}.toml").read_text("utf-8"))
+
+
+@cache
 def shipped(folder: str) -> tuple[str, ...]:
     """Names of the files that come with the package, "profiles" or "arenas"."""
     inside = files("realitygap.world").joinpath(folder).iterdir()
