@@ -17,7 +17,7 @@ AGAIN_S = 0.02
 def main() -> None:
     """Run a command; Ctrl-C ends in one line even while the commands are being loaded."""
     sys.unraisablehook = _unraisable
-    atexit.register(gc.freeze)  # searching all that was loaded for garbage takes a quarter of a second
+    atexit.register(gc.freeze)  # else all that was loaded is searched for garbage, up to a third of a second
     try:
         from realitygap.cli import main as run
     except KeyboardInterrupt:

@@ -251,7 +251,7 @@ def _switched_on(settings: Settings) -> Firmware:
 
 def _main() -> int:
     """Settings as a JSON line on stdin, device and channel as one on stdout; ends with stdin."""
-    atexit.register(gc.freeze)  # searching all that was loaded for garbage takes longer than ending does
+    atexit.register(gc.freeze)  # else all that was loaded is searched for garbage, up to a third of a second
     stop: Callable[..., None] = lambda *_: sys.exit(0)  # noqa: E731
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it must stop the robot first
