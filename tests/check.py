@@ -1,7 +1,7 @@
 """Everything that a change must pass, in order: style, types, import rules, tests.
 
 Run from anywhere with the environment's own Python: `python tests/check.py`. Words after it go
-to pytest, whose three workers keep two cores busy: some tests wait. Stops at the first that fails; the last
+to pytest, whose four workers keep two cores busy: some tests wait. Stops at the first that fails; the last
 line is pytest's summary.
 """
 
@@ -17,7 +17,7 @@ CHECKS = (
     ("ruff format", ["-m", "ruff", "format", "--check", "-q", "."]),
     ("mypy", ["-m", "mypy"]),
     ("import-linter", ["-c", "from importlinter.cli import lint_imports_command as check; check()"]),
-    ("pytest", ["-m", "pytest", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder", *sys.argv[1:]]),
+    ("pytest", ["-m", "pytest", "-n", "4", "--dist", "loadfile", "--no-loadscope-reorder", *sys.argv[1:]]),
 )
 PROJECT = Path(__file__).resolve().parent.parent
 

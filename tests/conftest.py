@@ -26,20 +26,20 @@ settings.register_profile("patient", deadline=None)  # a loaded machine is slow,
 settings.load_profile("patient")
 
 LONGEST = (
-    "kernels/test_same_bits", "calibration/test_measured", "test_site",
-    "test_examples", "transfer/test_transfer", "calibration/test_fits",
-    "correspondence/test_score", "film/test_tracker", "study/test_killed",
-    "test_machine_code", "transfer/test_transfer_live", "film/test_tag",
-    "report/test_second_page", "cli/test_transfer", "report/test_situated",
-    "calibration/test_record", "export/test_export", "correspondence/test_names",
-    "simulation/test_cuda", "cli/test_studies", "kernels/test_trials",
-    "calibration/test_room", "report/test_noise", "report/test_build",
-    "work/test_dask", "experiments/test_noise_arms", "twin/test_twin_noise",
-    "correspondence/test_twin", "kernels/test_lockstep", "kernels/test_ambient",
-    "robots/test_epuck", "robots/test_thymio", "test_bodies",
-    "kernels/test_together", "study/test_fleet", "kernels/test_raywise",
+    "kernels/test_same_bits", "calibration/test_measured", "robots/test_epuck", "test_site",
+    "test_examples", "transfer/test_transfer_live", "transfer/test_transfer",
+    "calibration/test_fits", "robots/test_thymio", "study/test_killed", "cli/test_transfer",
+    "report/test_second_page", "film/test_tag", "robots/test_faults", "simulation/test_cuda",
+    "work/test_dask", "export/test_export", "correspondence/test_score", "film/test_tracker",
+    "calibration/test_record", "report/test_noise_page", "kernels/test_together",
+    "report/test_noise", "experiments/test_randomise", "kernels/test_trials", "transfer/test_rig",
+    "report/test_build", "twin/test_camera", "test_machine_code", "twin/test_arithmetic",
+    "experiments/test_noise_arms", "experiments/test_noise_twin", "report/test_situated",
+    "calibration/test_room", "correspondence/test_names", "report/test_notebook",
+    "kernels/test_ambient", "correspondence/test_twin", "report/test_second_answer",
+    "report/test_player_browser", "kernels/test_light_bounds", "correspondence/test_vehicles",
 )  # fmt: skip
-"""Files of ten seconds and more; the first compiles what others load."""
+"""Files of eight seconds and more; the first compiles what others load."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
