@@ -468,3 +468,23 @@ def test_each_object_is_drawn_by_itself(unrepeated, recorded):
     assert look_of(replace(straight, bearing_deg=np.full(len(names), np.nan))) == "poses"
     first, second = (replace(recorded("wall", repeats=1), source=f"{folder}/infrared.csv") for folder in "ab")
     assert set(Rows([first, second], PAPER).name) == {"infrared (1)", "infrared (2)"}
+
+
+def test_a_sensor_is_drawn_where_it_saw_something(unrepeated):
+    """A robot backs off a wall on each side: a sensor has no map for the sides of which it saw nothing; where
+    each recording has one bearing, all is drawn over the distance."""
+    fit = unrepeated.infrared
+    names = np.where(np.abs(fit.bearing_deg) < 90.0, "front", "back")
+    counts = fit.counts.copy()
+    counts[names == "back", 2] = np.nan
+    counts[names == "front", 5] = np.nan
+    sides = replace(fit, name=names, counts=counts)
+    titles = {axes.get_title() for axes in maps_figure(sides).axes if axes.get_visible()}
+    assert {"sensor 2\nfront", "sensor 5\nback"} < titles and len(titles) == 2 * 8 - 2 + 1  # the colours' bar
+    backing = replace(sides, bearing_deg=np.where(names == "back", 180.0, 0.0))
+    shown = [axes for axes in maps_figure(backing).axes if axes.get_visible()]
+    assert look_of(backing) == "distance" and [axes.get_title() for axes in shown] == [
+        f"sensor {k}" for k in range(8)
+    ]
+    series = [[text.get_text() for text in axes.get_legend().get_texts()] for axes in shown]
+    assert series[2] == ["front"] and series[5] == ["back"] and set(series[0]) == {"front", "back"}

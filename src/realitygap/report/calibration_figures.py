@@ -68,10 +68,12 @@ def maps_figure(fit: ChannelFit) -> Figure:
     """Model minus measured over distance and bearing, a panel a sensor and recording; or over distance."""
     look, live, off = look_of(fit), _live(fit), fit.model - fit.counts
     recordings = _by_recording(fit) if look == "bearing" else {"": np.ones(len(off), bool)}
-    figure, panels = _panels(len(live) * len(recordings))
+    pairs = product(recordings, live)
+    shown = [(name, k) for name, k in pairs if np.isfinite(off[recordings[name], k]).any()]
+    figure, panels = _panels(len(shown))
     scale = max(float(np.nanpercentile(np.abs(off), 99)), 1.0)
     drawn: list[Collection] = []
-    for axes, (name, k) in zip(panels, product(recordings, live), strict=True):
+    for axes, (name, k) in zip(panels, shown, strict=True):
         axes.set_title(f"sensor {k}" + (f"\n{_named(name)}" if len(recordings) > 1 else ""))
         if look == "distance":
             _over_distance(fit, k, axes, left=True)
@@ -177,11 +179,11 @@ def _live(fit: ChannelFit) -> list[int]:
 
 def look_of(fit: ChannelFit) -> Literal["bearing", "distance", "poses"]:
     """What readings are drawn over: bearings, if the same were recorded at each of a few distances; distance,
-    if each sensor has one bearing; or nothing (poses all over a room)."""
+    if each sensor has one bearing in each recording; or nothing (poses all over a room)."""
     if not np.isfinite(fit.bearing_deg).all():
         return "poses"
-    told = np.isfinite(fit.counts)
-    if all(len(np.unique(fit.bearing_deg[told[:, k]])) == 1 for k in _live(fit)):
+    told, parts = np.isfinite(fit.counts), _by_recording(fit).values()
+    if all(len(np.unique(fit.bearing_deg[told[:, k] & rows])) <= 1 for k in _live(fit) for rows in parts):
         return "distance"
     places = len(np.unique(np.stack([fit.distance_cm, fit.bearing_deg], 1), axis=0))
     distances, bearings = len(np.unique(fit.distance_cm)), len(np.unique(fit.bearing_deg))
