@@ -35,3 +35,23 @@ def test_noise_that_nothing_tells_is_taken_from_the_channel(recorded, robot):
     quiet = replace(robot, noise=replace(robot.noise, ambient=0.0))
     told = judge(recorded("lamp", noise=0.0), quiet)
     assert any("4.5" in warning for warning in told.warnings)
+
+
+@pytest.mark.parametrize("seen", ["near", "far", "driving"])
+def test_noise_by_the_reading_is_judged_at_the_readings(recorded, robot, seen):
+    """A profile whose noise rises with the reading, and with the wheels' speed, fits readings with that very
+    noise, bright ones or faint ones; `[noise]`, which such a profile does not use, says nothing."""
+    sensors = tuple(replace(s, noise=(5.0, 85.0), noise_rise=0.25) for s in robot.infrared.sensors)
+    robot = replace(robot, infrared=replace(robot.infrared, sensors=sensors))
+    table, speed = recorded("wall", noise=0.0), 4.0 if seen == "driving" else 0.0
+    size = (5.0 + 80.0 * table.counts / 1023.0) * (1.0 + 0.25 * speed)
+    counts = table.counts + size * np.random.default_rng(6).normal(size=size.shape)
+    rows = table.distance_cm > 1.8 if seen == "far" else table.distance_cm < 1.2
+    there = replace(
+        table, distance_cm=table.distance_cm[rows], bearing_deg=table.bearing_deg[rows],
+        repeat=table.repeat[rows], counts=np.clip(np.rint(counts), 0, 1023)[rows],
+        speed_cm_s=np.full(rows.sum(), speed) if speed else None,
+    )  # fmt: skip
+    told = [judge(there, replace(robot, noise=replace(robot.noise, proximity=p))) for p in (1.0, 200.0)]
+    for measured, stated in (one.noise["proximity"] for one in told):
+        assert stated == pytest.approx(measured, rel=0.1)

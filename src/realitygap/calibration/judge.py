@@ -33,6 +33,7 @@ from realitygap.calibration.misfit import (
     lit_ratio,
     measure_noise,
     misfits,
+    stated_noise,
     within,
     without,
 )
@@ -153,8 +154,9 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
         else:
             shift, light, model = set_up(recording, profile, scene)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
-    estimates = measure_noise([replace(recording, counts=known)], [model], part.top, profile.infrared.dead)
-    stated = profile.noise.to_dict()
+    lively = replace(recording, counts=known)
+    estimates = measure_noise([lively], [model], part.top, profile.infrared.dead)
+    stated = stated_noise(lively, model, profile)
     noise = {e.channel: (e.deviation, stated[e.channel]) for e in estimates}
     main = "proximity" if recording.kind == "infrared" else "ambient"
     measured = noise.get(main, (0.0, 0.0))[0]

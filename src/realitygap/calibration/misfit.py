@@ -1,13 +1,20 @@
 """Model error for each sensor, and the noise that it is compared with."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.forward import Scene, proximity
-from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
+from realitygap.calibration.noise import (
+    NoiseEstimate,
+    Sample,
+    dark_noise,
+    lit_noise,
+    sample_noise,
+    table_at,
+)
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows, at_places, places_of
 from realitygap.calibration.solve import Values
@@ -16,7 +23,7 @@ from realitygap.world.profile import Profile
 
 __all__ = [
     "LIMITS", "Misfit", "Yardstick", "contradiction", "displaced", "explained", "lit_ratio", "measure_noise",
-    "misfits", "misplaced", "pooled_noise", "within", "without",
+    "misfits", "misplaced", "pooled_noise", "stated_noise", "within", "without",
 ]  # fmt: skip
 
 PLACED_CM = 0.1
@@ -92,6 +99,23 @@ def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Floats]
         row=np.concatenate([s.row + by for s, by in zip(samples, first, strict=True)]),
         tails=float(np.average([s.tails for s in samples], weights=[len(s.z) + 1 for s in samples])),
     )
+
+
+def stated_noise(recording: SensorRecording, model: Floats, profile: Profile) -> dict[str, float]:
+    """Deviations that a profile states, by channel, for comparison with those that `measure_noise` finds in a
+    recording: of sensors with noise by the reading at that recording's readings."""
+    part, stated = profile.channel(recording.kind), profile.noise.to_dict()
+    if not any(sensor.noise for sensor in part.sensors):
+        return stated
+    sample = pooled_noise([recording], [model], part.top)
+    table = table_at(np.array([sensor.noise for sensor in part.sensors]), sample.level / part.top)
+    if recording.speed_cm_s is not None:
+        rise = np.array([sensor.noise_rise for sensor in part.sensors])
+        table = table * (1.0 + rise * recording.speed_cm_s[sample.row, None])
+    channel = "proximity" if recording.kind == "infrared" else "ambient"
+    said = replace(sample, z=np.where(np.isfinite(sample.z), table, np.nan))
+    there = lit_noise(said, channel, part.top, profile.infrared.dead)
+    return {**stated, channel: there.deviation} if there else stated
 
 
 def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> tuple[Misfit, ...]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.recordings.recording import SensorRecording, count_unit
 from realitygap.values import Floats
 
-__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise"]
+__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise", "table_at"]
 
 CLEAR = 3.0
 """Only readings this many deviations away from the converter's ends are used."""
@@ -171,7 +171,7 @@ def noise_tables(
     rise = np.zeros(sample.z.shape[1])
     if moving.any() and (known & ~moving).any():
         still = _table_of(sample, known & ~moving, top, knots)
-        size = np.abs(sample.z) / np.maximum(_at(still, sample.level / top), 1e-9)
+        size = np.abs(sample.z) / np.maximum(table_at(still, sample.level / top), 1e-9)
         for k in np.flatnonzero(moving.sum(axis=0) >= FEWEST).tolist():
             ratio = np.sqrt(np.mean(size[moving[:, k], k] ** 2))
             rise[k] = max(0.0, ratio - 1.0) / speed[moving[:, k]].mean()
@@ -196,7 +196,7 @@ def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) ->
     return np.asarray(np.sqrt((sums + FEWEST * pooled) / (many + FEWEST)))
 
 
-def _at(table: Floats, share: Floats) -> Floats:
+def table_at(table: Floats, share: Floats) -> Floats:
     """[m, S] each sensor's table at a share of its range."""
     steps = np.linspace(0.0, 1.0, table.shape[1])
     return np.stack([np.interp(share[:, k], steps, row) for k, row in enumerate(table)], 1)
