@@ -346,10 +346,11 @@ def test_nonsense_is_refused(recorded, spoil, words):
 
 
 @pytest.mark.parametrize("object", ["wall", "lamp"])
-def test_neighbours_that_are_exchanged_are_named(recorded, object):
-    """Two columns of neighbours in each other's place are refused by number; a judge warns of them."""
+def test_columns_that_are_exchanged_are_named(recorded, object):
+    """Two columns in each other's place, neighbours' or not, are refused by number, and no other two for
+    them; a judge warns of them."""
     sound = recorded(object)
-    for i, j in ((0, 1), (1, 2), (4, 5)):
+    for i, j in ((0, 1), (1, 2), (4, 5), (0, 2), (1, 4), (0, 5)):
         order = list(range(8))
         order[i], order[j] = j, i
         wrong = replace(sound, counts=sound.counts[:, order])

@@ -31,8 +31,8 @@ SATURATED_SHARE = 0.8
 ASIDE_DEG = 60.0
 MOST_ODD = 3
 NEIGHBOURS_DEG, LIKELY_DEG, LIKELY_SHARE, SURE_DEG, SURE_SHARE = 100.0, 5.0, 0.4, 8.0, 0.6
-"""Largest angle between the directions of two sensors that may be exchanged; then the angle, and the share of
-it by which they answer the wrong way round, where an exchange is likely and where it is certain."""
+"""Largest angle between the directions of two sensors at which their answers tell which way round they are;
+then the angle, and the share of it, by which it is the wrong way where an exchange is likely, and certain."""
 BLIND_CM, DAZZLED_CM, BRIGHT = 15.0, 1.0, 300.0
 """Beyond the first distance a Khepera's infrared sees nothing; within the second any object reads at least
 `BRIGHT` (counts of the paper's robot)."""
@@ -132,14 +132,16 @@ def _refuse_exchanged(
     Raises:
         CalibrationError: two certainly are.
     """
-    told = []
+    pairs, told = [], []
     for i, j in combinations(np.flatnonzero(live).tolist(), 2):
         pair, other = [i, j], [j, i]
         gap, seen = (float(_turn(of[i] - of[j])) for of in (expected, answers))
-        closer = _apart(answers[pair], expected[other]).sum() < _apart(answers[pair], expected[pair]).sum()
-        wrong = closer and seen * gap < 0 and abs(gap) <= NEIGHBOURS_DEG
-        if not wrong or abs(seen) < max(LIKELY_DEG, LIKELY_SHARE * abs(gap)):
-            continue
+        own, crossed = (float(_apart(answers[pair], expected[of]).sum()) for of in (pair, other))
+        wrong, least = seen * gap < 0 or abs(gap) > NEIGHBOURS_DEG, LIKELY_SHARE * abs(gap)
+        if wrong and own - crossed > least and abs(seen) >= max(LIKELY_DEG, least):
+            pairs.append((own - crossed, i, j, gap, seen))
+    # Beside the exchanged pair others may look so, but explain less.
+    for _, i, j, gap, seen in sorted(pairs, reverse=True):
         said = (
             f"{recording.source}: sensors {i} and {j} seem to be exchanged: they answer most at "
             f"{answers[i]:.0f}° and {answers[j]:.0f}°, where {expected[i]:.0f}° and {expected[j]:.0f}° are "
