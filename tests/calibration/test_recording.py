@@ -62,6 +62,13 @@ def test_readings_come_back_equal(tmp_path):
     assert (back.source, len(back.hash), back.warnings) == (str(tmp_path / "r"), 64, ())
 
 
+def test_a_robot_that_backed_off_drove(tmp_path):
+    """Its wheels' speed is below 0 in the table; for the noise that rises with speed its size counts."""
+    back = load_recording(written(tmp_path / "r", f"{HEAD},speed_cm_s", f"{ROW},-3.5", f"{ROW},3"))
+    assert isinstance(back, SensorRecording) and back.speed_cm_s is not None
+    assert back.speed_cm_s.tolist() == [3.5, 3.0]
+
+
 def test_poses_come_with_their_arena(tmp_path):
     """Then distance and bearing of the lamp follow from them."""
     arena = load_arena("light-seeking")
