@@ -140,7 +140,8 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
     ("facts", "says"),
     [
         ("kind = ", "not a TOML file"),
-        ('object = "wall"', "a drive's recording"),
+        ('object = "wall"', "recording.toml: kind: expected infrared, ambient, wheels, got None."),
+        ('task = "avoidance"\n[end]\nended = "complete"', "got None. This is a drive's recording"),
         ('kind = "sonar"', "expected infrared, ambient, wheels, got 'sonar'"),
         ('kind = "infrared"', '"wall" or "cylinder:RADIUS_CM"'),
         ('kind = "infrared"\nobject = "cylinder:-2"', "radius above 0"),
@@ -174,7 +175,7 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
     ],
 )
 def test_wrong_facts_are_named(tmp_path, facts, says):
-    """What recording.toml says is checked like the table."""
+    """What recording.toml says is checked like the table; a missing kind does not make a drive of it."""
     with pytest.raises(RecordingError) as refused:
         load_recording(written(tmp_path / "r", HEAD, ROW, facts=facts))
     assert says in str(refused.value)

@@ -135,7 +135,7 @@ def read_folder(folder: Path, *, object: str | None = None) -> Recording:
     if "kind" in facts or DRIVE not in facts:
         refuse_unknown(facts, KNOWN, RecordingError, where=str(where), cure="Anything else goes into notes.")
     if kind not in KINDS:
-        cure = "" if "kind" in facts else " This is a drive's recording, no calibration's."
+        cure = " This is a drive's recording, no calibration's." if DRIVE in facts else ""
         raise RecordingError(f"{where}: kind: expected {', '.join(KINDS)}, got {kind!r}.{cure}")
     before, after = UNITS.split("{}")
     units = str(facts.get("units", UNITS))
