@@ -237,6 +237,18 @@ def test_noise_that_rises_with_the_wheels_is_found():
     assert noise_tables(sample, level, level, 0 * speed, 1023.0, kind="infrared")[1].max() == 0
 
 
+@pytest.mark.parametrize(("dead", "size"), [(1050.0, 0.0), (0.0, 400.0)])
+def test_readings_at_the_edge_of_a_dead_zone_are_no_noise_of_the_dark(dead, size):
+    """At one of eleven dark places most readings were above the dead zone: in the open such a robot reads 0
+    for certain. Without a dead zone they are readings of the dark as all others."""
+    counts, place = np.zeros((440, 1)), np.repeat(np.arange(11), 40)
+    counts[place == 0] = np.where(np.arange(40) % 8, 1060.0, 0.0)[:, None]
+    sample = Sample(z=np.full((440, 1), np.nan), level=counts, group=place, row=np.arange(440))
+    told = {"kind": "infrared", "dead": dead}
+    table, _ = noise_tables(sample, counts, 0.0 * counts, np.zeros(440), 4500.0, **told)
+    assert table[0, 0] == pytest.approx(size, rel=0.1)
+
+
 @pytest.fixture(scope="session")
 def thymio() -> Path:
     """The folder of a real Thymio's readings."""

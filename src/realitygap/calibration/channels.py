@@ -248,7 +248,8 @@ def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
     sample = pooled_noise(rows.live_recordings(), rows.split(model), rows.top)
     still = (np.zeros(len(r.counts)) if r.speed_cm_s is None else r.speed_cm_s for r in rows.recordings)
     speed = np.concatenate(list(still))[sample.row]
-    table, rise = noise_tables(sample, rows.live(), model, speed, rows.top, kind=made.kind)
+    dead = made.profile.infrared.dead if made.kind == "infrared" else 0.0
+    table, rise = noise_tables(sample, rows.live(), model, speed, rows.top, kind=made.kind, dead=dead)
     columns = {"noise": [tuple(row) for row in table.round(3).tolist()], "noise_rise": rise.round(5).tolist()}
     law: Any = made.profile.channel(made.kind)
     law = replace(law, sensors=with_columns(law.sensors, columns))

@@ -151,7 +151,14 @@ def _rings(
 
 
 def noise_tables(
-    sample: Sample, counts: Floats, model: Floats, speed: Floats, top: float, *, kind: str
+    sample: Sample,
+    counts: Floats,
+    model: Floats,
+    speed: Floats,
+    top: float,
+    *,
+    kind: str,
+    dead: float = 0.0,
 ) -> tuple[Floats, Floats]:
     """Each sensor's deviation at equal steps of the reading [S, KNOTS of the kind], and its rise with
     speed [S], s/cm.
@@ -165,6 +172,8 @@ def noise_tables(
         speed: [m] speed of the wheels, cm/s, at each of the sample's values.
         top: the converter's highest count.
         kind: "infrared" or "ambient".
+        dead: counts below which a sensor reads 0; readings above it, at a place that is at its edge, are none
+            of the dark.
     """
     known, knots = np.isfinite(sample.z), KNOTS[kind]
     moving = known & (speed > 0)[:, None]
@@ -178,7 +187,7 @@ def noise_tables(
     bare = replace(sample, z=sample.z / (1.0 + rise * speed[:, None]))
     table = _table_of(bare, known, top, knots)
     for k in range(len(table)):
-        dark = (model[:, k] <= 0.5) & np.isfinite(counts[:, k])
+        dark = (model[:, k] <= 0.5) & (counts[:, k] < (dead or np.inf))
         if dark.sum() >= FEWEST:
             table[k, 0] = np.sqrt(2.0 * np.mean(counts[dark, k] ** 2))
     return np.minimum(table, top), rise
