@@ -84,13 +84,13 @@ def read_json(path: str | Path, error: type[UsageError], cure: str) -> Any:
 
 
 def refuse_separator(path: str | Path, head: str, error: type[UsageError]) -> None:
-    """Refuse a table whose first line has no commas but semicolons or tabs, as some programs write.
+    """Refuse a table whose first line has more semicolons or tabs than commas, as some programs write.
 
     Raises:
         UsageError: of the class `error`.
     """
     for sign, name in ((";", "semicolons"), ("\t", "tabs")):
-        if sign in head and "," not in head:
+        if head.count(sign) > head.count(","):
             raise error(
                 f"{path}, line 1: expected values separated by commas, got {name}. Save the table "
                 "with commas (and with decimal points)."
