@@ -84,11 +84,12 @@ def test_a_sensor_that_was_never_lit_has_a_dash(tmp_path):
 
 
 def test_a_judge_refuses_steps_of_another_length(tmp_path, driven):
-    """Steps of 0.2 s tell no speed: no RMSE that is no number."""
+    """Steps of 0.2 s tell no speed: no RMSE that is no number, but how far rows are apart, and the cure."""
     slow = driven(friction_cm_s2=0.0)
     save_recording(tmp_path / "slow", replace(slow, t_s=2 * slow.t_s))
     result = call("calibrate", "--check", tmp_path / "slow", "paper")
     assert result.exit_code == 2 and "expected 30 steps of 0.1 s" in result.stderr
+    assert "got 0: rows are 0.2 s apart" in result.stderr and "period_s in --base" in result.stderr
 
 
 @pytest.mark.parametrize(

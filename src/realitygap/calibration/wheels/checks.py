@@ -64,10 +64,13 @@ def _refuse_fast(recording: WheelRecording, base: Profile) -> None:
 
 def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
     """Refuse a recording with too few speeds [n, 2]."""
-    if np.isfinite(measured).sum() < 2 * FEWEST_STEPS:
+    known = int(np.isfinite(measured).sum()) // 2
+    if known < FEWEST_STEPS:
+        apart = np.diff(recording.t_s)[np.diff(recording.trial) == 0]
+        rows = f"rows are {np.median(apart):.3g} s apart" if len(apart) else "its trials have one row each"
         raise CalibrationError(
             f"{recording.source}: expected {FEWEST_STEPS} steps of {recording.period_s:g} s or more, in a "
-            "trial each."
+            f"trial each, got {known}: {rows}. Record more, or give the robot's period_s in --base."
         )
 
 
