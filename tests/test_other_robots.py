@@ -153,8 +153,8 @@ def test_wheels_without_counters_stay_as_they_were(five, tmp_path):
     back = load_recording(tmp_path / "w")
     result = calibrate([recorded(five, "wall", 1), back], five, form="extended")
     assert result.wheels is None and result.profile.wheels == five.wheels
-    assert any(w.startswith("wheels: no counters recorded") for w in result.warnings)
-    with pytest.raises(CalibrationError, match="no counters: nothing tells how far the wheels turned"):
+    assert any("no counters recorded, nor pictures of 300 successive steps" in w for w in result.warnings)
+    with pytest.raises(CalibrationError, match="nor pictures of 300 successive steps: nothing tells how far"):
         judge(back, five)
 
 

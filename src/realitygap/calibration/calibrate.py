@@ -13,7 +13,13 @@ from realitygap.calibration.channel_fit import UNLIT, ChannelFit, unmeasured
 from realitygap.calibration.channels import fit_infrared, fit_light, ticks
 from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.recordings.body import as_recorded, tells_heights
-from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording, count_unit
+from realitygap.calibration.recordings.recording import (
+    FOLLOWED_STEPS,
+    Recording,
+    SensorRecording,
+    WheelRecording,
+    count_unit,
+)
 from realitygap.calibration.rows import REFLECTANCE
 from realitygap.calibration.wheels.fit import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError
@@ -268,6 +274,6 @@ def _warnings(made: Calibration, base: Profile) -> list[str]:
     wheels = made.wheels
     if wheels is None:
         driven = any(isinstance(r, WheelRecording) for r in made.recordings)
-        unseen = f"wheels: no counters recorded, nor pictures of each step: their constants stay {kept}"
-        return [*out, unseen] if driven else out
+        unseen = f"wheels: no counters recorded, nor pictures of {FOLLOWED_STEPS} successive steps"
+        return [*out, f"{unseen}: their constants stay {kept}"] if driven else out
     return out + doubts(wheels, base)

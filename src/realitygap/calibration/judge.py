@@ -37,7 +37,13 @@ from realitygap.calibration.misfit import (
     within,
     without,
 )
-from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording, count_unit
+from realitygap.calibration.recordings.recording import (
+    FOLLOWED_STEPS,
+    Recording,
+    SensorRecording,
+    WheelRecording,
+    count_unit,
+)
 from realitygap.calibration.rows import PROXIMITY_COUNTS
 from realitygap.calibration.series import set_up
 from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
@@ -248,7 +254,8 @@ def _fitted_out(
 def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     if not (recording.counted or recording.followed):
         raise CalibrationError(
-            f"{recording.source}: no counters: nothing tells how far the wheels turned. Leave it out."
+            f"{recording.source}: no counters, nor pictures of {FOLLOWED_STEPS} successive steps: nothing "
+            "tells how far the wheels turned. Leave it out."
         )
     recording = recording.of_robot(profile)
     odometry = measure_odometry(recording, profile.wheels.track_cm)

@@ -36,8 +36,8 @@ from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensor_checks import Sensor
 
 __all__ = [
-    "BODY_RADIUS_CM", "HEIGHTS_CM", "PULSES_PER_MM", "STEP_KINDS", "Recording", "SensorRecording",
-    "WheelRecording", "count_unit",
+    "BODY_RADIUS_CM", "FOLLOWED_STEPS", "HEIGHTS_CM", "PULSES_PER_MM", "STEP_KINDS", "Recording",
+    "SensorRecording", "WheelRecording", "count_unit",
 ]  # fmt: skip
 
 STEP_KINDS = ("step", "start", "straight", "turn")
