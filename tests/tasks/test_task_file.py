@@ -183,6 +183,10 @@ def test_the_example_robot():
         ("    return path.x[0] + draw()", "line 3: a score draws nothing at random: remove `draw`"),
         ("    path.x[0] = 3.0\n    return path.x.mean()", "line 2: the score changes the path"),
         (
+            "    lamp = room.lamps[0]\n    lamp[0] -= path.x[0]\n    return lamp[0]",
+            "line 2: the score changes the room that it is given. Work on a copy, as in room.lamps.copy()",
+        ),
+        (
             "    n = 1\n    for i in range(70):\n        n = n * 2\n    return float(n)",
             "line 2: the score gives 0.0 compiled and 1.1805916207174113e+21 as plain Python",
         ),
