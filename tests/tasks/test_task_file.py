@@ -1,6 +1,7 @@
 """A user's task file: it runs compiled, its machine code is kept, and its mistakes are named."""
 
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -148,6 +149,20 @@ def test_the_example_task():
     assert score(beside._replace(x=path.x + 25), room) == 0.0
     assert score(beside._replace(contact=path.contact + 1), room) == 0.0
     assert task.to_kernel(paper).steps == 200
+
+
+def test_another_process_has_a_tasks_score_from_its_file(mine):
+    """A pickled task brings no function that only this process could import, as a report's workers found."""
+    task = load_task(mine(HEAD + SCORE + TAIL))
+    told, paper = pickle.dumps(task), load_task("light-seeking")
+    del sys.modules[task.score.__module__]
+    again = pickle.loads(told)
+    assert again.to_dict() == task.to_dict() and again.source == task.source
+    assert again.score.__code__ == task.score.__code__
+    assert pickle.loads(pickle.dumps(paper)) == paper
+    mine("# a line more\n" + HEAD + SCORE + TAIL)
+    with pytest.raises(TaskError, match=r"mine.py: expected the task's score in line \d+"):
+        pickle.loads(told)
 
 
 def test_a_copied_task_finds_its_arena(mine, tmp_path):
