@@ -1,7 +1,11 @@
 """`probe`: what the sensors read at one place."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+
+from realitygap.world.profile import load_profile
 
 
 def test_it_reads_as_often_as_it_is_asked(json_of):
@@ -32,6 +36,20 @@ def test_facing_a_wall_is_felt_in_front(json_of):
     (proximity,) = made["proximity"]
     assert min(proximity[2:4]) > max(proximity[6:8])
     assert proximity[2] == pytest.approx(proximity[3])
+
+
+def test_more_sensors_than_a_network_takes(call, json_of, tmp_path):
+    """Twenty are all probed, and a study takes those that it names."""
+    paper, mine = load_profile("paper"), tmp_path / "mine.toml"
+    eyes = replace(paper.infrared, sensors=(3 * paper.infrared.sensors)[:20])
+    mine.write_text(replace(paper, infrared=eyes).to_toml(), "utf-8")
+    (read,) = json_of("probe", "avoidance", "--pose", 25, 6, -90, "--profile", mine)["proximity"]
+    assert len(read) == 20
+    few = ("task.sensors=[0,19]", "task.seconds=1", "evolution.rows=3", "evolution.columns=3")
+    words = [word for one in few for word in ("--set", one)]
+    made = call("evolve", "avoidance", "--profile", mine, "--evaluations", 9, "--runs", 1, *words,
+                "--out", tmp_path / "out")  # fmt: skip
+    assert made.exit_code == 0, made.output
 
 
 def test_the_text_has_a_column_a_sensor(call):

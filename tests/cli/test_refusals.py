@@ -4,12 +4,14 @@ import errno
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import click
 import pytest
 
 from realitygap.cli.failure import DEBUG, StoppedError, guarded
 from realitygap.errors import RealityGapError, StudyError
+from realitygap.world.profile import load_profile
 
 SIMULATE = ("simulate", "avoidance", "--controller", "constant:1,1", "--pose", 25, 25, 0)
 PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
@@ -96,6 +98,22 @@ def test_a_broken_profile_is_refused_by_file(refused, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text("name = ")
     assert "mine.toml" in refused(*PROBE, "--profile", file)
+
+
+@pytest.mark.parametrize(
+    "words", [SIMULATE, ("drive", *SIMULATE[1:4]), ("evolve", "avoidance", "--evaluations", 9)]
+)
+@pytest.mark.parametrize(
+    ("sensors", "told"),
+    [(20, "expected at most 16 for a network, got all 20 proximity"), (0, "has no proximity sensors")],
+)
+def test_a_robot_with_no_sensors_for_a_task_or_too_many_is_refused(refused, tmp_path, words, sensors, told):
+    """Each command says what the task asks of the robot's profile, not what a genotype is."""
+    paper = load_profile("paper")
+    eyes = replace(paper.infrared, sensors=(3 * paper.infrared.sensors)[:sensors])
+    (tmp_path / "mine.toml").write_text(replace(paper, infrared=eyes).to_toml(), "utf-8")
+    out = () if words is SIMULATE else ("--out", tmp_path / "out")
+    assert told in refused(*words, *out, "--profile", tmp_path / "mine.toml")
 
 
 def test_a_folder_that_is_no_study_is_refused(refused, tmp_path):

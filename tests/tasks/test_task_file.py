@@ -1,6 +1,7 @@
 """A user's task file: it runs compiled, its machine code is kept, and its mistakes are named."""
 
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -150,6 +151,20 @@ def test_the_example_task():
     assert task.to_kernel(paper).steps == 200
 
 
+def test_another_process_has_a_tasks_score_from_its_file(mine):
+    """A pickled task brings no function that only this process could import, as a report's workers found."""
+    task = load_task(mine(HEAD + SCORE + TAIL))
+    told, paper = pickle.dumps(task), load_task("light-seeking")
+    del sys.modules[task.score.__module__]
+    again = pickle.loads(told)
+    assert again.to_dict() == task.to_dict() and again.source == task.source
+    assert again.score.__code__ == task.score.__code__
+    assert pickle.loads(pickle.dumps(paper)) == paper
+    mine("# a line more\n" + HEAD + SCORE + TAIL)
+    with pytest.raises(TaskError, match=r"mine.py: expected the task's score in line \d+"):
+        pickle.loads(told)
+
+
 def test_a_copied_task_finds_its_arena(mine, tmp_path):
     """A task file and the arena beside it are copied together; an arena elsewhere is refused."""
     task = load_task(EXAMPLES / "follow_the_wall.py")
@@ -182,6 +197,10 @@ def test_the_example_robot():
         ("    return np.random.rand() + path.x[0]", "line 3: a score draws nothing at random"),
         ("    return path.x[0] + draw()", "line 3: a score draws nothing at random: remove `draw`"),
         ("    path.x[0] = 3.0\n    return path.x.mean()", "line 2: the score changes the path"),
+        (
+            "    lamp = room.lamps[0]\n    lamp[0] -= path.x[0]\n    return lamp[0]",
+            "line 2: the score changes the room that it is given. Work on a copy, as in room.lamps.copy()",
+        ),
         (
             "    n = 1\n    for i in range(70):\n        n = n * 2\n    return float(n)",
             "line 2: the score gives 0.0 compiled and 1.1805916207174113e+21 as plain Python",

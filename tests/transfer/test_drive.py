@@ -72,6 +72,30 @@ def test_a_drive_gives_track_and_score(simulation):
     assert still.score == 0 and np.ptp(still.track.x) == 0
 
 
+class Bends:
+    """Bends away from what its first sensor sees, however many it has."""
+
+    def reset(self):
+        """It keeps nothing."""
+
+    def decide(self, inputs):
+        return Command(left=7, right=2 - inputs[0] // 2)
+
+
+@pytest.mark.parametrize("name", ["e-puck", "thymio"])
+def test_a_simulated_robot_of_any_kind_is_driven_as_in_its_simulation(name):
+    """By its own profile, whatever the unit of its commands; another kind's is refused."""
+    simulation = Simulation("avoidance", name, noise=0, arena="obstacle-avoidance-large")
+    pose = Pose.from_degrees(20, 50, 180)
+    lived, _ = drive_simulated(simulation, Bends(), stream=4, pose=pose, seconds=4)
+    body = SimulatedBody(simulation, stream=4)
+    made = drive(body, Bends(), task=simulation.task, start=pose, seconds=4)
+    assert (made.track.x[1:-1] == lived.x[1:]).all() and (made.recording.inputs == lived.inputs).all()
+    assert np.ptp(lived.inputs) > 5
+    with pytest.raises(UsageError, match=r"got one of .*: (calibrate it, and )?use its own profile"):
+        drive(body, Bends(), task=simulation.task, profile="paper")
+
+
 def test_a_drive_without_a_place_is_refused(simulation):
     """A body that does not know its place needs a start; what decides nothing is no controller."""
     body = SimulatedBody(simulation)

@@ -108,11 +108,10 @@ def random_networks(simulation: Simulation, *, stream: int, count: int = NETWORK
     """`count` networks of a run's random start: 11 to 12 slots, about ten live links."""
     import numpy as np
 
-    from realitygap.controller.genotype import Layout
     from realitygap.controller.network import decode
     from realitygap.controller.operators import Variation
 
-    layout = Layout(inputs=len(simulation.task.sensors))
+    layout = simulation.layout
     variation = Variation(layout=layout)
     genes = [variation.random(np.uint64(stream * count + i)) for i in range(count)]
     return decode(np.stack(genes), layout)

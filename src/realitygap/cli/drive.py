@@ -56,15 +56,13 @@ def drive(
         realitygap drive avoidance --controller my.py:decide --robot twin:1 --starts 3 --out out/mine
         realitygap score out/mine
     """
-    from realitygap.controller.layout import Layout
     from realitygap.controller.own import named_controller
     from realitygap.simulation.simulation import Simulation
     from realitygap.transfer.drive import pairs
 
     simulation = Simulation(task, profile, noise, arena)
     at = None if pose is None else option.checked_pose(pose, simulation.task.arena, simulation.profile)
-    layout = Layout(inputs=len(simulation.task.sensors))
-    driver = named_controller(controller, simulation.task.feeds, layout)
+    driver = named_controller(controller, simulation.task.feeds, simulation.layout)
     made = list(pairs(simulation, driver, robot, pose=at, folder=out, **words))
     facts = {"task": simulation.task.name, "robot": str(robot), "trials": [one.to_dict() for one in made]}
     rows = [

@@ -138,13 +138,18 @@ def changed_config(
 
 def _notes(config: StudyConfig, task: str, workers: Workers, shard: Shard | None) -> None:
     """What is taken as it was said, though it may be a slip."""
+    from dataclasses import replace
+
     from realitygap.tasks import load_task
     from realitygap.world.arena import load_arena
     from realitygap.world.profile import load_profile
 
-    loaded = load_task(task).of(load_profile(config.profile))
-    named = config.arenas.get(loaded.name)
-    note_dark(loaded, loaded.arena if named is None else load_arena(named))
+    loaded, profile, changes = load_task(task), load_profile(config.profile), config.task.changes()
+    if loaded.name in config.arenas:
+        changes["arena"] = load_arena(config.arenas[loaded.name])
+    loaded = replace(loaded, **changes).of(profile)
+    loaded.to_kernel(profile)  # or what the robot lacks would be told as a fault of the encoding
+    note_dark(loaded, loaded.arena)
     population = config.evolution.make(config.encoding_for(loaded)).cells
     runs = config.runs * len(config.conditions)
     runs = runs if shard is None else len(shard.own(range(runs)))

@@ -49,7 +49,7 @@ def placed(
     note_dark(loaded, room)
     faces = (place.heading_deg, place.heading_deg)
     start = Start(x_cm=place.x, y_cm=place.y, heading_deg=faces)  # the task's own need not be free here
-    return Simulation(replace(loaded.of(robot), arena=room, start=start), robot, noise), place
+    return Simulation(replace(loaded, arena=room, start=start), robot, noise), place
 
 
 def facts(simulation: Simulation, seed: int) -> dict[str, Any]:

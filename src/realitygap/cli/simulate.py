@@ -36,13 +36,12 @@ def simulate(
     Example:
         realitygap simulate avoidance --controller constant:5,-3 --pose 25 25 90 --json
     """
-    from realitygap.controller.layout import Layout
     from realitygap.controller.own import named_controller
     from realitygap.simulation.body import drive_simulated
 
     simulation, pose = placed(**where)
     task = simulation.task
-    driver = named_controller(controller, task.feeds, Layout(inputs=len(task.sensors)))
+    driver = named_controller(controller, task.feeds, simulation.layout)
     trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=pose, seconds=seconds)
     if picture is not None:
         from realitygap.report import save_picture

@@ -7,6 +7,7 @@ from os import PathLike
 
 import numpy as np
 
+from realitygap.controller.layout import Layout
 from realitygap.controller.network import check_networks
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, halves
@@ -15,7 +16,7 @@ from realitygap.kernels.rng import substream
 from realitygap.kernels.work import Record, Work, farthest_notice, new_aside, new_noise, new_work
 from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
-from realitygap.tasks.task import Task
+from realitygap.tasks.task import MAX_INPUTS, Task
 from realitygap.track import Trajectory
 from realitygap.values import Floats, Pose, as_stream, shown
 from realitygap.world.arena import Arena, load_arena
@@ -73,12 +74,22 @@ class Simulation:
     ) -> None:
         task = load_task(task)
         self.profile = load_profile(profile)
-        task = task.of(self.profile)
+        if len(self.profile.bands(task.feeds)) <= MAX_INPUTS:  # else it can still be probed
+            task = task.of(self.profile)
         self.task = task if arena is None else replace(task, arena=load_arena(arena))
         self.noise = noise_level(noise)
         self._cores = Cores(self.task, self.profile, self.noise)
         make = engine_named(engine) if isinstance(engine, str) else engine
         self.engine = self._cores if make is Cores else make(self.task, self.profile, self.noise)
+
+    @property
+    def layout(self) -> Layout:
+        """Of a genotype for the task and the robot.
+
+        Raises:
+            TaskError: the robot lacks what the task needs.
+        """
+        return Layout(inputs=len(self._cores.trial.channels))
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """Scores of trials of N networks: streams [N, trials] → scores [N, trials].

@@ -1,11 +1,13 @@
 """Tasks by name, and tasks from a user's Python file."""
 
+import copyreg
 import importlib
 import shutil
-from dataclasses import replace
+from dataclasses import fields, replace
 from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from realitygap.errors import TaskError
 from realitygap.tasks.task import Task
@@ -114,3 +116,27 @@ def _from_file(path: Path) -> Task:
             "score=score)`, with Task from realitygap."
         )
     return replace(task, source=str(path))
+
+
+def _pickled(task: Task) -> tuple[Any, ...]:
+    """A task without a score that stands in its own file: another process has to run that file to have it."""
+    state = {field.name: getattr(task, field.name) for field in fields(task)}
+    code = task.score.__code__
+    if task.source != code.co_filename:
+        return _unpickled, (state, 0)
+    return _unpickled, ({**state, "score": None}, code.co_firstlineno)
+
+
+def _unpickled(state: dict[str, Any], line: int) -> Task:
+    """That task again, its score from its file if it stands there in this line."""
+    if line:
+        state["score"] = load_task(state["source"]).score
+        if state["score"].__code__.co_firstlineno != line:
+            told = f"{state['source']}: expected the task's score in line {line}, as when it was loaded"
+            raise TaskError(f"{told}. The file has changed: load the task again.")
+    task = Task.__new__(Task)
+    vars(task).update(state)
+    return task
+
+
+copyreg.pickle(Task, _pickled)

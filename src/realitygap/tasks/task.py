@@ -147,9 +147,21 @@ class Task:
         return steps
 
     def of(self, profile: Profile) -> Self:
-        """The task for a robot: fed by all its sensors of the kind, if it names none."""
+        """The task for a robot: fed by all its sensors of the kind, if it names none.
+
+        Raises:
+            TaskError: these are more than a network takes.
+        """
         there = len(profile.bands(self.feeds))
-        return self if self.sensors or not there else replace(self, sensors=tuple(range(there)))
+        if self.sensors or not there:
+            return self
+        if there > MAX_INPUTS:
+            raise TaskError(
+                f"task {self.name!r}: sensors: expected at most {MAX_INPUTS} for a network, got all {there} "
+                f"{self.feeds} sensors of profile {profile.name!r}. Name some: sensors=(0, 1, 2) in a task "
+                "file of your own, or `realitygap evolve --set task.sensors=[0,1,2]`."
+            )
+        return replace(self, sensors=tuple(range(there)))
 
     def to_kernel(self, profile: Profile) -> params.Trial:
         """The trial as the kernels' arrays.
@@ -164,7 +176,6 @@ class Task:
                     f"task {self.name!r}: feeds: profile {profile.name!r} has no {kind} sensors. "
                     "Choose another task, or add sensors to the profile."
                 )
-        require(len(sensors) <= MAX_INPUTS, "sensors", f"at most {MAX_INPUTS} sensors", sensors)
         for sensor in sensors:
             if sensor >= count:
                 raise TaskError(

@@ -7,6 +7,7 @@ but an index out of range is no fault: the task has no such path.
 
 import math
 from collections.abc import Iterator
+from copy import deepcopy
 from functools import lru_cache
 
 import numpy as np
@@ -73,13 +74,15 @@ def _paths(rows: int, room: Room) -> Iterator[Path]:
 
 def _try(made: CompiledScore, path: Path, room: Room, *, must: bool) -> None:
     """Compiled twice and as plain Python once: three times the same, and nothing changed."""
-    given = [Path(*map(np.copy, path)) for _ in range(3)]
-    first, again = _told(made.compiled, given[0], room), _told(made.compiled, given[1], room)
-    plain = _told(made.plain, given[2], room)
+    given = [deepcopy((path, room)) for _ in range(3)]
+    first, again = _told(made.compiled, *given[0]), _told(made.compiled, *given[1])
+    plain = _told(made.plain, *given[2])
     if must and isinstance(plain, LookupError):
         raise made.failure(plain, path, room)
-    if not all(np.array_equal(a, b) for a, b in zip(given[0], path, strict=True)):
-        _refuse(made, "changes the path that it is given", "Work on a copy, as in path.x.copy().")
+    for name, part, now, before in zip(("path", "room"), ("x", "lamps"), given[0], (path, room), strict=True):
+        if not all(map(np.array_equal, now, before)):
+            cure = f"Work on a copy, as in {name}.{part}.copy()."
+            _refuse(made, f"changes the {name} that it is given", cure)
     if not _alike(first, again):
         _refuse(made, f"gives {first} and then {again} on the same path", "It must depend on nothing else.")
     if not _alike(first, plain):
@@ -93,8 +96,7 @@ def _told(score: Score, path: Path, room: Room) -> float | Exception:
     """What a score gives, or the error that it fails with."""
     try:
         with np.errstate(all="ignore"):
-            arrays = {name: getattr(room, name).copy() for name in ("lamps", "size", "cylinders")}
-            return float(score(path, room._replace(**arrays)))
+            return float(score(path, room))
     except Exception as error:
         return error
 

@@ -14,7 +14,7 @@ from realitygap.robots.address import Address
 from realitygap.robots.body import Body
 from realitygap.robots.loop import Controller
 from realitygap.robots.recording import Recording
-from realitygap.simulation.body import drive_simulated
+from realitygap.simulation.body import SimulatedBody, drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
@@ -29,6 +29,8 @@ from realitygap.values import Pose, as_stream
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["Drove", "Pair", "drive", "pairs"]
+
+OTHER_ROBOT = "profile: expected the robot's, got one of"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +53,7 @@ def drive(
     controller: Any,
     *,
     task: Task | str | PathLike[str],
-    profile: Profile | str | PathLike[str] = "paper",
+    profile: Profile | str | PathLike[str] | None = None,
     start: Pose | None = None,
     seconds: float | None = None,
 ) -> Drove:
@@ -62,20 +64,23 @@ def drive(
         controller: a NetworkController, a function decide(inputs) → (left, right), a class or an object
             that has one, or `file.py:name`; −10 … 10 in and out.
         task: which sensors are fed, how long, and the score.
-        profile: its input ranges and wheels.
+        profile: its input ranges and wheels; by default a simulated body's own, else "paper".
         start: where the body is placed, or stands already; by default where it reports itself.
         seconds: length; the task's own if None.
 
     Raises:
-        UsageError: a body that does not report its pose, without `start`; an invalid controller.
+        UsageError: a body that does not report its pose, without `start`; an invalid controller; a profile
+            of another kind of robot.
         RobotError: the robot was lost; it was told to stop.
     """
-    task, profile = load_task(task), load_profile(profile)
+    own = body.simulation.profile if isinstance(body, SimulatedBody) else "paper"
+    task, profile = load_task(task), load_profile(own if profile is None else profile)
     start = getattr(body, "pose", None) if start is None else start
     if not isinstance(start, Pose):
         raise UsageError(f"start: expected a Pose, as this body does not know its place, got {start!r}.")
     if not (hasattr(controller, "reset") and hasattr(controller, "decide")) or isinstance(controller, type):
         controller = own_controller(controller)
+    check_fit(body, profile, task.kinds, OTHER_ROBOT)
     body.reset(start)
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
@@ -133,7 +138,7 @@ def pairs(
         temporary.Folder("camera") as cameras,
         Rig(task, profile, robot=robot, twin_noise=scale, folder_for_camera=cameras) as rig,
     ):
-        check_fit(rig.body, profile, task.kinds, "profile: expected the robot's, got one of")
+        check_fit(rig.body, profile, task.kinds, OTHER_ROBOT)
         for number in range(1, starts + 1):
             stream = int(substream(as_stream(seed, "seed"), as_stream(number)))
             start = simulation.start(stream) if pose is None else pose

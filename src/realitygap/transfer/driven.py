@@ -9,6 +9,7 @@ from realitygap.errors import UsageError
 from realitygap.robots.body import Body, Paced, Seen, attend, odometry_of
 from realitygap.robots.loop import Controller, drive
 from realitygap.robots.recording import Recorder, Recording
+from realitygap.simulation.body import SimulatedBody
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.paths import of_counters, of_poses
@@ -105,7 +106,8 @@ def driven(
         return profile.inputs(fed(readings, task.feeds).tolist(), task.feeds, sensors)
 
     attend(body, *task.kinds)
-    made = drive(body, Scaled(controller, profile), seconds=seconds, inputs=inputs, recorder=recorder)
+    commands = controller if isinstance(body, SimulatedBody) else Scaled(controller, profile)
+    made = drive(body, commands, seconds=seconds, inputs=inputs, recorder=recorder)
     look()
     attend(body)
     body.sense()
