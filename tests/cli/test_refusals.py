@@ -121,6 +121,13 @@ def test_a_folder_that_is_no_study_is_refused(refused, tmp_path):
     assert str(tmp_path) in refused("show", tmp_path)
 
 
+def test_a_report_of_a_broken_study_speaks_of_no_arm(refused, tmp_path):
+    """Whether the folder is a study's or an arm's is not known yet: the cure is good for both."""
+    (tmp_path / "study.toml").write_text("seed = ")
+    assert "study.toml: not a TOML file: " in (said := refused("report", tmp_path))
+    assert said.rstrip().endswith("Restore it from a copy.")
+
+
 @pytest.mark.parametrize(
     ("failure", "code", "says"),
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import shutil
 import sqlite3
 from contextlib import closing
@@ -157,6 +158,18 @@ def test_one_process_merges_into_a_folder(shards, tmp_path):
     assert (tmp_path / "whole" / "theirs").exists()
     with pytest.raises(StudyError, match=r"exists already, and is not overwritten"):
         merge_runs(all_shards(shards), Path())
+
+
+def test_a_full_disk_is_the_merged_studys(shards, tmp_path):
+    """Its folder is named, not a shard's, which may be on another disk; nothing is left."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, before[1]))
+    try:
+        with pytest.raises(StudyError, match=rf"^{tmp_path / 'whole'}: .*is the disk full"):
+            merge_runs(all_shards(shards), tmp_path / "whole")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not [*tmp_path.iterdir()]
 
 
 def test_shards_that_cannot_be_written_are_merged(shards, finished, tmp_path, monkeypatch):

@@ -67,6 +67,26 @@ def test_shards_of_a_transfer_are_the_whole(finished, whole, tmp_path):
         merge_trials(all_shards(folders), parts)
 
 
+def test_a_shard_without_all_of_its_trials_is_not_merged(finished, tmp_path):
+    """As of a copy that was made while it was worked on: a trial or one of its tracks is missing, and nothing
+    is taken. Trials of an earlier number of starts are no substitute, and do no harm."""
+    study = Path(shutil.copytree(finished.folder, tmp_path / "study"))
+    shards = [Shard(number, 2) for number in (1, 2)]
+    for shard in shards:
+        drive(study, shard=shard, starts=1)
+        trials = drive(study, shard=shard)
+    folders = [tmp_path / f"study-transfer-shard-{number}-of-2" for number in (1, 2)]
+    for gone in (trials[0] / "situated.csv", trials[0], folders[1] / "transfer"):
+        gone.rename(tmp_path / "gone")
+        with pytest.raises(
+            StudyError, match=r"shard-2-of-2: a trial of run \d from start 2 is missing .* Copy it"
+        ):
+            merge_trials(all_shards(folders), study)
+        assert not (study / "transfer").exists()
+        (tmp_path / "gone").rename(gone)
+    assert len(merge_trials(all_shards(folders), study)) == 4
+
+
 def trial(place: Path, robot: str) -> Path:
     """A finished trial as its folder has it, its first start."""
     folder = place / "transfer" / robot.replace(":", "-").replace("/dev/", "") / "run" / "start-1"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import shutil
 import signal
@@ -150,6 +151,12 @@ def test_what_is_no_cluster_is_refused(address, monkeypatch):
         StudyError, match=r"the Dask worker on .* has numba \S+, this process 0\.1: .*the same"
     ):
         Dask(address)
+
+
+def test_what_goes_wrong_is_told_once(address):
+    """A lost scheduler is the message's to name: the client, which has a level of its own, logs nothing."""
+    Dask(address).close()
+    assert not logging.getLogger("distributed.client").isEnabledFor(logging.ERROR)
 
 
 class Future:

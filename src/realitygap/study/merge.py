@@ -111,11 +111,12 @@ def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
                     if len(versions) > 1:
                         kinds = " and ".join(map(str, sorted(versions)))
                         raise StudyError(f"{folder}: shards of formats {kinds}. Make all with one version.")
-                    if folder is first:
-                        source.backup(database)
-                        database.execute("PRAGMA journal_mode = DELETE")
-                    else:
-                        _take(database, source, runs)
+                    with told(out):
+                        if folder is first:
+                            source.backup(database)
+                            database.execute("PRAGMA journal_mode = DELETE")
+                        else:
+                            _take(database, source, runs)
     return load_study(out)
 
 

@@ -1,7 +1,9 @@
 """Merges the trials of a transfer's shards into the folder of the study."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from itertools import product
 from pathlib import Path
 
 from realitygap.errors import StudyError
@@ -32,15 +34,17 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
         The shards' trials in the study's folder.
 
     Raises:
-        StudyError: shards of different transfers or of another study, or a different trial is in the folder
-            or another shard.
+        StudyError: shards of different transfers or of another study, one that lacks trials, or a different
+            trial is in the folder or another shard.
     """
     _refuse_other(shards, folder)
     with lock(folder), ExitStack() as opened:
         todo: dict[Path, Path] = {}
         for shard in shards.values():
             refuse_links(shard)
-            for trial in (one.folder for one in load_transfers(shard)):  # packed ones included
+            found = load_transfers(shard)  # packed ones included
+            _refuse_incomplete(shard, found)
+            for trial in (one.folder for one in found):
                 place = folder / trial.relative_to(shard)
                 for there in {place, todo.setdefault(place, trial)} - {trial}:
                     _refuse_overwriting(trial, there)
@@ -79,6 +83,24 @@ def _refuse_other(shards: Mapping[Shard, Path], folder: Path) -> None:
         raise StudyError(
             f"{folder} is not the study whose individuals drove in {first}. Give that study (--out)."
         )
+
+
+def _refuse_incomplete(folder: Path, found: Sequence[Transferred]) -> None:
+    """Refuse a shard without all of its trials, as of a copy that was made while it was worked on."""
+    mark = read_mark(folder)
+    assert mark is not None
+    facts = mark.facts
+    every = product(facts.get("robots", ()), facts.get("runs", ()), range(1, facts.get("starts", 0) + 1))
+    left = Counter((run, start) for _, run, start in mark.shard.own(every))
+    for one in found:
+        whole = all(content(one.folder / name) is not None for name in (SIMULATED, SITUATED))
+        left[one.run, one.start] -= whole and one.individual == facts.get("individual")
+    for (run, start), lacking in left.items():
+        if lacking > 0:
+            raise StudyError(
+                f"{folder}: a trial of run {run} from start {start} is missing or incomplete, though the "
+                "shard is marked as finished: it was copied while it was worked on. Copy it once more."
+            )
 
 
 def _refuse_overwriting(trial: Path, place: Path) -> None:

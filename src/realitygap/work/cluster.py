@@ -63,7 +63,8 @@ class Dask:
                 "workers: expected the package distributed for dask:…; install it: "
                 "pip install 'realitygap[cluster]'."
             ) from None
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it has to say is told as an error
+        for name in ("distributed", "distributed.client"):  # what they have to say is told as an error
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             try:
                 self._client = Client(address, timeout=WAIT_S, set_as_default=False)

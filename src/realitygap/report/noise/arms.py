@@ -32,6 +32,8 @@ PARTS = (
 )  # fmt: skip
 BEYOND = "without units beyond the limit"
 AGAIN = "Let the arm finish, or copy its results again."
+RESTORE = "Restore it from a copy."
+"""Where it may as well be a study's."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,7 +108,7 @@ def arm_folder(folder: str | Path) -> Path | None:
     """The folder of an arm's tables: this one, or `results` in it; None if it is not an arm."""
     for one in (Path(folder), Path(folder) / "results"):
         file = one / "study.toml"
-        if file.is_file() and "arm" in read_toml(file, StudyError, AGAIN, broken=AGAIN):
+        if file.is_file() and "arm" in read_toml(file, StudyError, RESTORE, broken=RESTORE):
             return one
     return None
 
