@@ -32,7 +32,7 @@ from realitygap.calibration.recordings.facts import read_facts
 from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording
 from realitygap.cli import realitygap
-from realitygap.errors import BaudError, RecordingError
+from realitygap.errors import BaudError, RecordingError, UsageError
 from realitygap.film.calibrate import calibrate_camera
 from realitygap.film.marker import load_marker
 from realitygap.robots.address import Address
@@ -42,6 +42,7 @@ from realitygap.robots.khepera.body import KheperaBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.body import Body
+from realitygap.world.profile import load_profile
 from tests.calibration.written import save_recording
 from tests.kernels.reference.outline import clearance
 from tests.kernels.test_outline import OUTLINES
@@ -405,6 +406,26 @@ def asked(folder, *answers, wanted=None, **options):
     made = record(wanted or Wanted(plan="all", repeats=1), folder, Still(), ask=person, **options)
     assert not left
     return says, made
+
+
+@pytest.mark.parametrize(
+    ("plan", "base", "said"),
+    [
+        ("wheels", "thymio", "7 proximity sensors, as the base 'thymio' has; this one has 8"),
+        ("ambient", "e-puck", "0 ambient sensors, as the base 'e-puck' has; this one has 8.*or a plan"),
+    ],
+)
+def test_a_robot_is_refused_with_the_base_of_another(tmp_path, plan, base, said):
+    """By a Thymio's base a Khepera's wheels were told 108 units, a metre a second; they are told nothing."""
+    with pytest.raises(UsageError, match=said):
+        asked(tmp_path, wanted=Wanted(plan=plan, base=load_profile(base)))
+
+
+def test_wheels_need_no_sensors_in_the_base(tmp_path):
+    """An e-puck's base has no light sensors, an e-puck has: wheels and infrared are recorded all right."""
+    for plan in ("wheels", "infrared"):
+        says, _ = asked(tmp_path / plan, "q", wanted=Wanted(plan=plan, base=load_profile("e-puck")))
+        assert len(says) == 1
 
 
 def test_q_stops_all_parts(tmp_path):

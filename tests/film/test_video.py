@@ -1,7 +1,9 @@
 """Films in and out."""
 
 import os
+from fractions import Fraction
 
+import av
 import numpy as np
 import pytest
 
@@ -118,6 +120,25 @@ def test_cut_off_film_is_kept_up_to_there(tmp_path, clean_film, camera, poses, e
     assert f"{count} of about {len(poses)} frames could be read" in tracked.trouble
     off, _ = errors_of(tracked.track, poses[:count])
     assert off.max() < 1.5
+
+
+def test_a_film_of_uneven_rate_is_not_taken_for_a_cut_one(tmp_path):
+    """An MKV tells its length and rate, not how many frames: one that left some out is whole."""
+    path = tmp_path / "film.mkv"
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("mpeg4", rate=25, width=64, height=48, pix_fmt="yuv420p")
+        stream.codec_context.time_base = stream.time_base = Fraction(1, 1000)
+        for k in (0, 1, 2, 5, 9, 10, 14, 20, 21, 24):
+            picture = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 9 * k, np.uint8), format="rgb24")
+            picture.pts, picture.time_base = 40 * k, stream.time_base
+            film.mux(stream.encode(picture))
+        film.mux(stream.encode())
+    with FilmReader(path) as again:
+        assert len(list(again)) == 10 and again.trouble is None
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    with FilmReader(path) as again:
+        assert len(list(again)) < 10 and "cut off" in str(again.trouble)
 
 
 def test_garbled_film_is_never_guessed(tmp_path, clean_film, camera, poses, errors_of):

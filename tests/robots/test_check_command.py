@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli.robot import robot
-from realitygap.errors import LineError
+from realitygap.errors import LineError, UsageError
 from realitygap.world.arena import load_arena
 from tests.robots.conftest import Bench
 
@@ -32,6 +32,16 @@ def test_a_check_moves_with_consent(bench: Bench) -> None:
     result = CliRunner().invoke(robot, [*args, "--baud", "any", "--yes"])
     assert result.exit_code == 0, result.output
     assert "moved: counters 2" in result.stdout and "118 ms" in result.stdout
+
+
+def test_a_check_refuses_the_profile_of_another_robot(bench: Bench) -> None:
+    """A Thymio's commands would send a Khepera off at 86 cm/s instead of 4: it only stands."""
+    twin = bench.twin()
+    args = ["check", "--port", twin.device, "--clock-channel", twin.channel, "--yes", "--profile", "thymio"]
+    result = CliRunner().invoke(robot, args)
+    assert isinstance(result.exception, UsageError)
+    assert "7 proximity sensors (profile 'thymio'); this robot has 8" in str(result.exception)
+    assert "moved" not in result.stdout
 
 
 def test_a_check_of_nobody_says_what_to_look_at(bench: Bench) -> None:

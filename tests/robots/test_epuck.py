@@ -222,6 +222,26 @@ def test_an_exception_leaves_the_robot_standing(name: str, request: pytest.Fixtu
         assert robot.stands() and (300, 200) in robot.told
 
 
+def test_a_connection_that_breaks_is_made_anew_to_stop_the_robot(wifi: WifiEpuck) -> None:
+    """It is told to stand before the drive ends; the new connection, which has no guard, drives nothing."""
+
+    def breaks(packet: bytes) -> bytes:
+        if (300, 200) in wifi.told:
+            wifi.spoil = lambda packet: packet
+            wifi.source.shutdown(socket.SHUT_RDWR)  # type: ignore[attr-defined]
+        return packet
+
+    with opened(wifi) as body:
+        wifi.spoil = breaks
+        with pytest.raises(LineError, match="the line is lost"):
+            drive(body, Constant(300, 200), seconds=2, inputs=nothing)
+        assert wifi.stands()
+        told = len(wifi.told)
+        with pytest.raises(LineError, match=r"the connection to .* broke"):
+            body.act(Command(left=300, right=200))
+    assert wifi.stands() and (300, 200) not in wifi.told[told:]
+
+
 def test_another_robot_is_named_by_what_it_says(serial: SerialEpuck) -> None:
     """A Khepera at an e-puck's address, and an e-puck at a Khepera's."""
     said = "expected {} to answer, got {!r}".format

@@ -82,6 +82,7 @@ def check(
     from realitygap.robots.address import Address
     from realitygap.robots.body import Inspected, Placing, facts_of
     from realitygap.robots.signals import Stopping
+    from realitygap.transfer.plan import check_fit
     from realitygap.values import Pose
     from realitygap.world.profile import load_profile
 
@@ -93,6 +94,9 @@ def check(
     load_profile(profile)  # refused before the robot is asked anything
     with Stopping(), closing(where.open(**settings)) as body:
         known = load_profile(profile if named else facts_of(body).get("base", profile))
+        if named:  # another robot's commands could be ten times as fast
+            seen = [one.name for one in body.channels if known.channel(one.name).sensors]
+            check_fit(body, known, seen, "profile: expected the robot's, got one of")
         units = round(MOVE_CM_S / known.wheels.speed_per_unit_cm_s[0])
         if isinstance(body, Placing):
             body.enter({"size_cm": [ROOM_CM] * 2}, 0, Pose(x=ROOM_CM / 2, y=ROOM_CM / 2, heading=0.0))

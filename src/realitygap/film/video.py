@@ -148,8 +148,10 @@ class FilmReader(Closing):
 
     def _judge(self, count: int, damaged: int, last: float) -> None:
         """Say what the pass found."""
-        expected = self.frames_expected
-        if expected is not None and count < expected - max(2, round(0.02 * expected)):
+        expected, reached = self.frames_expected, count
+        if not self._stream.frames:  # it tells its length alone: pictures may come at any rate
+            reached = max(count, round(last * self._rate()) + 1)
+        if expected is not None and reached < expected - max(2, round(0.02 * expected)):
             self.trouble = (
                 f"the film is cut off or damaged: {count} of about {expected} frames could be read, "
                 f"the last at {last:.2f} s"

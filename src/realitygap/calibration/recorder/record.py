@@ -8,7 +8,7 @@ record(Wanted(plan="all"), "unit-7", Address.parse("twin:7").open())
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -156,13 +156,9 @@ def _parts(wanted: Wanted, body: Body) -> list[Part]:
     for part in sensor_plans(wanted.plan, wanted.object, shape, wanted.reflectance, grid):
         kind = CHANNELS[part.kind]
         if wanted.plan != "all" or kind in kinds:
-            has = channel(body, kind).sensors
-            theirs = has if base is None else len(base.channel(kind).sensors)
-            if theirs != has:
-                expected = f"{theirs} {kind} sensors, as the base {base.name!r} has" if base else ""
-                raise UsageError(f"robot: expected {expected}; this one has {has}.")
             parts.append(_sensors(part, wanted, body))
     if base is not None:
+        _check_sensors(body, base, {part.channel for part in parts})
         check_period(body, base)
     followed = not body.counts_turns and isinstance(body, Seen | Filmed)
     if wanted.plan == "wheels" or (wanted.plan == "all" and (body.counts_turns or followed)):
@@ -170,6 +166,26 @@ def _parts(wanted: Wanted, body: Body) -> list[Part]:
         plan = wheel_plan(wanted.repeats, wanted.seed, wheels, period_s=body.period_s, followed=followed)
         parts.append(_wheels(plan, body))
     return parts
+
+
+def _check_sensors(body: Body, base: Profile, kinds: Container[str]) -> None:
+    """Refuse a robot whose sensors are not its base's: its commands would be another robot's.
+
+    Args:
+        body: the robot.
+        base: may lack sensors that are not recorded.
+        kinds: of the sensors that are.
+
+    Raises:
+        UsageError: names both and the cure.
+    """
+    for one in body.channels:
+        theirs = len(base.channel(one.name).sensors)
+        if theirs != one.sensors and (theirs or one.name in kinds):
+            raise UsageError(
+                f"robot: expected {theirs} {one.name} sensors, as the base {base.name!r} has; this one has "
+                f"{one.sensors}. Take a base with as many (--base), or a plan without them."
+            )
 
 
 def check_period(body: Body, base: Profile) -> None:

@@ -11,7 +11,7 @@ import socket
 import struct
 from collections.abc import Sequence
 
-from realitygap.errors import UsageError
+from realitygap.errors import LineError, UsageError
 from realitygap.robots.clock import RealClock
 from realitygap.robots.epuck.protocol import EPUCK
 from realitygap.robots.line.line import GIVE_UP_S, QUIET_S, Answer, Line
@@ -40,7 +40,7 @@ class PacketLine(Line):
     """
 
     def __init__(self, device: str, *, clock: RealClock | None = None, give_up_s: float = GIVE_UP_S) -> None:
-        self._speeds, self._lights = (0, 0), bytearray(14)
+        self._speeds, self._lights, self._broken = (0, 0), bytearray(14), False
         super().__init__(device, EPUCK, baud=None, clock=clock, give_up_s=give_up_s)
 
     def _opened(self) -> socket.socket:
@@ -75,6 +75,28 @@ class PacketLine(Line):
         except GarbledError:
             self.forget()
         return None
+
+    def tell(self, data: bytes) -> None:
+        """Send bytes; where the connection broke, by a new one, to a robot that is to stand.
+
+        Raises:
+            LineError: the line is lost; or it is to drive, by a connection that the guard does not have.
+        """
+        stands = data == self.halt or not any(self._speeds)
+        if self._broken and not stands:
+            raise LineError(f"the line is lost: the connection to {self.device} broke")
+        try:
+            super().tell(data)
+        except LineError:
+            if self._broken or not stands:
+                raise
+            self._broken = True
+            self.close()
+            try:
+                self._port = self._opened()
+            except UsageError as error:
+                raise LineError(str(error)) from None
+            super().tell(data)
 
     def _packet(self, numbers: tuple[int, ...], *, asks: int = 0, settings: int = 0) -> bytes:
         return struct.pack("<3B2h14s", 0x80, asks, settings, *numbers, bytes(self._lights))
