@@ -10,7 +10,7 @@ nothing else is printed. Errors are those of `realitygap.errors`.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import partial
 from os import PathLike, fspath
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError
+from realitygap.text import as_path
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -106,7 +107,7 @@ def evolve(
 
 
 def merge(
-    shards: Place | Sequence[Place], *, out: Place | None = None, workers: Workers = None, trust: bool = False
+    shards: Place | Iterable[Place], *, out: Place | None = None, workers: Workers = None, trust: bool = False
 ) -> Study:
     """Put the shards of a study together and make the report, as `realitygap merge` does.
 
@@ -127,8 +128,9 @@ def merge(
     from realitygap.study.runner import WORK
     from realitygap.work.shard import read_mark, whole_of
 
-    several = [shards] if isinstance(shards, str | PathLike) else shards
-    found = all_shards([Path(one) for one in several])
+    several = shards if isinstance(shards, Iterable) and not isinstance(shards, str) else [shards]
+    folders = [as_path(one, "shards") for one in several]
+    found = all_shards(folders)
     for folder in found.values():
         mark = read_mark(folder)
         if mark is None or mark.work != WORK:
@@ -136,7 +138,7 @@ def merge(
             raise StudyError(f"{folder}: expected a shard of a study. {cure}.")
         if trust:
             agree(folder)
-    target = whole_of(Path(several[0])) if out is None else Path(out)
+    target = whole_of(folders[0]) if out is None else as_path(out, "out")
     study = merge_runs(found, target)
     note_versions([study.versions()])
     with _stopping(), ProgressLine() as progress:
