@@ -282,6 +282,14 @@ def test_nobody_there_says_what_to_check(serial: SerialEpuck, tmp_path: Path) ->
             Address.parse(f"epuck2:{wrong}").open()
 
 
+def test_a_port_beyond_the_last_is_not_taken_for_another(wifi: WifiEpuck) -> None:
+    """The system would take 66536 for 1000, in silence."""
+    host, _, port = wifi.place.partition(":")
+    for kind in ("epuck2", "thymio"):
+        with pytest.raises(UsageError, match=r"expected a port from 1 to 65535, got '?\d{5,6}"):
+            Address.parse(f"{kind}:{host}:{int(port) + 2**16}").open()
+
+
 @pytest.mark.parametrize("name", ["serial", "wifi"])
 def test_check_and_record(name: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """`robot check` moves it 2 cm; `record` keeps its eight sensors of 12 bits."""

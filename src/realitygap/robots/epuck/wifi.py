@@ -46,8 +46,10 @@ class PacketLine(Line):
     def _opened(self) -> socket.socket:
         host, _, port = self.device.partition(":")
         try:
+            if port and not (port.isdecimal() and 0 < int(port) < 2**16):  # glibc takes the lower 16 bits
+                raise ValueError(f"expected a port from 1 to 65535, got {port!r}")
             made = socket.create_connection((host, int(port or PORT)), CONNECT_S)
-        except (OSError, OverflowError, ValueError) as error:
+        except (OSError, ValueError) as error:
             number = getattr(error, "errno", None) or 0  # below 0: of a name that nobody knows
             reason = os.strerror(number) if number > 0 else str(error)
             raise UsageError(

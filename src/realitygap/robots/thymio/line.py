@@ -52,6 +52,8 @@ def opened(place: str) -> Any:
     host, colon, port = place.rpartition(":")
     try:
         if colon and port.isdecimal() and not os.path.exists(place):
+            if not 0 < int(port) < 2**16:  # glibc takes the lower 16 bits
+                raise OverflowError(f"expected a port from 1 to 65535, got {port}")
             return _connected((host, int(port)))
         import serial
 
