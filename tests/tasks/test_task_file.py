@@ -46,6 +46,13 @@ def test_a_users_file(mine):
     assert task.compiled_score()(path, room) == 2.9
 
 
+def test_what_a_file_prints_is_not_taken_for_the_answer(mine, capsys):
+    """It goes to stderr: on stdout it would stand before a command's JSON."""
+    load_task(str(mine("print('here')\n" + HEAD + SCORE + TAIL)))
+    told = capsys.readouterr()
+    assert not told.out and "here" in told.err
+
+
 def test_an_edited_file_is_read_again(mine):
     """A file that changed gives its new score, in the same process."""
     path, room = example()
