@@ -370,6 +370,17 @@ def test_a_profile_is_judged_on_other_data(by_a_wall, recorded):
     assert set(good.to_dict()) >= {"rmse", "bias", "per_sensor", "noise"}
 
 
+@pytest.mark.parametrize("loud", [80.0, 30.0])
+def test_noise_that_differs_from_sensor_to_sensor_is_said(recorded, loud):
+    """As an e-puck's front sensors have many times the noise of others; of three times nothing is said."""
+    sound, size = recorded("wall", noise=0.0), np.array([10.0] * 6 + [loud, 10.0])
+    random = np.random.default_rng(4).normal(size=sound.counts.shape)
+    drawn = sound.counts + np.where(sound.counts > 0, size, 0.0) * random
+    made = calibrate([replace(sound, counts=np.clip(np.rint(drawn), 0, 1023))], PAPER, form="individual")
+    said = [w for w in made.warnings if "noise differs from sensor to sensor" in w]
+    assert len(said) == (loud == 80.0) and all("(sensor 6)" in w for w in said)
+
+
 def test_a_place_that_errs_alone_is_told_from_errors_everywhere(recorded, robot):
     """The true robot misses one place by far, or all of them by a little: the share of near places tells."""
     sound = recorded("wall")
