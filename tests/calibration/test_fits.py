@@ -13,7 +13,7 @@ from realitygap.calibration.calibrate import calibrate, joined
 from realitygap.calibration.channels import agreed
 from realitygap.calibration.infrared import infrared_problems
 from realitygap.calibration.judge import judge
-from realitygap.calibration.noise import lit_noise, sample_noise
+from realitygap.calibration.noise import Sample, lit_noise, sample_noise
 from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows
@@ -144,6 +144,15 @@ def test_tails_are_those_of_one_reading(repeats):
     sample = sample_noise(table, model, 1023.0)
     estimate = lit_noise(sample, "proximity", 1023.0)
     assert estimate.heavy and estimate.kurtosis == pytest.approx(1.8, abs=0.6)
+
+
+def test_an_interval_of_noise_at_few_places_holds_no_zero():
+    """Three of twelve places are lit, and there the noise is 200 counts: it is not 0 because a drawn sample
+    has none of the three."""
+    level, place = np.repeat([2000.0] * 3 + [3.0] * 9, 20)[:, None], np.repeat(np.arange(12), 20)
+    z = 200.0 * np.random.default_rng(5).normal(size=level.shape)
+    estimate = lit_noise(Sample(z=z, level=level, group=place), "proximity", 4095.0)
+    assert 100.0 < estimate.low < estimate.deviation < estimate.high < 400.0
 
 
 def test_noise_that_was_not_measured_is_said(unrepeated, tmp_path):
