@@ -13,7 +13,7 @@ from realitygap.calibration.calibrate import calibrate, joined
 from realitygap.calibration.channels import agreed
 from realitygap.calibration.infrared import infrared_problems
 from realitygap.calibration.judge import judge
-from realitygap.calibration.noise import lit_noise, sample_noise
+from realitygap.calibration.noise import Sample, lit_noise, sample_noise
 from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows
@@ -144,6 +144,15 @@ def test_tails_are_those_of_one_reading(repeats):
     sample = sample_noise(table, model, 1023.0)
     estimate = lit_noise(sample, "proximity", 1023.0)
     assert estimate.heavy and estimate.kurtosis == pytest.approx(1.8, abs=0.6)
+
+
+def test_an_interval_of_noise_at_few_places_holds_no_zero():
+    """Three of twelve places are lit, and there the noise is 200 counts: it is not 0 because a drawn sample
+    has none of the three."""
+    level, place = np.repeat([2000.0] * 3 + [3.0] * 9, 20)[:, None], np.repeat(np.arange(12), 20)
+    z = 200.0 * np.random.default_rng(5).normal(size=level.shape)
+    estimate = lit_noise(Sample(z=z, level=level, group=place), "proximity", 4095.0)
+    assert 100.0 < estimate.low < estimate.deviation < estimate.high < 400.0
 
 
 def test_noise_that_was_not_measured_is_said(unrepeated, tmp_path):
@@ -368,6 +377,17 @@ def test_a_profile_is_judged_on_other_data(by_a_wall, recorded):
     assert good.rmse < 18 < 60 < bad.rmse
     assert good.turn_deg == pytest.approx(1.0, abs=0.5) and good.noise_fits
     assert set(good.to_dict()) >= {"rmse", "bias", "per_sensor", "noise"}
+
+
+@pytest.mark.parametrize("loud", [80.0, 30.0])
+def test_noise_that_differs_from_sensor_to_sensor_is_said(recorded, loud):
+    """As an e-puck's front sensors have many times the noise of others; of three times nothing is said."""
+    sound, size = recorded("wall", noise=0.0), np.array([10.0] * 6 + [loud, 10.0])
+    random = np.random.default_rng(4).normal(size=sound.counts.shape)
+    drawn = sound.counts + np.where(sound.counts > 0, size, 0.0) * random
+    made = calibrate([replace(sound, counts=np.clip(np.rint(drawn), 0, 1023))], PAPER, form="individual")
+    said = [w for w in made.warnings if "noise differs from sensor to sensor" in w]
+    assert len(said) == (loud == 80.0) and all("(sensor 6)" in w for w in said)
 
 
 def test_a_place_that_errs_alone_is_told_from_errors_everywhere(recorded, robot):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.forward import scene_of
+from realitygap.calibration.judge import judge
 from realitygap.calibration.lookup import rings, without
 from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.recordings.recording import SensorRecording
@@ -68,6 +70,14 @@ def test_a_profile_with_a_table_reads_back(made, tmp_path):
     (tmp_path / "robot.toml").write_text(made.profile.to_toml(), encoding="utf-8")
     assert load_profile(tmp_path / "robot.toml") == made.profile
     assert "table" not in PAPER.to_toml()
+
+
+@pytest.mark.parametrize("reflectance", [math.nan, 0.5])
+def test_a_surface_of_which_a_table_knows_nothing_is_said(made, recorded, reflectance):
+    """A judge fits no reflectance to what does not follow it, and warns."""
+    told = judge(recorded("cylinder:4", seed=6, reflectance=reflectance), made.profile)
+    assert not told.painted and told.reflectance == 1.0
+    assert any("a look-up table has no data on other surfaces" in warning for warning in told.warnings)
 
 
 def test_a_place_held_out_lies_on_the_line_between_its_neighbours(wall):

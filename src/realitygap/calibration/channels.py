@@ -22,6 +22,7 @@ from realitygap.calibration.misfit import (
     misfits,
     misplaced,
     pooled_noise,
+    uneven_noise,
 )
 from realitygap.calibration.noise import noise_tables
 from realitygap.calibration.optics import backgrounds, in_mean
@@ -212,7 +213,9 @@ def _channel(
     live = rows.live()
     refuse_nonsense(source, live, fit.model, rows.dead)
     beside = np.zeros_like(fit.model) if form == LOOKUP else fit.model
-    noise = measure_noise(rows.live_recordings(), rows.split(beside), rows.top, profile.infrared.dead)
+    read = rows.live_recordings(), rows.split(beside), rows.top, profile.infrared.dead
+    noise = measure_noise(*read)
+    uneven = uneven_noise(*read) if kind == "infrared" else []
     main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
     deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
     deviation = deviation or rows.unit * (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
@@ -238,7 +241,7 @@ def _channel(
         model=fit.model, span=span,
     )  # fmt: skip
     profile = _with_noise(made, rows) if form in (MEASURED, LOOKUP) and made.measured else profile
-    return replace(made, profile=profile, warnings=(*made.warnings, *doubts(made)))
+    return replace(made, profile=profile, warnings=(*made.warnings, *doubts(made), *uneven))
 
 
 def _with_noise(made: ChannelFit, rows: Rows) -> Profile:

@@ -148,7 +148,7 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     """
     if isinstance(recording, WheelRecording):
         return _judge_wheels(recording, profile)
-    recording = recording.of_robot(profile)
+    recording = _of_a_tables_surface(recording.of_robot(profile), profile)
     part = profile.channel(recording.kind)
     dead, warnings = _doubts(recording, profile)
     live = [k for k in recorded(recording) if k not in dead]
@@ -190,6 +190,15 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
         misplaced=explained(change, known, recording.place(), part.top, deviation),
         counts=recording.counts, model=model, warnings=warnings,
     )  # fmt: skip
+
+
+def _of_a_tables_surface(recording: SensorRecording, profile: Profile) -> SensorRecording:
+    """A copy whose object is as white as those of a look-up table, which knows no other, and a warning."""
+    if recording.kind != "infrared" or not profile.infrared.table or recording.reflectance == 1.0:
+        return recording
+    told = f"{recording.source}: reflectance: a look-up table has no data on other surfaces than its own"
+    said = f"{told}; the {recording.object} is taken to be like those"
+    return replace(recording, reflectance=1.0, warnings=(*recording.warnings, said))
 
 
 def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str], tuple[str, ...]]:

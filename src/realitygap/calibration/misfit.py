@@ -23,7 +23,7 @@ from realitygap.world.profile import Profile
 
 __all__ = [
     "LIMITS", "Misfit", "Yardstick", "contradiction", "displaced", "explained", "lit_ratio", "measure_noise",
-    "misfits", "misplaced", "pooled_noise", "stated_noise", "within", "without",
+    "misfits", "misplaced", "pooled_noise", "stated_noise", "uneven_noise", "within", "without",
 ]  # fmt: skip
 
 PLACED_CM = 0.1
@@ -33,6 +33,9 @@ LIMITS = {"infrared": 2.0, "ambient": 1.0}
 DARK_SHARE, DARK_PLACES, SPREAD = 0.25, 8, 4.0
 """The share and the number of a sensor's places that read no more than its dark offset; and the range of such
 readings in deviations of the noise."""
+
+UNEVEN = 4.0
+"""Ratio of the loudest sensor's noise to the quietest's from which on one figure for all misleads."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +119,29 @@ def stated_noise(recording: SensorRecording, model: Floats, profile: Profile) ->
     said = replace(sample, z=np.where(np.isfinite(sample.z), table, np.nan))
     there = lit_noise(said, channel, part.top, profile.infrared.dead)
     return {**stated, channel: there.deviation} if there else stated
+
+
+def uneven_noise(
+    recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float, dead: float = 0.0
+) -> list[str]:
+    """A warning about proximity sensors with very different noise, of which one figure is made.
+
+    Args:
+        recordings, models, top, dead: as of `measure_noise`.
+    """
+    joined, sizes = pooled_noise(recordings, models, top), []
+    for k in range(joined.z.shape[1]):
+        own = replace(joined, z=joined.z[:, [k]], level=joined.level[:, [k]])
+        found = lit_noise(own, "proximity", top, dead)
+        sizes += [(found.deviation, k)] if found else []
+    (least, quiet), (most, loud) = min(sizes, default=(0.0, 0)), max(sizes, default=(0.0, 0))
+    if most <= UNEVEN * least:
+        return []
+    return [
+        f"infrared: noise differs from sensor to sensor, from {least:.3g} counts (sensor {quiet}) to "
+        f"{most:.3g} (sensor {loud}): one figure is made of all, so that errors of quiet sensors look too "
+        "small beside it, and the noise that is simulated is too large for them"
+    ]
 
 
 def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> tuple[Misfit, ...]:
