@@ -380,14 +380,18 @@ def test_a_profile_is_judged_on_other_data(by_a_wall, recorded):
 
 
 @pytest.mark.parametrize("loud", [80.0, 30.0])
-def test_noise_that_differs_from_sensor_to_sensor_is_said(recorded, loud):
-    """As an e-puck's front sensors have many times the noise of others; of three times nothing is said."""
+def test_noise_that_differs_from_sensor_to_sensor_is_said_and_kept(recorded, loud):
+    """As an e-puck's front sensors have many times the noise of others; of three times nothing is said, and
+    one figure serves all."""
     sound, size = recorded("wall", noise=0.0), np.array([10.0] * 6 + [loud, 10.0])
     random = np.random.default_rng(4).normal(size=sound.counts.shape)
     drawn = sound.counts + np.where(sound.counts > 0, size, 0.0) * random
-    made = calibrate([replace(sound, counts=np.clip(np.rint(drawn), 0, 1023))], PAPER, form="individual")
+    made = calibrate([replace(sound, counts=np.clip(np.rint(drawn), 0, 1023))], PAPER, form="extended")
     said = [w for w in made.warnings if "noise differs from sensor to sensor" in w]
     assert len(said) == (loud == 80.0) and all("(sensor 6)" in w for w in said)
+    kept = np.array([sensor.noise for sensor in made.profile.infrared.sensors])
+    assert kept.shape == ((8, 9) if said else (8, 0))
+    assert np.median(kept[:, 2:7] / size[:, None], axis=1) == pytest.approx(1.0, abs=0.3) if said else True
 
 
 def test_a_place_that_errs_alone_is_told_from_errors_everywhere(recorded, robot):

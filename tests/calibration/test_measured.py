@@ -237,6 +237,18 @@ def test_noise_that_rises_with_the_wheels_is_found():
     assert noise_tables(sample, level, level, 0 * speed, 1023.0, kind="infrared")[1].max() == 0
 
 
+def test_quiet_sensors_beside_loud_ones_keep_their_noise():
+    """Twenty times apart, and few values at each reading: the shape over the reading is pooled, the size each
+    sensor's own; one without any values has the noise of all together."""
+    random, true = np.random.default_rng(7), np.array([200.0] * 2 + [10.0] * 5)
+    level = random.uniform(0, 4095, (60, 8))
+    z = random.normal(size=(60, 7)) * true * (0.3 + 0.7 * level[:, :7] / 4095)
+    sample = Sample(z=np.c_[z, np.full(60, np.nan)], level=level, group=np.arange(60), row=np.arange(60))
+    table, _ = noise_tables(sample, level, level, np.zeros(60), 4095.0, kind="infrared")
+    right = np.append(true, np.sqrt((true**2).mean()))[:, None] * np.linspace(0.3, 1.0, 9)
+    assert np.abs(np.log(table / right)).mean(axis=1).max() < 0.35
+
+
 @pytest.mark.parametrize(("dead", "size"), [(1050.0, 0.0), (0.0, 400.0)])
 def test_readings_at_the_edge_of_a_dead_zone_are_no_noise_of_the_dark(dead, size):
     """At one of eleven dark places most readings were above the dead zone: in the open such a robot reads 0

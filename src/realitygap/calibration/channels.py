@@ -240,7 +240,8 @@ def _channel(
         distance_cm=rows.distance, bearing_deg=rows.bearing, name=rows.name, counts=live,
         model=fit.model, span=span,
     )  # fmt: skip
-    profile = _with_noise(made, rows) if form in (MEASURED, LOOKUP) and made.measured else profile
+    apart = form in (MEASURED, LOOKUP) or (form == "extended" and bool(uneven))
+    profile = _with_noise(made, rows) if apart and made.measured else profile
     return replace(made, profile=profile, warnings=(*made.warnings, *doubts(made), *uneven))
 
 

@@ -124,7 +124,8 @@ def stated_noise(recording: SensorRecording, model: Floats, profile: Profile) ->
 def uneven_noise(
     recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float, dead: float = 0.0
 ) -> list[str]:
-    """A warning about proximity sensors with very different noise, of which one figure is made.
+    """What to warn of, if proximity sensors have very different noise: the model's error is compared with one
+    figure.
 
     Args:
         recordings, models, top, dead: as of `measure_noise`.
@@ -139,8 +140,8 @@ def uneven_noise(
         return []
     return [
         f"infrared: noise differs from sensor to sensor, from {least:.3g} counts (sensor {quiet}) to "
-        f"{most:.3g} (sensor {loud}): one figure is made of all, so that errors of quiet sensors look too "
-        "small beside it, and the noise that is simulated is too large for them"
+        f"{most:.3g} (sensor {loud}): errors are compared with one figure for all, beside which those of "
+        "quiet sensors look too small"
     ]
 
 
