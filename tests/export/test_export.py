@@ -368,16 +368,23 @@ def test_another_robot(tmp_path):
 
 
 def test_refusals(study, tmp_path):
-    """A name that is none in C, a language that there is not, a step of no whole milliseconds."""
+    """A name that is none in C, a language that there is not, a step of no whole milliseconds, and counts
+    beyond int16_t, which 65535 are, though of 16 bits."""
     one = study.runs[0]
     for name in ("", "2fast", "Avoider", "a b", "x" * 41, "class"):
         with pytest.raises(UsageError, match="name: expected a lower-case letter"):
             on_board(one, "fittest", one.fittest, name=name)
     profile = tmp_path / "robot.toml"
-    profile.write_text(replace(load_profile("paper"), period_s=0.0625).to_toml())
-    config = small(evaluations=2, profile=str(profile))
-    odd = run_study(tmp_path / "study", config, workers=1).runs[0]
-    with pytest.raises(StudyError, match=r"expected a period of whole milliseconds.* got 62.5 ms"):
-        on_board(odd, "fittest", odd.fittest)
+    paper = load_profile("paper")
+    wide = replace(paper, infrared=replace(paper.infrared, top=65535.0))
+    for kind, told in (
+        (replace(paper, period_s=0.0625), "expected a period of whole milliseconds.* got 62.5 ms"),
+        (wide, r"up to 32766 \(int16_t\), got readings up to 65535 and commands up to 10"),
+    ):
+        profile.write_text(kind.to_toml())
+        config = small(evaluations=2, profile=str(profile))
+        odd = run_study(tmp_path / f"study-{kind.period_s:g}", config, workers=1).runs[0]
+        with pytest.raises(StudyError, match=told):
+            on_board(odd, "fittest", odd.fittest)
     with pytest.raises(UsageError, match="language: expected c99, micropython, arduino, e-puck2, got 'rust'"):
         write_source(on_board(one, "fittest", one.fittest), "rust", tmp_path)

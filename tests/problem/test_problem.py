@@ -205,6 +205,31 @@ def test_a_controller_of_ones_own(tmp_path):
             form_of(none, 8)
 
 
+class Learns:
+    """Changes its weights in a trial, and leaves its outputs alone where nothing is near."""
+
+    WEIGHTS, MEMORY = 2, 1
+
+    def decide(weights, memory, inputs, outputs):
+        memory[0] += 1.0
+        if memory[0] > 5.0 and inputs.max() <= 0.0:
+            outputs[:] = weights
+            weights[0] += 0.003
+            weights[1] -= 0.002
+
+
+def test_what_a_controller_learns_ends_with_its_trial():
+    """A trial follows from solution and stream alone, even of a function that writes into its weights."""
+    problem = Problem("obstacle-avoidance", Learns, noise=0, workers=1)
+    solutions = np.array([[0.9, 0.8], [-0.2, 0.4], [0.3, 0.3]])
+    scores = problem.evaluate(solutions, seed=3, trials=4).info["scores"]
+    assert (problem.evaluate(solutions[2], seed=3, trials=4).info["scores"] == scores[2]).all()
+    again, streams = problem.controller(solutions[2]), batch_streams(3, 4).tolist()
+    for stream, score in zip(streams, scores[2], strict=True):
+        for one in (problem.controller(solutions[2]), again):
+            assert drive_simulated(problem.simulation, one, stream=stream)[1] == score
+
+
 def test_refusals(problem):
     """What would be wrong is said."""
     assert realitygap.Problem is Problem

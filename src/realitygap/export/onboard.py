@@ -143,8 +143,12 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
 def _require_small(study: Study, top: int, commands: tuple[int, ...]) -> None:
     """Refuse what a small processor cannot keep to."""
     where, period_ms = f"{study.folder}: profile {study.profile.name!r}", 1000 * study.profile.period_s
-    if max(top, *map(abs, commands)) > INT16 - 1:
-        raise StudyError(f"{where}: expected readings and commands of 16 bits, it has larger ones.")
+    largest = max(map(abs, commands))
+    if max(top, largest) > INT16 - 1:
+        raise StudyError(
+            f"{where}: expected readings and commands up to {INT16 - 1} (int16_t), got readings up to {top} "
+            f"and commands up to {largest}. Evolve with a profile in coarser units."
+        )
     if abs(period_ms - round(period_ms)) > 1e-6:
         raise StudyError(
             f"{where}: expected a period of whole milliseconds, which chips count in, got {period_ms:g} ms."

@@ -1,8 +1,8 @@
 """Controllers with real-valued weights, and trials under them: for any optimiser.
 
 A controller is a function decide(weights, memory, inputs, outputs): inputs −1 … 1 in tenths, as for the
-paper's network; `memory` is 0 when a trial begins and kept from step to step; outputs −1 … 1 are rounded to
-tenths of the top command. It writes to the last two and returns nothing.
+paper's network; outputs −1 … 1 are rounded to tenths of the top command. It returns nothing. What it writes
+is kept from step to step; when a trial begins, `weights` are the solution's, memory and outputs are 0.
 """
 
 import math
@@ -78,24 +78,26 @@ def trials_under(decide):
         """Trial t runs controller which[t] on streams[t], into paths[t]; returns the number of non-finite
         outputs.
 
-        own: scratch arrays (memory, inputs, outputs).
+        own: scratch arrays (weights, memory, inputs, outputs).
         """
-        memory, inputs, outputs = own
+        mine, memory, inputs, outputs = own
         wrong = 0
         for t in range(which.shape[0]):
             draw_start(world.task, streams[t], work.start)
             begin(nobody, 0, work.start, work)
             p = paths[t]
             path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-            for i in range(memory.shape[0]):
-                memory[i] = 0.0
+            for i in range(mine.shape[0]):
+                mine[i] = weights[which[t], i]
+            memory[:] = 0.0
+            outputs[:] = 0.0
             for k in range(world.task.steps):
                 draw_noise(world.level, streams[t], k, work.readings.shape[0], work)
                 sense(world.robot, world.arena, world.task.feed, world.level, work)
                 feed_network(world.robot, world.task, work)
                 for i in range(inputs.shape[0]):
                     inputs[i] = work.inputs[i] / LIMIT
-                decide(weights[which[t]], memory, inputs, outputs)
+                decide(mine, memory, inputs, outputs)
                 for w in range(2):
                     wrong += 0 if math.isfinite(outputs[w]) else 1
                     work.outputs[w] = command(outputs[w])

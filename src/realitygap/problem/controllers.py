@@ -46,10 +46,13 @@ class WeightedController:
     def __init__(self, form: Form, weights: Floats) -> None:
         self.form, self.weights = form, np.array(weights, np.float64)
         self._memory, self._outputs = np.zeros(form.memory), np.zeros(2)
+        self.reset()
 
     def reset(self) -> None:
-        """Before a trial: it remembers nothing."""
+        """Before a trial: it remembers nothing, and has learnt nothing."""
+        self._weights = self.weights.copy()
         self._memory[:] = 0.0
+        self._outputs[:] = 0.0
 
     def decide(self, inputs: Sequence[int]) -> Command:
         """One step.
@@ -62,9 +65,9 @@ class WeightedController:
         if fed.shape != (self.form.inputs,):
             raise UsageError(f"inputs: expected {self.form.inputs} numbers, got {inputs!r}.")
         try:
-            self.form.decide(self.weights, self._memory, fed, self._outputs)
+            self.form.decide(self._weights, self._memory, fed, self._outputs)
         except Exception as error:
-            raise stopped(self.form, error, self.weights, self._memory, fed, self._outputs) from None
+            raise stopped(self.form, error, self._weights, self._memory, fed, self._outputs) from None
         if not np.isfinite(self._outputs).all():
             raise UsageError(f"controller: expected finite outputs, got {self._outputs.tolist()}.")
         left, right = (int(policy.command(value)) for value in self._outputs)

@@ -214,10 +214,11 @@ class Problem:
         return scores, np.clip(measures / cores.room.top_speed, -1.0, 1.0)
 
     def _scratch(self, work: Work) -> tuple[Floats, ...]:
-        """What a controller with weights writes into: memory, inputs, outputs."""
+        """What a controller with weights writes into: its weights, memory, inputs, outputs."""
         if self.layout is not None:
             return ()
-        return np.zeros(self.form.memory), np.zeros(len(work.inputs)), np.zeros(2)
+        form = self.form
+        return np.zeros(form.weights), np.zeros(form.memory), np.zeros(len(work.inputs)), np.zeros(2)
 
     def _run(self, world: World, made: Any, trials: tuple[Any, ...], own: tuple[Floats, ...]) -> None:
         """Trials of one solution: whose, streams, paths and scratch, as of `batch.run_trials`."""
@@ -230,7 +231,7 @@ class Problem:
         try:
             wrong = self.form.run(world, halves.quiet(), made, *trials, own)
         except Exception as error:  # a user's controller
-            raise stopped(self.form, error, made[one], *own) from None
+            raise stopped(self.form, error, *own) from None
         if wrong:
             raise UsageError(f"controller: expected finite outputs, got NaN or infinity from solution {one}.")
 
