@@ -106,6 +106,20 @@ def test_lost_robot_is_lost_and_found_again(camera, errors_of):
     assert quality > 0.9
 
 
+@pytest.mark.parametrize("step_cm", [-2.4, -1.8, 1.8, 2.4, 3.3])
+def test_a_fast_robot_is_followed(step_cm, camera):
+    """A robot that goes 1.8 to 3.3 cm between two frames, ahead or back, is where it is, not where something
+    near its last place resembles it: there its own patches, taken for each other, are a likeness too."""
+    renderer, tracker = Renderer(Scene()), Tracker(camera, Disk())
+    turns = np.arange(12) * step_cm / 9
+    truth = np.stack([25 + 9 * np.sin(turns), 22 - 9 * np.cos(turns), turns], 1)
+    for at in truth:
+        pose, _ = tracker.see(renderer.picture(at))
+        assert np.hypot(pose.x - at[0], pose.y - at[1]) < 0.15
+        assert abs(np.sin(pose.heading - at[2])) < 0.05
+        assert np.cos(pose.heading - at[2]) > 0
+
+
 def test_robot_leaving_the_picture_is_lost(camera):
     """A disk that lies partly outside the picture is not reported where its patches are unseen."""
     renderer, tracker = Renderer(Scene(cylinders=(), room=(90, 90))), Tracker(camera, Disk())

@@ -1,8 +1,9 @@
 """The tracker: the robot's pose in every frame of a film (§6).
 
 The whole first frame is searched; then a window round the last place; and the whole frame again
-whenever the robot was lost. Only where to look is carried over from frame to frame: a frame
-in which its marker is not seen is reported as lost, never guessed.
+whenever the robot was lost, or what the window shows is less like it than what would be believed
+anywhere. Only where to look is carried over from frame to frame: a frame in which its marker is not seen
+is reported as lost, never guessed.
 """
 
 import math
@@ -52,9 +53,9 @@ class Tracker:
         finder, last, seen = self._finder, self._last, None
         if last is not None:
             seen = self._believed(finder.near(picture, np.array([last.x, last.y])), finder.known_again)
-        if seen is None:
+        if seen is None or seen.quality < finder.found_anew:  # a likeness, of a robot that has gone far?
             whole = picture(None) if callable(picture) else picture
-            seen = self._believed(finder.anywhere(whole), finder.found_anew)
+            seen = self._believed(finder.anywhere(whole), finder.found_anew) or seen
             if seen is None and not self.doubt:
                 self.doubt = finder.why_not(whole)
         self._last = None if seen is None else seen.pose
