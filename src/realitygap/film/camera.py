@@ -160,8 +160,8 @@ class CameraModel:
         """
         if abs(height_cm - self.plane_cm) > 1e-6 and self.lens_cm is None:
             raise FilmError(
-                f"height_cm: the disk is {height_cm:g} cm above the floor, but the camera was calibrated at "
-                f"{self.plane_cm:g} cm and does not know where its lens is. Calibrate with this disk, "
+                f"height: the disk or marker is {height_cm:g} cm above the floor, but the camera was "
+                f"calibrated at {self.plane_cm:g} cm and does not know where its lens is. Calibrate with it, "
                 "or say where the lens is: `realitygap camera calibrate … --lens-height CM`."
             )
 
