@@ -93,6 +93,11 @@ class CameraModel:
         """The unit of the radial terms, px."""
         return math.hypot(self.width_px, self.height_px) / 2
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether its pictures show the floor as in a mirror."""
+        return bool(np.linalg.det(self.homography) > 0)  # rows go down, y goes up
+
     def to_pixels(self, places: ArrayLike, height_cm: float | None = None) -> Floats:
         """Where places [..., 2] (cm) at a height (default: the plane's) are in the picture, [..., 2] px."""
         points = np.asarray(places, float)
