@@ -61,6 +61,19 @@ class Tracker:
         self._last = None if seen is None else seen.pose
         return None if seen is None else (seen.pose, seen.quality)
 
+    def look_about(self, whole: Image, pose: Pose) -> None:
+        """Doubt a robot that was just found if, with it covered, its marker is still seen in the picture."""
+        if self.doubt:
+            return
+        camera, marker, place = self._finder.camera, self._marker, (pose.x, pose.y)
+        reach = 1.2 * marker.radius_cm * camera.pixels_per_cm(place, marker.height_cm)
+        middle = np.rint(camera.to_pixels(place, marker.height_cm)).astype(int).tolist()
+        rest = cv2.circle(whole.copy(), middle, math.ceil(reach), int(np.median(whole)), cv2.FILLED)
+        other = self._finder.anywhere(rest)
+        if other is not None and other.quality >= self._finder.found_anew:
+            at = f"({other.pose.x:.0f}, {other.pose.y:.0f}) cm"
+            self.doubt = f"another {marker.name} like the robot's is seen at {at}: cover all but the robot's"
+
     def follow(self, frames: Iterable[tuple[float, Image | Look]]) -> Track:
         """The track of pictures with their times (s), one after the other; none is kept."""
         with _one_thread():
@@ -109,7 +122,10 @@ def track_film(
                 camera.check_size(frame.grey.shape[1], frame.grey.shape[0], str(film))
             elif frame.grey.shape != (camera.height_px, camera.width_px):
                 raise FilmError(f"{film}: its pictures change size at {frame.t_s:.2f} s. Cut the film there.")
-            rows.append((frame.t_s, None if frame.damaged else tracker.see(frame.grey)))
+            seen = None if frame.damaged else tracker.see(frame.grey)
+            if seen is not None and (not rows or rows[-1][1] is None):
+                tracker.look_about(frame.grey, seen[0])
+            rows.append((frame.t_s, seen))
             if len(rows) % 10 == 0:
                 report(len(rows), reader.frames_expected)
         last = frame.colour()
