@@ -98,7 +98,7 @@ def test_wrong_values_are_refused(tmp_path, key, value):
 def test_unknown_height_is_refused():
     """A disk of another height than the calibration's needs a lens whose place is known."""
     camera = replace(pinhole(), lens_cm=None)
-    with pytest.raises(FilmError, match="--lens-height"):
+    with pytest.raises(FilmError, match=r"disk or marker is 5 cm above the floor.*--lens-height"):
         camera.to_pixels([1.0, 2.0], 5.0)
 
 

@@ -9,6 +9,7 @@ import pytest
 from realitygap.errors import FilmError
 from realitygap.film.disk import Disk
 from realitygap.film.tracker import Tracker, track_film
+from realitygap.film.video import FilmWriter
 from tests.film.conftest import pinhole, write_film
 from tests.film.scene import Lens, Renderer, Scene
 
@@ -106,6 +107,20 @@ def test_lost_robot_is_lost_and_found_again(camera, errors_of):
     assert quality > 0.9
 
 
+@pytest.mark.parametrize("step_cm", [-2.4, -1.8, 1.8, 2.4, 3.3])
+def test_a_fast_robot_is_followed(step_cm, camera):
+    """A robot that goes 1.8 to 3.3 cm between two frames, ahead or back, is where it is, not where something
+    near its last place resembles it: there its own patches, taken for each other, are a likeness too."""
+    renderer, tracker = Renderer(Scene()), Tracker(camera, Disk())
+    turns = np.arange(12) * step_cm / 9
+    truth = np.stack([25 + 9 * np.sin(turns), 22 - 9 * np.cos(turns), turns], 1)
+    for at in truth:
+        pose, _ = tracker.see(renderer.picture(at))
+        assert np.hypot(pose.x - at[0], pose.y - at[1]) < 0.15
+        assert abs(np.sin(pose.heading - at[2])) < 0.05
+        assert np.cos(pose.heading - at[2]) > 0
+
+
 def test_robot_leaving_the_picture_is_lost(camera):
     """A disk that lies partly outside the picture is not reported where its patches are unseen."""
     renderer, tracker = Renderer(Scene(cylinders=(), room=(90, 90))), Tracker(camera, Disk())
@@ -127,6 +142,29 @@ def test_height_of_the_disk_is_corrected(camera, errors_of):
     wrong, _ = Tracker(camera, Disk()).see(tall.picture(pose)) or (None, 0)
     assert np.hypot(right.x - 40, right.y - 40) < 0.06
     assert wrong is None or np.hypot(wrong.x - 40, wrong.y - 40) > 0.5
+
+
+@pytest.mark.parametrize("two", [False, True])
+def test_of_two_disks_the_other_is_told(two, tmp_path, camera):
+    """Two disks in view look alike: one is followed, and where the other is seen is told; of one, nothing."""
+    renderer = Renderer(Scene())
+    with FilmWriter(tmp_path / "film.mp4", rate=10, made_by="the tests' renderer") as film:
+        for step in range(4):
+            picture = renderer.picture((14.0 + step, 14.0, 0.0))
+            if two:
+                other = renderer.picture((36.0, 30.0 + step, 1.0))
+                column, row = np.rint(camera.to_pixels((36.0, 30.0 + step))).astype(int)
+                part = slice(row - 45, row + 46), slice(column - 45, column + 46)
+                picture[part] = other[part]
+            film.add(picture)
+    trouble = track_film(tmp_path / "film.mp4", camera, Disk()).trouble
+    if two:
+        assert trouble in {
+            f"another disk like the robot's is seen at {at} cm: cover all but the robot's"
+            for at in ("(14, 14)", "(36, 30)")
+        }
+    else:
+        assert trouble is None
 
 
 def test_progress_reaches_the_end(clean):

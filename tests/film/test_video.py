@@ -156,6 +156,26 @@ def test_garbled_film_is_never_guessed(tmp_path, clean_film, camera, poses, erro
     assert off.max() < 1.5
 
 
+@pytest.mark.parametrize(("name", "told"), [("film.h264", True), ("film.mjpeg", True), ("film.mkv", False)])
+def test_a_film_without_times_says_so(tmp_path, name, told):
+    """A bare stream, as some cameras write it, has no times: that a rate was assumed is told, and which."""
+    path = tmp_path / name
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("mjpeg" if "mjpeg" in name else "libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuvj420p" if "mjpeg" in name else "yuv420p"
+        for k in range(5):
+            film.mux(stream.encode(av.VideoFrame.from_ndarray(np.full((64, 64), 20 * k, np.uint8), "gray")))
+        film.mux(stream.encode())
+    with FilmReader(path) as reader:
+        frames = [frame.t_s for frame in reader]
+    assert len(frames) == 5
+    if told:
+        assert "the file holds no times, so 25 frames a second are assumed" in reader.trouble
+    else:
+        assert reader.trouble is None
+        assert frames == pytest.approx([0, 0.1, 0.2, 0.3, 0.4], abs=1e-3)
+
+
 def test_a_film_whose_notes_are_no_text_is_read(tmp_path):
     """Cameras and editors write notes in whatever letters they have."""
     path = tmp_path / "film.mp4"

@@ -10,7 +10,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.kinds import PICTURE, FileToWrite, Finite
-from realitygap.cli.output import Figure, table, tell
+from realitygap.cli.output import Figure, table, tell, warn
 from realitygap.cli.progress import FILM_AFTER_S, ProgressLine
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def calibrate(
         made = calibrate_camera(known, worn, lens_height_cm=lens_height, on_progress=report)
     made.camera.save(out)
     tell(json_output, {"camera": str(out), **made.to_dict()}, *_told(made), f"saved {out}")
+    warn(made.warnings)
 
 
 @camera.command(name="sheet")

@@ -71,6 +71,16 @@ class Calibration:
     camera: CameraModel
     residuals: tuple[Residual, ...]
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person should know: a disk seen in a mirror is a disk, and a table may be the mirror."""
+        if not self.camera.mirrored:
+            return ()
+        return (
+            "the pictures show the floor as in a mirror. Unless the camera mirrors them, and the film too, "
+            "correct the poses: x to the right and y up as seen from above, headings counter-clockwise.",
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Residuals and their summary, ready for JSON."""
         off = [r.distance_mm for r in self.residuals if r.used and r.distance_mm is not None]
@@ -83,6 +93,7 @@ class Calibration:
             "worst_mm": float(np.max(off)),
             "mean_heading_deg": float(np.mean(turned)),
             "worst_heading_deg": float(np.max(turned)),
+            "warnings": self.warnings,
             "residuals": [vars(r) | {"distance_mm": r.distance_mm} for r in self.residuals],
         }
 

@@ -93,6 +93,11 @@ class CameraModel:
         """The unit of the radial terms, px."""
         return math.hypot(self.width_px, self.height_px) / 2
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether its pictures show the floor as in a mirror."""
+        return bool(np.linalg.det(self.homography) > 0)  # rows go down, y goes up
+
     def to_pixels(self, places: ArrayLike, height_cm: float | None = None) -> Floats:
         """Where places [..., 2] (cm) at a height (default: the plane's) are in the picture, [..., 2] px."""
         points = np.asarray(places, float)
@@ -160,8 +165,8 @@ class CameraModel:
         """
         if abs(height_cm - self.plane_cm) > 1e-6 and self.lens_cm is None:
             raise FilmError(
-                f"height_cm: the disk is {height_cm:g} cm above the floor, but the camera was calibrated at "
-                f"{self.plane_cm:g} cm and does not know where its lens is. Calibrate with this disk, "
+                f"height: the disk or marker is {height_cm:g} cm above the floor, but the camera was "
+                f"calibrated at {self.plane_cm:g} cm and does not know where its lens is. Calibrate with it, "
                 "or say where the lens is: `realitygap camera calibrate … --lens-height CM`."
             )
 

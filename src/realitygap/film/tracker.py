@@ -1,8 +1,9 @@
 """The tracker: the robot's pose in every frame of a film (§6).
 
 The whole first frame is searched; then a window round the last place; and the whole frame again
-whenever the robot was lost. Only where to look is carried over from frame to frame: a frame
-in which its marker is not seen is reported as lost, never guessed.
+whenever the robot was lost, or what the window shows is less like it than what would be believed
+anywhere. Only where to look is carried over from frame to frame: a frame in which its marker is not seen
+is reported as lost, never guessed.
 """
 
 import math
@@ -52,13 +53,26 @@ class Tracker:
         finder, last, seen = self._finder, self._last, None
         if last is not None:
             seen = self._believed(finder.near(picture, np.array([last.x, last.y])), finder.known_again)
-        if seen is None:
+        if seen is None or seen.quality < finder.found_anew:  # a likeness, of a robot that has gone far?
             whole = picture(None) if callable(picture) else picture
-            seen = self._believed(finder.anywhere(whole), finder.found_anew)
+            seen = self._believed(finder.anywhere(whole), finder.found_anew) or seen
             if seen is None and not self.doubt:
                 self.doubt = finder.why_not(whole)
         self._last = None if seen is None else seen.pose
         return None if seen is None else (seen.pose, seen.quality)
+
+    def look_about(self, whole: Image, pose: Pose) -> None:
+        """Doubt a robot that was just found if, with it covered, its marker is still seen in the picture."""
+        if self.doubt:
+            return
+        camera, marker, place = self._finder.camera, self._marker, (pose.x, pose.y)
+        reach = 1.2 * marker.radius_cm * camera.pixels_per_cm(place, marker.height_cm)
+        middle = np.rint(camera.to_pixels(place, marker.height_cm)).astype(int).tolist()
+        rest = cv2.circle(whole.copy(), middle, math.ceil(reach), int(np.median(whole)), cv2.FILLED)
+        other = self._finder.anywhere(rest)
+        if other is not None and other.quality >= self._finder.found_anew:
+            at = f"({other.pose.x:.0f}, {other.pose.y:.0f}) cm"
+            self.doubt = f"another {marker.name} like the robot's is seen at {at}: cover all but the robot's"
 
     def follow(self, frames: Iterable[tuple[float, Image | Look]]) -> Track:
         """The track of pictures with their times (s), one after the other; none is kept."""
@@ -108,7 +122,10 @@ def track_film(
                 camera.check_size(frame.grey.shape[1], frame.grey.shape[0], str(film))
             elif frame.grey.shape != (camera.height_px, camera.width_px):
                 raise FilmError(f"{film}: its pictures change size at {frame.t_s:.2f} s. Cut the film there.")
-            rows.append((frame.t_s, None if frame.damaged else tracker.see(frame.grey)))
+            seen = None if frame.damaged else tracker.see(frame.grey)
+            if seen is not None and (not rows or rows[-1][1] is None):
+                tracker.look_about(frame.grey, seen[0])
+            rows.append((frame.t_s, seen))
             if len(rows) % 10 == 0:
                 report(len(rows), reader.frames_expected)
         last = frame.colour()

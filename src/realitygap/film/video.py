@@ -34,6 +34,9 @@ _ANY_NOTES = {} if int(av.__version__.split(".")[0]) >= 19 else {"metadata_error
 _BROKEN_IN_A_ROW = 50
 """This many packets in a row that cannot be decoded end a film."""
 
+_NO_TIMES = 0x80
+"""FFmpeg's mark (AVFMT_NOTIMESTAMPS) of formats without times, such as a bare stream of H.264."""
+
 _TICK = Fraction(1, 90_000)
 """Unit of the times that pictures of an uneven film bear, s."""
 _THREADS = 1
@@ -58,7 +61,7 @@ class FilmReader(Closing):
     """A film being read, a context manager and an iterator of its frames; one pass.
 
     What is wrong with the film is known when the pass is over: `trouble` then says in words where
-    it was cut off or damaged, or is None.
+    it was cut off or damaged, or that it has no times; or is None.
 
     Raises:
         FilmError: no such file, not a film, or one that no frame can be read from.
@@ -158,6 +161,12 @@ class FilmReader(Closing):
             )
         elif damaged:
             self.trouble = f"{damaged} of the film's {count} frames are damaged or depend on damaged ones"
+        if count > 1 and int(self._container.format.flags) & _NO_TIMES:
+            assumed = (
+                f"the file holds no times, so {self._rate():g} frames a second are assumed: put the film "
+                "into an MP4 or MKV at the rate of its camera"
+            )
+            self.trouble = "; ".join(filter(None, (assumed, self.trouble)))
 
 
 class FilmWriter:
