@@ -224,6 +224,16 @@ def test_behaviours_that_are_as_frequent_are_told_by_name() -> None:
     assert [row[1] for row in told] == ["kind 0", "kind 1", "kind 2", "kind 3"] * 2
 
 
+def test_fitness_that_rises_on_the_twin_is_not_called_below(tmp_path: Path) -> None:
+    """Where situated fitness exceeds the simulated, the drop is told as a signed difference."""
+    data = study(flat, runs=8, levels=SMALL, tasks=TASKS[:1])
+    assert "is below that in simulation by 0.0" in said(write(data, tmp_path / "falls"))
+    data = replace(data, situated=data.simulated + 0.1)
+    words = said(write(data, tmp_path / "rises"))
+    assert "below that in simulation" not in words
+    assert "fitness in simulation less that on the twin is −0.100 at 0, −0.100 at 1" in words
+
+
 def test_the_map_shows_every_mean() -> None:
     """A number a cell, for each task all sets and each set alone: 2 × 3 panels of 9 cells."""
     figure = map_figure(study(flat, runs=2, levels=SMALL))
