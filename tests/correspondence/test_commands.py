@@ -174,6 +174,13 @@ def test_several_controllers_are_not_scored_as_one(json_of, refused, tmp_path, t
     assert "transfer.toml" in refused("score", tmp_path)
 
 
+def test_alike_sets_differ_by_nothing_without_a_sign(call, tmp_path, trials):
+    """A set against itself: no "-0.00"."""
+    write(tmp_path / "one.csv", trials[:1], named=False)
+    said = call("score", tmp_path / "one.csv", tmp_path / "one.csv").stdout
+    assert "noisiness +0.00" in said and "transferability 0.00" in said and "-0.00" not in said
+
+
 def test_judges_see_one_start_side_by_side(trials):
     """Both films of a row set out from one pose, however many units drove and whichever start is missing."""
     units = [replace(t, unit=unit) for unit in ("1", "2") for t in trials if t.start != "3"]
