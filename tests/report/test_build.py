@@ -165,10 +165,11 @@ def test_a_figure_shows_the_median_run(paper: Study) -> None:
 
 
 def test_a_users_task_at_a_noise_of_its_own_has_a_page(tmp_path: Path) -> None:
-    """One condition, one run, at a level without a name; it is not called the paper's."""
+    """One condition, one run, at a level without a name; it is not called the paper's, nor "1 runs"."""
     config = _few(StudyConfig.single(EXAMPLE, 0.5, **FEW))
     text = _page(run_and_report(tmp_path / "study", config))
     assert "0.5 noise" in text and "Figure 1" not in text and "realitygap reproduce" not in text
+    assert "<dt>run</dt><dd>1</dd>" in text
 
 
 def test_a_page_says_what_lacks_at_a_noise_without_fresh_trials(tmp_path: Path, paper: Study) -> None:

@@ -139,7 +139,12 @@ def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:
     data = study(flat, runs=1, sets=1, levels=(0.0, 1.0), tasks=TASKS[:1])
     noisiness = np.full_like(data.noisiness, np.nan)
     write(replace(data, noisiness=noisiness), tmp_path)
-    noise.build_noise_report(tmp_path)
+    told = tmp_path / "results" / "study.toml"
+    few = told.read_text().replace("units = 3", "units = 1").replace("seed_sets = 2", "seed_sets = 1")
+    told.write_text(few)
+    page = noise.build_noise_report(tmp_path).read_text("utf-8")
+    assert "<dt>unit</dt><dd>1</dd>" in page and "<dt>seed set</dt><dd>1</dd>" in page
+    assert "<dt>starts</dt><dd>8</dd>" in page
     contrast = noise_summary(tmp_path)["scopes"][TASKS[0]]["contrasts"]["c"][0]
     assert contrast["delta_interval"] is None
     assert contrast["found"] == "open"
