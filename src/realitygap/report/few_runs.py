@@ -69,7 +69,7 @@ def few_figure(table: ScoreTable) -> Figure:
         ax.plot([], [], ".", color=MUTED, markersize=4)[0],
     ]
     words = ["the paper", "here", "kept study"]
-    figure.legend(handles, words, loc="outside upper center", ncols=3, columnspacing=1.2)
+    ax.legend(handles, words, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.2)
     return figure
 
 
