@@ -2,6 +2,7 @@
 
 import hashlib
 import importlib.util
+import os
 import sys
 import traceback
 from collections.abc import Iterable, Iterator, Mapping
@@ -94,7 +95,7 @@ def run_file(path: Path, error: type[UsageError]) -> ModuleType:
     Raises:
         UsageError: of the class `error`: the file fails; names the line.
     """
-    name = f"realitygap_task_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
+    name = f"realitygap_task_{hashlib.sha256(os.fsencode(path)).hexdigest()[:16]}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -155,6 +155,14 @@ def test_every_failure_ends_in_one_line_and_a_code(capsys, failure, code, says):
     assert said[0].startswith(says)
 
 
+def test_a_folder_that_cannot_be_one_is_named_with_a_cure(refused, tmp_path):
+    """--out that is a file, or below one, says what to do about it."""
+    (tmp_path / "file").write_text("")
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        said = refused("record", "--robot", "twin", "--plan", "wheels", "--out", out)
+        assert str(out) in said and said.endswith("Check the path and its rights, or take another.")
+
+
 def test_a_broken_database_is_the_users_to_mend(capsys):
     """An error of SQLite that a room let through is one line too."""
     import sqlite3

@@ -207,6 +207,13 @@ def test_a_wrong_setting_is_refused_by_key(refused, tmp_path, setting, named):
     assert not (tmp_path / "none" / "study.db").exists()
 
 
+def test_a_title_that_is_no_text_is_refused(refused, tmp_path):
+    """Bytes in another encoding than UTF-8, as a terminal passes them, cannot be written in study.toml."""
+    words = ("evolve", "avoidance", "--set", "title=a\udcfc", "--out", tmp_path / "out")
+    assert "study.toml: expected text in UTF-8" in refused(*words)
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_evolving_from_a_configuration(study, json_of, tmp_path):
     """A study's own TOML, given to --config, makes the same runs again."""
@@ -247,6 +254,15 @@ def test_a_task_of_ones_own(own, json_of, call, tmp_path):
     assert made["runs"][0]["champion"].strip() in champion.read_text()
     assert {len(row) for row in driven["inputs"]} == {2}
     assert driven["x_cm"] == json_of("replay", study, 1, *words)["x_cm"]
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="its file names are UTF-8")
+def test_a_task_may_lie_in_a_folder_named_in_another_encoding(own, call, tmp_path):
+    """A folder from a system with Latin-1 names is a folder as any other."""
+    folder = tmp_path / "w\udcfc"
+    folder.mkdir()
+    (folder / "task.py").write_bytes(own[0].read_bytes())
+    assert call("probe", folder / "task.py", "--pose", 25, 25, 0).exit_code == 0
 
 
 def test_ctrl_c_says_how_to_go_on(tmp_path):

@@ -1,6 +1,7 @@
 """`score`, `classify`, `judge`: a person's files in, figures or one clear refusal out."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -152,6 +153,32 @@ def test_a_transfers_folder_is_scored_by_itself(json_of, refused, tmp_path, tria
     assert json_of("score", tmp_path / "run", tmp_path / "run")["score"] == 10
     (tmp_path / "other").mkdir()
     assert "transfer" in refused("score", tmp_path / "other")
+
+
+def test_several_controllers_are_not_scored_as_one(json_of, refused, tmp_path, trials):
+    """A study's trials mix controllers and tasks: the folder of one is asked for; units of one may mix."""
+    for name in ("run-1", "run-2"):
+        for unit in ("twin-1", "twin-2"):
+            folder = tmp_path / "transfer" / unit / name / "start-1"
+            folder.mkdir(parents=True)
+            (folder / "transfer.toml").write_text(f'name = "{name}"\n')
+            for file in ("simulated", "situated"):
+                write(folder / f"{file}.csv", [trials[0]], named=False)
+    said = refused("score", tmp_path)
+    assert "trials of one controller, got those of 2" in said and "transfer/twin-2/run-2" in said
+    assert json_of("score", tmp_path / "transfer" / "twin-1" / "run-1")["trials"] == [1, 1]
+    for unit in ("twin-1", "twin-2"):
+        shutil.rmtree(tmp_path / "transfer" / unit / "run-2")
+    assert json_of("score", tmp_path)["trials"] == [2, 2]
+    (tmp_path / "transfer" / "twin-1" / "run-1" / "start-1" / "transfer.toml").write_text("name = ")
+    assert "transfer.toml" in refused("score", tmp_path)
+
+
+def test_alike_sets_differ_by_nothing_without_a_sign(call, tmp_path, trials):
+    """A set against itself: no "-0.00"."""
+    write(tmp_path / "one.csv", trials[:1], named=False)
+    said = call("score", tmp_path / "one.csv", tmp_path / "one.csv").stdout
+    assert "noisiness +0.00" in said and "transferability 0.00" in said and "-0.00" not in said
 
 
 def test_judges_see_one_start_side_by_side(trials):

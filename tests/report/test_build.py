@@ -165,10 +165,20 @@ def test_a_figure_shows_the_median_run(paper: Study) -> None:
 
 
 def test_a_users_task_at_a_noise_of_its_own_has_a_page(tmp_path: Path) -> None:
-    """One condition, one run, at a level without a name; it is not called the paper's."""
+    """One condition, one run, at a level without a name; it is not called the paper's, nor "1 runs"."""
     config = _few(StudyConfig.single(EXAMPLE, 0.5, **FEW))
     text = _page(run_and_report(tmp_path / "study", config))
     assert "0.5 noise" in text and "Figure 1" not in text and "realitygap reproduce" not in text
+    assert "<dt>run</dt><dd>1</dd>" in text
+
+
+def test_a_page_says_what_lacks_at_a_noise_without_fresh_trials(tmp_path: Path, paper: Study) -> None:
+    """Fresh trials are at zero, observed and double noise: another level has no behaviour score, and its
+    median run is that in stored fitness."""
+    config = _few(StudyConfig.single("light", 0.5, runs=2, **FEW))
+    text = _page(run_and_report(tmp_path / "study", config))
+    words = ("or in stored fitness where none are at its own noise", "–: there are none at that noise")
+    assert all(one in text and one not in _page(paper) for one in words)
 
 
 def test_many_runs_are_limited_to_what_a_person_can_look_at(tmp_path: Path, monkeypatch) -> None:

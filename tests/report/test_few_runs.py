@@ -73,6 +73,15 @@ def test_the_figure_shows_the_papers_averages_these_runs_and_the_kept_ones() -> 
     assert "1000 evaluations" not in told.caption and "these have 200." in few_words(table(), 200).caption
 
 
+def test_the_legend_covers_no_score() -> None:
+    """It stands outside the axes, since a score may be anywhere in them, 0 included."""
+    figure = few_figure(table({0.0: [0.2], 1.0: [0.0], 2.0: [9.9]}))
+    figure.canvas.draw()
+    (ax,) = figure.axes
+    legend = ax.get_legend()
+    assert legend is not None and not legend.get_window_extent().overlaps(ax.get_window_extent())
+
+
 def test_two_sentences_say_what_so_many_runs_can_show() -> None:
     """Ranges of the mean of as many, drawn from the kept runs: narrower with more, about the kept means."""
     can, cannot = few_sentences(table({level: [5.0, 6.0, 7.0, 8.0, 9.0] for level in LEVELS}))

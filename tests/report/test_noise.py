@@ -139,7 +139,12 @@ def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:
     data = study(flat, runs=1, sets=1, levels=(0.0, 1.0), tasks=TASKS[:1])
     noisiness = np.full_like(data.noisiness, np.nan)
     write(replace(data, noisiness=noisiness), tmp_path)
-    noise.build_noise_report(tmp_path)
+    told = tmp_path / "results" / "study.toml"
+    few = told.read_text().replace("units = 3", "units = 1").replace("seed_sets = 2", "seed_sets = 1")
+    told.write_text(few)
+    page = noise.build_noise_report(tmp_path).read_text("utf-8")
+    assert "<dt>unit</dt><dd>1</dd>" in page and "<dt>seed set</dt><dd>1</dd>" in page
+    assert "<dt>starts</dt><dd>8</dd>" in page
     contrast = noise_summary(tmp_path)["scopes"][TASKS[0]]["contrasts"]["c"][0]
     assert contrast["delta_interval"] is None
     assert contrast["found"] == "open"
@@ -222,6 +227,16 @@ def test_behaviours_that_are_as_frequent_are_told_by_name() -> None:
     names = np.array([f"kind {i % 4}" for i in range(len(data))])
     told = names_table(gather_facts(replace(data, name=names), resamples=0)).texts()
     assert [row[1] for row in told] == ["kind 0", "kind 1", "kind 2", "kind 3"] * 2
+
+
+def test_fitness_that_rises_on_the_twin_is_not_called_below(tmp_path: Path) -> None:
+    """Where situated fitness exceeds the simulated, the drop is told as a signed difference."""
+    data = study(flat, runs=8, levels=SMALL, tasks=TASKS[:1])
+    assert "is below that in simulation by 0.0" in said(write(data, tmp_path / "falls"))
+    data = replace(data, situated=data.simulated + 0.1)
+    words = said(write(data, tmp_path / "rises"))
+    assert "below that in simulation" not in words
+    assert "fitness in simulation less that on the twin is −0.100 at 0, −0.100 at 1" in words
 
 
 def test_the_map_shows_every_mean() -> None:

@@ -248,6 +248,15 @@ def test_a_phone_needs_no_sideways_scrolling(page: Browser, played: Study) -> No
     assert min(min(size) for size in page.run(sizes)) >= 40
 
 
+@pytest.mark.parametrize("wide", [360, 1200])
+def test_a_long_title_makes_no_page_wider_than_its_window(page: Browser, played: Study, wide: int) -> None:
+    """Neither a study's title nor a task's, in its heading, its link and the player's list, is too wide."""
+    page.show(played.folder / "report" / "index.html", wide=wide, tall=800)
+    long = "title.textContent = 'Longword'.repeat(30)"
+    page.run(f"document.querySelectorAll('h1, h2, nav a, #player-task option').forEach(title => {long})")
+    assert page.run("document.documentElement.scrollWidth") <= wide
+
+
 @pytest.mark.parametrize(("motion", "between"), [("reduce", False), ("no-preference", True)])
 def test_less_motion_is_whole_steps(page: Browser, played: Study, motion: str, between: bool) -> None:
     """Who asks for less motion sees the robots at their steps only, others also in between."""

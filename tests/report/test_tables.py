@@ -43,6 +43,13 @@ def test_the_reading_says_how_far_stored_fitness_overrates() -> None:
     assert "more (" in read_table(table(APART, APART, stored=0.3))[0]
 
 
+def test_a_zero_has_no_sign() -> None:
+    """A difference of nothing, or of less than is shown, is never "−0.00"."""
+    assert number(-0.0, 2) == number(-0.001, 2) == "0.00"
+    alike = {level: [0.7] * 3 for level in LEVELS}
+    assert "they score 0.700, 0.000 more (0%)." in read_table(table(alike, alike))[0]
+
+
 def test_the_reading_says_in_how_many_runs_the_retest_finds_better_ones() -> None:
     """Each run is counted at the noise it evolved under."""
     sentence = next(s for s in read_table(table(EQUAL, APART)) if s.startswith("The retested champion"))

@@ -95,8 +95,9 @@ def doubts(made: ChannelFit) -> list[str]:
     if over:
         which = ", ".join(f"{m.sensor} ({m.lit_ratio:.1f})" for m in over)
         out.append(
-            f"{kind}: model error is more than {limit:g} noise deviations ({made.deviation:.3g} counts) for "
-            f"sensors {which}: model error exceeds noise there"
+            f"{kind}: model error is more than {limit:g} noise deviation{'s' * (limit != 1)} "
+            f"({made.deviation:.3g} counts) for sensor{'s' * (len(over) > 1)} {which}: model error exceeds "
+            "noise there"
         )
     if not np.isfinite(made.ratio):
         out.append(f"{kind}: {UNLIT}")

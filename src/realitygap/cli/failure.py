@@ -30,6 +30,7 @@ LONGEST = 400
 """Most characters of one word, such as a path, in a message."""
 
 _NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
+_OF_A_PATH = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
 
 
 class StoppedError(RealityGapError):
@@ -122,7 +123,9 @@ def _describe(failure: Exception) -> tuple[str, int]:
     if isinstance(failure, OSError):
         what = failure.strerror or str(failure) or type(failure).__name__
         where = f": {failure.filename}" if failure.filename else ""
-        return f"error: {what}{where}", 1 if failure.errno in _NOT_MENDABLE else 2
+        code = 1 if failure.errno in _NOT_MENDABLE else 2
+        cure = ". Check the path and its rights, or take another."
+        return f"error: {what}{where}{cure if isinstance(failure, _OF_A_PATH) and where else ''}", code
     if _from_sqlite(failure):
         return f"error: the study's database cannot be used: {failure}", 2
     if isinstance(failure, MemoryError):

@@ -153,11 +153,11 @@ def _print(made: Comparison) -> None:
     click.echo(f"correspondence score {made.score:.1f} of 10{shown}")
     click.echo(f"  behaviour {made.behaviour:.1f}, layout {made.layout:.1f}")
     click.echo(f"differences: {made.differences}")
-    response = "" if made.responsiveness is None else f", responsiveness {made.responsiveness:+.2f}"
-    click.echo(f"  noisiness {made.noisiness:+.2f}{response} (log2 of B to A), looping {made.looping:+.2f}")
+    response = "" if made.responsiveness is None else f", responsiveness {made.responsiveness:+z.2f}"
+    click.echo(f"  noisiness {made.noisiness:+z.2f}{response} (log2 of B to A), looping {made.looping:+z.2f}")
     if made.matched:
         when = "never part" if made.parting_s is None else f"part by {made.parting_s:.1f} s"
-        click.echo(f"trials are paired by start; half {when}; transferability {made.transferability:.2f}")
+        click.echo(f"trials are paired by start; half {when}; transferability {made.transferability:z.2f}")
     click.echo(f"can they be told apart? nearest neighbours, p = {made.p:.3f} (a test, not a scale)")
     click.echo(f"{made.trials[0]} and {made.trials[1]} trials; task: {made.setting}")
     click.echo(f"10 is: {made.scale.floor_from}; 0 is: {made.scale.ceiling_from}")

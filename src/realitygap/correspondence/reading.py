@@ -18,6 +18,7 @@ import numpy as np
 from realitygap.correspondence.trials import RADIUS_CM, Trial, resampled
 from realitygap.errors import ConfigError, TrackError
 from realitygap.text import as_path
+from realitygap.toml import read_toml
 from realitygap.track import COLUMNS, Track, read_tracks
 from realitygap.values import Floats
 from realitygap.world.profile import load_profile
@@ -76,7 +77,7 @@ def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
     """The simulated and the situated trials of a folder made by `realitygap transfer`.
 
     Raises:
-        TrackError: no such folder; names the file, the line and the column.
+        TrackError: no such folder, or several controllers in it; names the file, the line and the column.
     """
     place = Path(path)
     folders = sorted(file.parent for file in place.rglob(TRANSFER)) if place.is_dir() else []
@@ -85,6 +86,7 @@ def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
             f"{path}: expected a folder of trials that `realitygap transfer` made, since there is no second "
             "set of tracks. Give one."
         )
+    _require_one_controller(place, folders)
     simulated, situated = (
         [t for folder in folders for t in _read_in(place, folder / name)] for name in (SIMULATED, SITUATED)
     )
@@ -119,6 +121,18 @@ def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
         f"{trial.source}: heading_deg contradicts the way from row to row: is the disk turned on the "
         "robot, or was the camera calibrated with other headings?",
     )
+
+
+def _require_one_controller(place: Path, folders: Sequence[Path]) -> None:
+    """Refuse trials of several: as one set they are no behaviour, and would all be scored in one arena."""
+    facts = [read_toml(folder / TRANSFER, TrackError, "Transfer again.") for folder in folders]
+    whose = [tuple(one.get(key) for key in ("task", "name", "individual", "controller")) for one in facts]
+    if len(set(whose)) > 1:
+        last = folders[-1] if folders[-1].parent == place else folders[-1].parent
+        raise TrackError(
+            f"tracks: expected the trials of one controller, got those of {len(set(whose))}. Give the folder "
+            f"of one of them, such as {last.relative_to(place)} in this one."
+        )
 
 
 def _read_in(place: Path, file: Path) -> list[Trial]:

@@ -68,7 +68,8 @@ def few_figure(table: ScoreTable) -> Figure:
         ax.errorbar([], [], yerr=[], fmt="o", color=MUTED, markersize=6, capsize=3),
         ax.plot([], [], ".", color=MUTED, markersize=4)[0],
     ]
-    ax.legend(handles, ["the paper", "here", "kept study"], loc="lower right", ncols=3, columnspacing=1.2)
+    words = ["the paper", "here", "kept study"]
+    ax.legend(handles, words, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.2)
     return figure
 
 

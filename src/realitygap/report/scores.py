@@ -109,6 +109,11 @@ class ScoreTable:
         return sorted({mark.starts for one in self.classes for mark in one.marks if mark.starts})
 
     @property
+    def unscored(self) -> bool:
+        """Whether some individual has no behaviour score."""
+        return any(mark.behaviour is None for one in self.classes for mark in one.marks)
+
+    @property
     def missing(self) -> list[str]:
         """What is missing in which runs, and why, each reason once."""
         found: dict[str, list[str]] = {}

@@ -119,8 +119,8 @@ def counted(count: int, thing: str) -> str:
 
 
 def number(value: float, places: int) -> str:
-    """A number with a proper minus sign."""
-    return f"{value:.{places}f}".replace("-", "−")
+    """A number with a proper minus sign, and none on a zero."""
+    return f"{value:z.{places}f}".replace("-", "−")
 
 
 def table_csv(table: TaskPart) -> str:

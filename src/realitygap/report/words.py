@@ -67,11 +67,19 @@ def curve_words(part: TaskPart, curves: Mapping[float, Sequence[np.ndarray]], fr
     return Words(f"Fitness of the fittest against evaluations. At the end: {ends}.", caption)
 
 
+def _median(part: TaskPart) -> str:
+    """What makes a shown run the median one, as `median_run` chooses it."""
+    rows = [(row, one.level) for one in part.conditions for row in one.begun]
+    tested = all(row.mean("champion", level) for row, level in rows)
+    where = "" if tested else ", or in stored fitness where none are at its own noise"
+    return f"the median one on fresh trials{where}"
+
+
 def path_words(part: TaskPart, seen: str) -> Words:
     """Words for the chosen runs' paths."""
     unit = f" (in {part.task.fitness_unit})" if part.task.fitness_unit else ""
     many = any(len(c.rows) > 1 for c in part.conditions)
-    which = "For each noise level the run whose retested champion is the median one on fresh trials. " * many
+    which = f"For each noise level the run whose retested champion is {_median(part)}. " * many
     caption = (
         f"Simulated paths of {part.task.seconds:g} s at the noise that each individual evolved under. {which}"
         f"After the colon: this trial's score{unit}. Ring: start, the same for all; each stroke of the tail "
@@ -157,7 +165,7 @@ def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
     caption = (
         f"Above: simulated (thin solid strokes, open body), at the noise that each {name} evolved under. "
         f"Below: situated (broad dashed strokes, filled body), on {what}; the path is {source}. "
-        + ("For each noise level the median run on fresh trials, where it was transferred. " if many else "")
+        + f"For each noise level the run that is {_median(part)}, where it was transferred. " * many
         + "Both from the same start (ring). After the colon: the path’s score"
         + (f" in {unit}. " if unit else ". ")
         + "Each stroke of the tail joins the robot’s centre to its leading edge, every 0.1 s; none is erased."

@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from realitygap import whole
-from realitygap.errors import StudyError
+from realitygap.errors import ConfigError, StudyError
 from realitygap.study.config import StudyConfig
 from realitygap.study.lock import LOCK, refuse_strangers
 from realitygap.study.materials import Materials, gather, own, program_files
@@ -76,7 +76,7 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
     agree_to(requested.own_code())
     local, files = requested.copies()
     text = f"{_HEADER}\n{to_toml({**local.to_dict(), 'versions': versions()})}"
-    sources = {**files, CONFIG: text.encode()}
+    sources = {**files, CONFIG: _encoded(text)}
     with told(folder):
         for name, content in sources.items():
             path = folder / name
@@ -84,6 +84,17 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
             whole.write(path, content)
     create(folder / DATABASE, requested, sources)
     return read_materials(folder)
+
+
+def _encoded(text: str) -> bytes:
+    """A configuration as it is written; a name in bytes of another encoding is refused."""
+    try:
+        return text.encode()
+    except UnicodeEncodeError as why:
+        line = text[: why.start].count("\n")
+        raise ConfigError(
+            f"{CONFIG}: expected text in UTF-8, got {text.splitlines()[line]!r}. Name the title or file anew."
+        ) from None
 
 
 def take_back(folder: Path, requested: Materials) -> None:

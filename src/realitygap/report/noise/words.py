@@ -236,9 +236,12 @@ def _drops(facts: NoiseFacts) -> list[str]:
     for task in facts.data.tasks:
         scale, unit = facts.scales[task]
         drops = {row.level: row.drop.value / scale for row in facts.fitness if row.task == task}
-        parts = ", ".join(f"{drops[level]:.3f} at {level:g}".replace("-", "−") for level in levels)
+        parts = ", ".join(f"{drops[level]:z.3f} at {level:g}".replace("-", "−") for level in levels)
+        below = all(drops[level] >= 0 for level in levels)
+        begins = "fitness on the twin is below that in simulation by"
         said.append(
-            f"In {titled(task).lower()} fitness on the twin is below that in simulation by {parts}"
+            f"In {titled(task).lower()} "
+            f"{begins if below else 'fitness in simulation less that on the twin is'} {parts}"
             f"{f' ({unit})' if unit else ''}."
         )
     return said
