@@ -134,3 +134,10 @@ def test_a_resumed_robot_of_ones_own_is_named_again(refused, tmp_path):
     out = ("experiment", "noise", "--out", tmp_path, "--resume")
     assert f"--robot: expected {ROBOT}" in refused(*out)
     assert f"--robot: expected {ROBOT}" in refused(*out, "--robot", "twin")
+
+
+def test_the_twin_is_no_synonym_for_the_robot_of_a_resumed_study(refused, tmp_path):
+    """A study of Enki's robot does not go on where the twin is asked for."""
+    (tmp_path / "noise-study.toml").write_text(NoiseConfig(robot="enki:khepera").to_toml())
+    out = ("experiment", "noise", "--out", tmp_path, "--resume", "--tasks", "obstacle-avoidance")
+    assert "--robot: expected enki:khepera" in refused(*out, "--robot", "twin")

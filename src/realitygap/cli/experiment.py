@@ -232,6 +232,8 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
     if name is not None:
         return _of_arm(name, begun if resume else None, asked)
     if asked.get("robot") == "twin":
+        if begun.robot is not None:
+            raise click.UsageError(f"--robot: expected {begun.robot}, this experiment's robot, got twin.")
         del asked["robot"]
     if asked.get("robot", "enki").partition(":")[0] not in ("stranger", "enki"):
         for key in ("units", "twin_noise"):
