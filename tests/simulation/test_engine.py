@@ -124,3 +124,10 @@ def test_a_score_that_stops_in_a_batch_is_told_by_its_line(tmp_path):
     networks = EngineContract()._networks()
     with pytest.raises(TaskError, match=r"touchy.py, line 9: the score fails with IndexError"):
         cores.scores(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))
+
+
+@pytest.mark.parametrize("engine", [None, 3, ["cores"]])
+def test_what_makes_no_engine_is_refused(engine):
+    """By name, or with what makes one."""
+    with pytest.raises(UsageError, match=r"^engine: expected cores or cuda, got"):
+        Simulation("light", "paper", engine=engine)
