@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import realitygap
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.params import Networks, Path
 from realitygap.simulation.engine import Cores
@@ -131,3 +132,12 @@ def test_what_makes_no_engine_is_refused(engine):
     """By name, or with what makes one."""
     with pytest.raises(UsageError, match=r"^engine: expected cores or cuda, got"):
         Simulation("light", "paper", engine=engine)
+
+
+def test_no_trials_have_no_tracks():
+    """As they have no scores: each array is [N, 0, steps]."""
+    simulation = Simulation("light", "paper")
+    networks = realitygap.decode(realitygap.constant(5, 5, simulation.layout), simulation.layout)
+    none = np.zeros((1, 0), np.uint64)
+    assert simulation.scores(networks, none).shape == (1, 0)
+    assert simulation.tracks(networks, none).x.shape == (1, 0, simulation.task.steps_of(simulation.profile))
