@@ -147,6 +147,7 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a study of nothing": lambda: rg.run_study("nowhere", 3),
     "a folder in a list": lambda: rg.run_study([1]),
     "marks of a list": lambda: rg.marks_of([1]),
+    "transfers of no folder": lambda: rg.load_transfers("nowhere"),
     "transfers of nothing": lambda: rg.load_transfers(None),
     "a transfer of nothing": lambda: rg.run_transfer(None),
     "a report on nothing": lambda: rg.build_report(None),
