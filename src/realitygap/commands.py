@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError
-from realitygap.text import as_path
+from realitygap.text import as_path, must_be
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -89,7 +89,7 @@ def evolve(
     from realitygap.world.noise import noise_level
 
     name, share = reference(task), None if shard is None else Shard.parse(shard)
-    folder = folder_of(name) if out is None else Path(out)
+    folder = folder_of(name) if out is None else as_path(out, "out")
     folder = folder if share is None else share.folder(folder)
     levels = [noise] if isinstance(noise, str | float | int) else noise
     spreads = (spread,) if isinstance(spread, str | float | int) else tuple(spread or ())
@@ -231,18 +231,23 @@ def calibrate(
     """
     from realitygap.calibration.calibrate import base_of
     from realitygap.calibration.calibrate import calibrate as fit
+    from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
     from realitygap.cli.calibrate import load_all, write_profile
     from realitygap.cli.progress import ProgressLine
     from realitygap.world.profile import load_profile
 
     read: Any = [recordings] if isinstance(recordings, str | PathLike) else recordings
-    if isinstance(read, Sequence) and read and all(isinstance(one, str | PathLike) for one in read):
+    must_be(read, Iterable, "recordings", "Give [recording], or folders.")
+    read = list(read)
+    if read and all(isinstance(one, str | PathLike) for one in read):
         read = load_all([fspath(one) for one in read], [objects] if isinstance(objects, str) else objects)
     elif objects and read:
         raise CalibrationError(
             "objects: expected none with recordings that are loaded already: what a table shows is said "
             f"where it is loaded, load_recording(path, object=...). Got {objects!r}."
         )
+    for one in read:
+        must_be(one, SensorRecording | WheelRecording, "recordings", "load_recording(path) reads one.")
     start = load_profile(base_of(read) if base is None else base)
     with ProgressLine() if on_progress is None else nullcontext() as line:
         told = on_progress if line is None else partial(line.calibrating, "fit")

@@ -1,6 +1,9 @@
 """The descriptors of motion, on tracks made of stretches whose amounts are plain."""
 
+import re
 from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -82,3 +85,12 @@ def test_a_transfers_body_is_its_studys(tmp_path, folder):
         (tmp_path / "profile.toml").unlink()
     for (trial,) in read_transfer(tmp_path):
         assert trial.radius_cm == (2.9 if folder else 4.0)
+
+
+def test_the_docs_count_the_descriptors_and_name_their_catalogue():
+    """Its number is that of a room without a lamp; the constants that it names are in its module."""
+    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    listed, module = re.findall(r"in the units of (`[^()]*`) in `(realitygap[\w.]+)`", page)[0]
+    assert all(hasattr(import_module(module), name) for name in re.findall(r"`(\w+)`", listed))
+    made = describe_all([drive((4, 3, 20))], load_task("avoidance").arena)
+    assert f"# {len(made)} descriptors, each" in page

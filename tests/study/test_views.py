@@ -7,7 +7,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from realitygap.errors import StudyError
+from realitygap.errors import StudyError, UsageError
 from realitygap.study.arrays import Block, joined
 from realitygap.study.digest import seal
 from realitygap.study.load import load_study
@@ -127,3 +127,10 @@ def test_a_running_study_is_asked_like_a_finished_one(finished, tmp_path):
     there = study.evaluations(1)
     assert all(np.array_equal(there[name], whole[name], equal_nan=True) for name in whole)
     assert joined(parts)[1].tobytes() == block.scores.tobytes()
+
+
+@pytest.mark.parametrize("ask", [lambda s: s.query(None), lambda s: s.networks(s.runs[0].task, "champion")])
+def test_a_study_refuses_what_is_no_statement_or_genotype(finished, ask):
+    """In the package's own words."""
+    with pytest.raises(UsageError, match=r"^(sql: expected a str|genotype: expected a ndarray), got "):
+        ask(finished)

@@ -6,12 +6,13 @@ import json
 import math
 from itertools import cycle
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap import NetworkController, Pose, SimulatedBody, Simulation, drive, drive_simulated
+from realitygap import NetworkController, Pose, SimulatedBody, Simulation, decode, drive, drive_simulated
 from realitygap.cli import realitygap
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
@@ -97,12 +98,51 @@ def test_a_simulated_robot_of_any_kind_is_driven_as_in_its_simulation(name):
 
 
 def test_a_drive_without_a_place_is_refused(simulation):
-    """A body that does not know its place needs a start; what decides nothing is no controller."""
-    body = SimulatedBody(simulation)
-    with pytest.raises(UsageError, match="controller: expected a function decide"):
-        drive(body, 7, task="avoidance")
+    """A body that does not know its place needs a start."""
+    blind = SimpleNamespace(reset=print, sense=print, act=print)
     with pytest.raises(UsageError, match="start: expected a Pose"):
-        drive(object(), NETWORK, task="avoidance")
+        drive(blind, NETWORK, task="avoidance")
+
+
+@pytest.mark.parametrize("given", [7, decode(NETWORK.genes, NETWORK.layout), NETWORK.genes, Path("own.py:x")])
+def test_what_decides_nothing_is_no_controller(simulation, given):
+    """Both drives say so in a line, however large the value is."""
+    for drives in (
+        lambda: drive(SimulatedBody(simulation), given, task="avoidance"),
+        lambda: drive_simulated(simulation, given),
+    ):
+        with pytest.raises(UsageError, match=r"^controller: expected a function decide.*, got [^\n]{,20}\.$"):
+            drives()
+
+
+def test_a_function_drives_both_alike(simulation):
+    """`drive_simulated` takes the function that `drive` takes."""
+    lived, _ = drive_simulated(simulation, lambda inputs: (6, 5), stream=4, seconds=2)
+    made = drive(SimulatedBody(simulation, stream=4), lambda inputs: (6, 5), task="avoidance", seconds=2)
+    assert (made.recording.commands == lived.commands).all() and (made.track.x[1:-1] == lived.x[1:]).all()
+
+
+@pytest.mark.parametrize("body", [None, SimulatedBody, Simulation("avoidance", "paper")])
+def test_what_is_no_body_is_refused_as_such(body):
+    """Not as a body that does not know its place."""
+    with pytest.raises(UsageError, match=r"^body: expected one with reset, sense, act, such as Simulated"):
+        drive(body, NETWORK, task="avoidance")
+
+
+@pytest.mark.parametrize("seconds", ["2", math.nan, math.inf, [2]])
+def test_a_length_that_is_no_number_is_refused(simulation, seconds):
+    """A trial's length is a number of whole steps."""
+    with pytest.raises(UsageError, match=r"^a trial must last whole steps of 0\.1 s"):
+        drive(SimulatedBody(simulation), NETWORK, task="avoidance", seconds=seconds)
+    made = drive(SimulatedBody(simulation), NETWORK, task="avoidance", seconds=np.float32(2))
+    assert len(made.recording.commands) == 20
+
+
+@pytest.mark.parametrize("kinds", ["proximity", 3, (3,), (["proximity"],), ()])
+def test_kinds_of_sensors_are_a_tuple_of_names(simulation, kinds):
+    """One name alone is not read letter by letter."""
+    with pytest.raises(UsageError, match=r"^kinds: expected a tuple of proximity, ambient or both, got "):
+        SimulatedBody(simulation, kinds=kinds)
 
 
 def test_a_hand_made_network_drives_the_twin(tmp_path):

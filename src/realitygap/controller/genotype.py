@@ -220,6 +220,6 @@ def save_genotype(path: str | Path, genes: Genes, layout: Layout | None = None) 
     """
     text = to_text(genes, layout)
     try:
-        whole.write(path, text)
+        whole.write(as_path(path, "genotype"), text)
     except OSError as error:
         raise GenotypeError(f"cannot write the genotype {path}: {error.strerror}") from None

@@ -9,9 +9,9 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
 from realitygap.errors import UsageError
 from realitygap.user_code import blamed_on, named_object
-from realitygap.values import Command
+from realitygap.values import Command, shown
 
-__all__ = ["OwnController", "named_controller", "own_controller"]
+__all__ = ["OwnController", "as_controller", "named_controller", "own_controller"]
 
 TOP = 10
 
@@ -75,8 +75,14 @@ def own_controller(named: object) -> OwnController:
     decide = getattr(named, "decide", named)
     if not callable(decide):
         expected = "a function decide(inputs), or a class that has one"
-        raise UsageError(f"controller: expected {expected}, got {named!r}.")
+        raise UsageError(f"controller: expected {expected}, got {shown(named)}.")
     return OwnController(decide, getattr(named, "reset", None), place)
+
+
+def as_controller(given: Any) -> Any:
+    """What has `reset` and `decide` as it is; else as of `own_controller`."""
+    ready = hasattr(given, "reset") and hasattr(given, "decide") and not isinstance(given, type)
+    return given if ready else own_controller(given)
 
 
 def named_controller(spec: str, feeds: str, layout: Layout) -> OwnController | NetworkController:

@@ -1,7 +1,9 @@
 """The control loop: each period sense, decide, act, record; whatever happens, stop first."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from numbers import Real
 from typing import Protocol
 
 from realitygap.errors import UsageError
@@ -65,9 +67,11 @@ def drive(
         LineError: the line was lost, or the robot did not confirm that it stopped.
     """
     period, clock = body.period_s, clock_of(body) if clock is None else clock
-    steps = round(seconds / period)
+    given: object = seconds
+    number = isinstance(given, Real) and math.isfinite(given)
+    steps = round(seconds / period) if number else 0
     if steps < 1 or abs(steps * period - seconds) > 1e-6:
-        raise UsageError(f"a trial must last whole steps of {period:g} s, one at least; got {seconds:g} s")
+        raise UsageError(f"a trial must last whole steps of {period:g} s, one at least; got {seconds!r} s")
     recorder = Recorder() if recorder is None else recorder
     with Stopping(NUMBERS if clock.waits else MOVING) as stopping, _closing(body, recorder, stopping):
         controller.reset()

@@ -3,12 +3,13 @@
 Time goes on with the body's own clock, in the simulation's steps: the profile's period.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
 from realitygap.controller.network import NetworkController, decode
+from realitygap.controller.own import as_controller
 from realitygap.errors import UsageError
 from realitygap.kernels import halves
 from realitygap.kernels.jit import entry_for
@@ -56,9 +57,11 @@ class SimulatedBody:
     ) -> None:
         if not isinstance(simulation, Simulation):
             raise UsageError(f"simulation: expected a Simulation, got {simulation!r}.")
-        kinds = simulation.task.kinds if kinds is None else tuple(kinds)
-        if not kinds or not set(kinds) <= set(KINDS):
-            raise UsageError(f"kinds: expected {', '.join(KINDS)} or both, got {', '.join(kinds) or 'none'}.")
+        given: object = simulation.task.kinds if kinds is None else kinds
+        kinds = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else ()
+        if not kinds or not all(kind in KINDS for kind in kinds):
+            expected = f"a tuple of {', '.join(KINDS)} or both"
+            raise UsageError(f"kinds: expected {expected}, got {kinds or given!r}.")
         self.simulation = simulation
         self.stream = stream
         self.kinds = tuple(kind for kind in KINDS if kind in kinds)
@@ -192,7 +195,7 @@ def network_inputs(simulation: Simulation) -> Callable[[Readings], list[int]]:
 
 def drive_simulated(
     simulation: Simulation,
-    controller: Controller,
+    controller: Controller | Callable[..., Any],
     *,
     stream: int = 0,
     pose: Pose | None = None,
@@ -203,13 +206,13 @@ def drive_simulated(
 
     Args:
         simulation: task, robot, noise and arena.
-        controller: has reset() and decide(inputs), inputs as a network's of the task.
+        controller: has reset() and decide(inputs), inputs as a network's of the task; or a function decide.
         stream: the trial's.
         pose: where it starts; by default where the stream says.
         seconds: how long it lasts; by default the task's length.
 
     Raises:
-        UsageError: a pose that is not free, a wrong length, a command that is none.
+        UsageError: a pose that is not free, a wrong length, a controller or a command that is none.
     """
     if isinstance(controller, NetworkController):
         networks = decode(controller.genes, controller.layout)
@@ -218,14 +221,14 @@ def drive_simulated(
     if pose is not None:
         body.reset(pose)
     steps = simulation.task.steps_of(simulation.profile) if seconds is None else simulation._steps(seconds)
-    record = simulation._blank(steps)
-    controller.reset()
+    record, driver = simulation._blank(steps), as_controller(controller)
+    driver.reset()
     for k in range(steps):
         readings = body.sense()
         record.pose[k] = body._work.pose[:3]
         record.proximity[k], record.ambient[k] = readings.proximity, readings.ambient
         record.inputs[k] = make(readings)
-        command = controller.decide(record.inputs[k].tolist())
+        command = driver.decide(record.inputs[k].tolist())
         body.act(command)
         body.clock.sleep_until(body.clock.now() + body.period_s)
         record.commands[k] = command.left, command.right

@@ -143,7 +143,7 @@ class Cores:
         which, flat = self.named(networks, streams)
         paths = np.zeros((flat.shape[0], len(Path._fields), self.trial.steps))
         self._run(networks, which, flat, paths)
-        return Path(*(paths[:, i].reshape(*streams.shape, -1) for i in range(paths.shape[1])))
+        return Path(*(paths[:, i].reshape(*streams.shape, paths.shape[2]) for i in range(paths.shape[1])))
 
     def compile(self) -> None:
         """Compile what evolution needs, or load it from the cache; the first time takes seconds."""

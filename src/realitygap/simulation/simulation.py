@@ -31,12 +31,14 @@ MOST_READINGS = 10**6
 MakeEngine = Callable[[Task, Profile, float], Engine]
 
 
-def engine_named(name: str) -> MakeEngine:
-    """What makes the engine "cores" or "cuda".
+def engine_named(name: str | MakeEngine) -> MakeEngine:
+    """What makes the engine "cores" or "cuda", or one of one's own.
 
     Raises:
         UsageError: another name, or there is no GPU that it could use.
     """
+    if callable(name):
+        return name
     if name == "cuda":
         from realitygap.simulation.cuda import Cuda, require_gpu
 
@@ -79,7 +81,7 @@ class Simulation:
         self.task = task if arena is None else replace(task, arena=load_arena(arena))
         self.noise = noise_level(noise)
         self._cores = Cores(self.task, self.profile, self.noise)
-        make = engine_named(engine) if isinstance(engine, str) else engine
+        make = engine_named(engine)
         self.engine = self._cores if make is Cores else make(self.task, self.profile, self.noise)
 
     @property

@@ -29,7 +29,7 @@ from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan
 from realitygap.study.tables import Tables
 from realitygap.tasks.task import Task
-from realitygap.text import as_path
+from realitygap.text import as_path, must_be
 from realitygap.values import Pose
 from realitygap.world.noise import noise_name
 from realitygap.world.profile import Profile
@@ -127,6 +127,7 @@ class Study(Tables):
 
     def networks(self, task: str | Task, genes: Genes) -> Networks:
         """The network of one genotype, for the kernels."""
+        must_be(genes, np.ndarray, "genotype", "run.champion is one.")
         return self.encoding(task).decode(genes[np.newaxis])
 
     def controller(self, task: str | Task, genes: Genes) -> NetworkController:

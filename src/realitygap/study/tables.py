@@ -13,6 +13,7 @@ from realitygap.lazy import above
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import read_config
 from realitygap.study.reader import DATABASE, Reader, Table
+from realitygap.text import must_be
 
 __all__ = ["Tables"]
 
@@ -65,6 +66,7 @@ class Tables:
         Raises:
             StudyError: the statement is invalid, or writes.
         """
+        must_be(sql, str, "sql", "SELECT * FROM runs is one.")
         return self._reader.query(sql, self.config.to_dict())
 
     def to_pandas(self, table: str = "runs") -> Any:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap import temporary, whole
-from realitygap.controller.own import own_controller
+from realitygap.controller.own import as_controller
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
@@ -25,12 +25,14 @@ from realitygap.transfer.paths import score
 from realitygap.transfer.plan import check_fit
 from realitygap.transfer.rig import Rig
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
-from realitygap.values import Pose, as_stream
+from realitygap.values import Pose, as_stream, shown
 from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["Drove", "Pair", "drive", "pairs"]
 
 OTHER_ROBOT = "profile: expected the robot's, got one of"
+MUST = ("reset", "sense", "act")
+"""Methods without which nothing is a body."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,17 +71,19 @@ def drive(
         seconds: length; the task's own if None.
 
     Raises:
-        UsageError: a body that does not report its pose, without `start`; an invalid controller; a profile
-            of another kind of robot.
+        UsageError: no body; one that does not report its pose, without `start`; an invalid controller; a
+            profile of another kind of robot.
         RobotError: the robot was lost; it was told to stop.
     """
+    if isinstance(body, type) or not all(callable(getattr(body, name, None)) for name in MUST):
+        expected = f"one with {', '.join(MUST)}, such as SimulatedBody(simulation)"
+        raise UsageError(f"body: expected {expected}, got {shown(body)}.")
     own = body.simulation.profile if isinstance(body, SimulatedBody) else "paper"
     task, profile = load_task(task), load_profile(own if profile is None else profile)
     start = getattr(body, "pose", None) if start is None else start
     if not isinstance(start, Pose):
         raise UsageError(f"start: expected a Pose, as this body does not know its place, got {start!r}.")
-    if not (hasattr(controller, "reset") and hasattr(controller, "decide")) or isinstance(controller, type):
-        controller = own_controller(controller)
+    controller = as_controller(controller)
     check_fit(body, profile, task.kinds, OTHER_ROBOT)
     body.reset(start)
     length = task.seconds if seconds is None else seconds

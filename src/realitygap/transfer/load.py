@@ -105,9 +105,14 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[Transferred]:
     """All finished trials on robots in a study's folder, by robot, run and start; [] without any.
 
     Raises:
-        StudyError: a trial's file that cannot be read.
+        StudyError: no such folder, or a trial's file that cannot be read.
     """
-    home = as_path(study_folder, "study") / FOLDER
+    folder = as_path(study_folder, "study")
+    if not folder.is_dir():
+        raise StudyError(
+            f"{folder}: no such folder. Give a study's folder, such as `realitygap evolve` makes."
+        )
+    home = folder / FOLDER
     files = [file for file in home.glob(f"*/*/start-*/{TRIAL}") if file.parent.name[6:].isdecimal()]
     found = [load_transfer(file.parent) for file in files]
     packed = ((file, data) for file, data in every(home, TRIAL) if not file.is_file())

@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -98,6 +98,9 @@ class Transfer:
     pack: bool | None = None
 
     def __post_init__(self) -> None:
+        for name, given in {"runs": self.runs, "robots": self.robots}.items():
+            if isinstance(given, str) or not isinstance(given, Iterable):
+                raise UsageError(f"{name}: expected a list, got {given!r}. Write [{given!r}].")
         whole("starts", self.starts, 1, 10**6)
         if self.controller is not None and self.individual != "champion":
             raise UsageError("individual: expected none with a controller of your own. Leave it out.")
@@ -124,8 +127,11 @@ class Transfer:
     @cached_property
     def bodies(self) -> tuple[Address, ...]:
         """The robots, each once."""
-        parsed = (Address.parse(one) if isinstance(one, str) else one for one in self.robots)
-        return tuple(dict.fromkeys(parsed))
+        parsed = (one if isinstance(one, Address) else Address.parse(str(one)) for one in self.robots)
+        bodies = tuple(dict.fromkeys(parsed))
+        if not bodies:
+            raise UsageError('robots: expected one robot at least, got none. Leave it out for ["twin"].')
+        return bodies
 
     @cached_property
     def worn(self) -> Marker:
