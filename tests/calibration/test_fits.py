@@ -386,7 +386,11 @@ def test_noise_that_differs_from_sensor_to_sensor_is_said_and_kept(recorded, lou
     sound, size = recorded("wall", noise=0.0), np.array([10.0] * 6 + [loud, 10.0])
     random = np.random.default_rng(4).normal(size=sound.counts.shape)
     drawn = sound.counts + np.where(sound.counts > 0, size, 0.0) * random
-    made = calibrate([replace(sound, counts=np.clip(np.rint(drawn), 0, 1023))], PAPER, form="extended")
+    loudly = replace(sound, counts=np.clip(np.rint(drawn), 0, 1023))
+    alike = calibrate([loudly], PAPER, form="individual")
+    assert any("this form simulates that figure" in w for w in alike.warnings) == (loud == 80.0)
+    made = calibrate([loudly], PAPER, form="extended")
+    assert not any("this form simulates" in w for w in made.warnings)
     said = [w for w in made.warnings if "noise differs from sensor to sensor" in w]
     assert len(said) == (loud == 80.0) and all("(sensor 6)" in w for w in said)
     kept = np.array([sensor.noise for sensor in made.profile.infrared.sensors])

@@ -236,7 +236,7 @@ def test_fitness_that_rises_on_the_twin_is_not_called_below(tmp_path: Path) -> N
     data = replace(data, situated=data.simulated + 0.1)
     words = said(write(data, tmp_path / "rises"))
     assert "below that in simulation" not in words
-    assert "fitness in simulation less that on the twin is −0.100 at 0, −0.100 at 1" in words
+    assert "fitness in simulation minus that on the twin is −0.100 at 0, −0.100 at 1" in words
 
 
 def test_the_map_shows_every_mean() -> None:

@@ -242,6 +242,8 @@ def _channel(
     )  # fmt: skip
     apart = form in (MEASURED, LOOKUP) or (form == "extended" and bool(uneven))
     profile = _with_noise(made, rows) if apart and made.measured else profile
+    alike = "" if apart else "; this form simulates that figure, too; extended and measured each one's own"
+    uneven = [said + alike for said in uneven]
     return replace(made, profile=profile, warnings=(*made.warnings, *doubts(made), *uneven))
 
 

@@ -26,6 +26,8 @@ like noise."""
 CLOSE_DEG, CLOSE_CM = 8.0, 0.5
 """Largest separation of neighbours: further apart, the model's residual changes like noise."""
 FEWEST, SCALINGS, LOUDEST = 30, 5, 1e4
+"""Values from which on a sensor has a figure of its own; rounds in which sizes and the pooled table are
+found; and the largest ratio of a sensor's squares to the pooled ones."""
 KNOTS = {"infrared": 9, "ambient": 33}
 """Knots of a table of noise over the reading; more for light, whose readings span less than half of the
 scale."""
@@ -196,8 +198,8 @@ def noise_tables(
 def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) -> Floats:
     """[S, knots] deviations: squares averaged with triangular weights about each knot.
 
-    Where a sensor has few values it follows the pooled table, as many times as loud as it is elsewhere: some
-    sensors of a robot are twenty times noisier than others.
+    Where a sensor has few values it follows the pooled table, scaled to its own noise elsewhere: some sensors
+    of a robot are twenty times noisier than others.
     """
     at = np.where(use, np.clip(sample.level / top, 0.0, 1.0), 0.0) * (knots - 1)
     near = np.maximum(0.0, 1.0 - np.abs(at[..., None] - np.arange(knots))) * use[..., None]

@@ -41,7 +41,8 @@ class Tracked:
 
 
 class Tracker:
-    """Follows one marker from frame to frame; `doubt` says why it was lost, if known."""
+    """Follows one marker from frame to frame; `doubt` says why it was lost, or that another
+    one is in view, if known."""
 
     def __init__(self, camera: CameraModel, marker: Marker) -> None:
         self._finder, self._marker = finder_of(camera, marker), marker

@@ -241,7 +241,7 @@ def _drops(facts: NoiseFacts) -> list[str]:
         begins = "fitness on the twin is below that in simulation by"
         said.append(
             f"In {titled(task).lower()} "
-            f"{begins if below else 'fitness in simulation less that on the twin is'} {parts}"
+            f"{begins if below else 'fitness in simulation minus that on the twin is'} {parts}"
             f"{f' ({unit})' if unit else ''}."
         )
     return said
