@@ -36,33 +36,29 @@ STUDY = ("tests/experiments/test_noise_compared.py",)
 ARMS = ("tests/experiments/test_noise_arms.py",)
 ARENA = ("tests/world/test_arena.py",)
 
-TOGETHER = ("tests/kernels/test_together.py",)
+WARP = ("tests/simulation/test_cuda_sensors.py",)
 RAYWISE = ("tests/kernels/test_raywise.py",)
 FLEET = ("tests/study/test_fleet.py",)
 
 MUTATIONS = (
-    # a GPU's way: trials by groups, sensors ray by ray, runs as arrays
-    Mutation("kernels/together.py", "a sensor has its neighbour's noise",
-             "work.readings[s : s + 1], work.noise[s:]", "work.readings[s : s + 1], work.noise[s + 1 :]",
-             TOGETHER),
-    Mutation("kernels/together.py", "a changed input reaches each thread's neurons once more",
-             "if target % group == lane:", "if target % group <= lane:", TOGETHER),
-    Mutation("kernels/together.py", "a restless network is taken for a settled one",
-             "            work.settled[0] = 0", "            work.settled[0] = 1", TOGETHER),
-    Mutation("kernels/together.py", "an ambient sensor has the first one's rays",
-             '"all_fans": lit}', '"all_fans": "work.all_fans[:, 0 : rays + LANES]"}', TOGETHER),
-    Mutation("kernels/shared_rays.py", "all threads follow the first sensor's rays",
-             "common.listed[count] = k", "common.listed[count] = 0", TOGETHER),
-    Mutation("kernels/shared_rays.py", "an ambient sensor's light is its last lamp's",
-             "work.readings[near + k] += take_in(k, common)", "work.readings[near + k] = take_in(k, common)",
-             TOGETHER),
+    # a GPU's way: sensors ray by ray and by the threads of a warp, runs as arrays
+    Mutation("simulation/cuda_sensors.py", "all threads follow the first sensor's rays",
+             "= k * WARP + which\n", "= which\n", WARP),
+    Mutation("simulation/cuda_sensors.py", "an ambient sensor's light is its last lamp's",
+             "total += terms[RAYS] + added(terms)", "total = terms[RAYS] + added(terms)", WARP),
+    Mutation("simulation/cuda_sensors.py", "a step has the noise of the one before",
+             "half * (k + 1) + i", "half * k + i", WARP),
+    Mutation("simulation/cuda_sensors.py", "only the last cylinder is noticed",
+             "found |= _ONE << k if faced else _NONE", "found = _ONE << k if faced else _NONE", WARP),
+    Mutation("simulation/cuda_sensors.py", "threads of a trial leave out a ray",
+             "while i <= RAYS:", "while i < RAYS:", WARP),
     Mutation("kernels/raywise.py", "beams do not overlap",
-             "added(common.terms[k]) - common.terms[k, RAYS]", "added(common.terms[k])", RAYWISE),
+             "return first + second + pair - overlapping(robot, k, inverse[middle], incidence[middle])",
+             "return first + second + pair", RAYWISE),
     Mutation("kernels/raywise.py", "a matt cylinder is as bright at its edge",
-             "incidence = min(half * (1.0 / radius), 1.0) if met > found else incidence",
-             "incidence = 1.0 if met > found else incidence", RAYWISE),
+             "incidence[i] = min(half * (1.0 / radius), 1.0)", "incidence[i] = 1.0", RAYWISE),
     Mutation("kernels/raywise.py", "a sensor sees the lamps behind it",
-             "(view.ahead_x, view.ahead_y), 1e-3", "(0.0, 0.0), 1e-3", RAYWISE),
+             "(view.ahead_x, view.ahead_y), 1.0, 1e-3", "(0.0, 0.0), 1.0, 1e-3", RAYWISE),
     Mutation("kernels/raywise.py", "an offset is not seen",
              "inverse = inverse / (1.0 + offset * inverse)", "inverse = inverse / 1.0", RAYWISE),
     Mutation("kernels/raywise.py", "the body shades nothing",

@@ -8,40 +8,40 @@ import numpy as np
 import pytest
 
 from realitygap.kernels.ambient import illuminate
+from realitygap.kernels.geometry import added, walls_round
 from realitygap.kernels.infrared import by_rays
 from realitygap.kernels.jit import kernel
-from realitygap.kernels.light import rays_of_fan
+from realitygap.kernels.light import look
 from realitygap.kernels.light_beyond import goes_beyond
 from realitygap.kernels.params import RAYS
-from realitygap.kernels.raywise import follow_light, follow_ray, look_out, stand_about, take_in, take_up
-from realitygap.kernels.shared_rays import common_room
+from realitygap.kernels.raywise import answer_near, light_by, look_along
 from realitygap.kernels.trial import stand
 from realitygap.world.profile import load_profile
 from tests.kernels.scenes import PAPER, full_room, random_pose, random_scenes, work_for
 
 
 @kernel
-def near_ways(robot, arena, pose, work, common, rows, alone):
+def near_ways(robot, arena, pose, work, rows, alone):
     stand(pose, work)
     by_rays(robot, arena, work, rows)
+    at = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
     for k in range(rows.shape[0]):
-        look_out(robot, arena, k, work, common)
-        for i in range(RAYS * common.noticed[k]):
-            follow_ray(robot, arena, k, i, work, common)
-        alone[k] = take_up(robot, k, common)
+        light = look_along(robot, arena, k, at, work.inverse, work.incidence) if work.noticed[k] == 1 else 0.0
+        alone[k] = answer_near(robot, k, light)
 
 
 @kernel
-def light_ways(robot, arena, pose, work, common, rows, alone):
+def light_ways(robot, arena, pose, work, rows, alone):
     stand(pose, work)
     illuminate(robot, arena, False, work, rows)
     for k in range(rows.shape[0]):
-        stand_about(robot, arena, k, work, common)
+        view, terms = look(robot, k, work), work.terms
+        walls = walls_round(arena, view)
         alone[k] = 0.0
         for lamp in range(arena.lamp_points.shape[0]):
-            for i in range(rays_of_fan(robot, work) + 1):
-                follow_light(robot, arena, lamp, k, i, work, common)
-            alone[k] += take_in(k, common)
+            for i in range(RAYS + 1):
+                terms[i] = light_by(robot, arena, lamp, k, i, view, walls, work)
+            alone[k] += terms[RAYS] + added(terms)
 
 
 def scenes(measured: bool):
@@ -72,7 +72,7 @@ def test_proximity_sensors_read_the_same(measured):
         robot, work = profile.to_kernel(), work_for(profile)
         assert (robot.proximity_curve.shape[1] > 0) is measured
         rows, alone = np.zeros((2, len(robot.proximity_place)))
-        near_ways(robot, arena.to_kernel(), np.array(pose), work, common_room(len(rows)), rows, alone)
+        near_ways(robot, arena.to_kernel(), np.array(pose), work, rows, alone)
         assert np.array_equal(rows, alone)
         some += rows.any()
     assert some > 80
@@ -86,7 +86,7 @@ def test_ambient_sensors_read_the_same():
         sensors = len(robot.ambient_place)
         assert not goes_beyond.py_func(robot)
         rows, alone = np.zeros((2, sensors))
-        light_ways(robot, arena.to_kernel(), np.array(pose), work, common_room(sensors), rows, alone)
+        light_ways(robot, arena.to_kernel(), np.array(pose), work, rows, alone)
         assert np.array_equal(rows, alone)
         some += rows.any()
     assert some > 40

@@ -29,7 +29,6 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import halves
-from realitygap.kernels.shared_rays import common_room, most_of_a_kind
 from realitygap.kernels.work import new_work
 from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation, batch_streams
@@ -233,17 +232,34 @@ def test_all_of_it_holds_in_the_simulator():
     assert done.returncode == 0 and re.search(r"\d\d passed", done.stdout), done.stdout[-3000:]
 
 
-@pytest.mark.skipif(cuda_code.SIMULATED, reason="simulated threads share nothing")
 def test_threads_share_what_there_is_room_for():
-    """Whole warps, fewer for more sensors; of either kind, whichever are more; none where no warp fits."""
-    assert cuda_kernels.block_for(8) == 256
+    """Blocks of whole warps, smaller for more sensors; none where not even a warp has room."""
+    assert cuda_kernels.block_for(8, 16, False) == cuda_kernels.block_for(0, 16, True) == 128
     for sensors in (1, 11, 16, 40, 80):
-        block = cuda_kernels.block_for(sensors)
-        groups, one = block // cuda_kernels.GROUP, sum(a.nbytes for a in common_room(sensors))
-        assert block % 32 == 0 and 32 <= block <= 256 and groups * one <= cuda_kernels.ROOM
-    assert cuda_kernels.block_for(100) == 0
-    blind = replace(PAPER, infrared=replace(PAPER.infrared, sensors=PAPER.infrared.sensors[:2]))
-    assert most_of_a_kind(blind.to_kernel()) == len(PAPER.ambient.sensors) == 8
+        block = cuda_kernels.block_for(sensors, 16, True)
+        used = block // 32 * cuda_kernels.room_of(sensors, 16, True)
+        assert block in (32, 64, 128) and used + cuda_kernels.LEAST <= cuda_kernels.ROOM
+    assert cuda_kernels.block_for(110, 16, True) == 0
+
+
+@pytest.mark.parametrize("profile", ["paper", "khepera", "enki-epuck"])
+def test_a_kernel_has_room_for_what_its_threads_share(profile):
+    """What lies near leaves the sensors their room; measured robots have most."""
+    robot = load_profile(profile)
+    task = replace(load_task("avoidance"), sensors=()).of(robot)
+    plan = cuda_kernels.plan_for(Cores(task, robot, 1.0), halves.quiet())
+    near = sum(int(np.prod(shape)) * np.dtype(kind).itemsize for part in plan.near for _, shape, kind in part)
+    drawn = next(shape[0] for name, shape, _ in plan.own if name == "noise")
+    assert near + plan.block // 32 * cuda_kernels.room_of(plan.sensors, drawn, plan.lit) <= cuda_kernels.ROOM
+    assert plan.sensors == len(robot.infrared.sensors) and near > 1000
+
+
+@pytest.mark.skipif(cuda_code.SIMULATED, reason="a simulated GPU has one multiprocessor")
+def test_a_warp_has_more_trials_where_there_are_many(monkeypatch):
+    """Powers of two: one each until all multiprocessors are busy, 32 at most."""
+    monkeypatch.setattr(cuda, "get_current_device", lambda: SimpleNamespace(MULTIPROCESSOR_COUNT=132))
+    counts = (1, 528, 529, 1056, 1057, 4096, 10_000, 10**6)
+    assert [engine.each_of(count) for count in counts] == [1, 1, 2, 2, 4, 8, 32, 32]
 
 
 @pytest.fixture
@@ -273,21 +289,22 @@ def compiler(monkeypatch):
 
 
 def test_trials_compile_for_a_gpu(monkeypatch, compiler):
-    """A kernel becomes a GPU's assembler: it allocates nothing, fuses nothing and unrolls nothing."""
+    """A kernel becomes a GPU's assembler: it allocates nothing and fuses nothing, and threads vote."""
     monkeypatch.setattr(engine, "require_gpu", lambda: None)
     monkeypatch.setattr(engine, "_placed", lambda value: value)
     made = engine.Cuda(load_task("obstacle-avoidance").of(PAPER), PAPER, 1.0)
-    nets, paths = halves.quiet(), np.zeros((32, 6, made.cores.trial.steps))
-    batch = engine.Batch(np.zeros(32, np.int64), np.zeros(32, np.uint64), paths, np.zeros((32, 2)))
+    nets, paths = halves.quiet(), np.zeros((128, 6, made.cores.trial.steps))
+    batch = engine.Batch(np.zeros(128, np.int64), np.zeros(128, np.uint64), paths, np.zeros((128, 2)), 32)
     judge = cuda_kernels.scoring(made.cores.score.compiled).made.py_func
-    with cuda_code.compiling(small=True):
-        trial = compiler(made._trials.made.py_func, made.cores.world, nets, made._scratch(nets, 32), batch)
-    with cuda_code.compiling(small=False):
+    kernel, work = made._trials(nets)
+    with cuda_code.compiling(kernel.steps, kernel.rolled):
+        trial = compiler(kernel.made.py_func, made.cores.world, nets, work, batch)
+    with cuda_code.compiling(steps=False):
         score = compiler(judge, made.cores.room, batch)
         parts = compiler(*exact_parts())
     for text in (trial, score, parts):
         assert ".entry" in text
         assert "NRT_" not in text and "malloc" not in text and "fma." not in text
-    assert "nounroll" in trial and "bar.sync" in trial
+    assert "nounroll" in trial and "vote.sync.ballot" in trial and "bar.warp.sync" in trial
     fused = compiler(judge, made.cores.room, batch)
     assert "fma." in fused

@@ -10,27 +10,16 @@ from realitygap.kernels.geometry import (
     GRAZE,
     TOUCHING,
     Spot,
-    Walls,
-    added,
     facing_circle,
     facing_segment,
     meet_circle,
     meet_segment,
-    meet_walls,
     turned,
     walls_round,
 )
-from realitygap.kernels.infrared import (
-    faces_cylinder,
-    faces_segment,
-    faces_walls,
-    inner_wall,
-    spot_of,
-    thrown_back,
-)
+from realitygap.kernels.infrared import thrown_back
 from realitygap.kernels.jit import step
-from realitygap.kernels.light import look, rays_of_fan
-from realitygap.kernels.near import cell_at, is_beyond
+from realitygap.kernels.light import rays_of_fan
 from realitygap.kernels.params import LAMP_POINTS, RAYS
 from realitygap.kernels.response import respond
 from realitygap.kernels.shade import circle_blocks, covers, segment_blocks
@@ -61,56 +50,29 @@ def overlapping(robot, k, inverse, incidence):
 
 
 @step
-def notices(robot, arena, k, work):
-    """As infrared.notice, for proximity sensor `k`."""
-    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    fan, span, cell = work.fan, work.span[0], cell_at(arena, x, y)
-    near = faces_walls(robot, arena, fan, k, x, y, c, s)
-    for n in range(arena.cylinders.shape[0]):
-        if arena.cylinder_gap[cell, n] > span:
-            break
-        j = arena.near_cylinders[cell, n]
-        qx, qy, radius = arena.cylinders[j, 0] - x, arena.cylinders[j, 1] - y, arena.cylinders[j, 2]
-        far = span + radius
-        if qx * qx + qy * qy <= far * far:
-            near = near | faces_cylinder(robot, fan, k, c * qx + s * qy, c * qy - s * qx, radius)
-    for n in range(arena.segments.shape[0]):
-        if arena.segment_gap[cell, n] > span:
-            break
-        j = arena.near_segments[cell, n]
-        if not is_beyond(arena, j, x, y, span):
-            near = near | faces_segment(robot, fan, k, inner_wall(arena, j, x, y, c, s))
-    return near
+def to_walls(walls, x, y):
+    """As geometry.meet_walls: 1/d is positive where a ray goes towards a wall."""
+    return x * walls.east if x > 0.0 else -x * walls.west, y * walls.north if y > 0.0 else -y * walls.south
 
 
 @step
-def met_by(arena, place, x, y, lambertian):
-    """1/d along (x, y) from a sensor's place to whatever is nearest, and, if surfaces are
-    Lambertian, the cosine of incidence.
-
-    A root and a division only where the ray meets a cylinder.
-    """
-    across, along = meet_walls(Walls(place[2], place[3], place[4], place[5]), x, y)
-    found, incidence = max(across, along), abs(x) if across >= along else abs(y)
+def met_by(arena, place, walls, x, y):
+    """1/d along (x, y) from a place to whatever is nearest: a root and a division only where a ray meets a
+    cylinder."""
+    across, along = to_walls(walls, x, y)
+    found = max(across, along)
     for j in range(arena.cylinders.shape[0]):
         qx, qy = arena.cylinders[j, 0] - place[0], arena.cylinders[j, 1] - place[1]
         radius = arena.cylinders[j, 2]
         if meets_circle(qx, qy, radius, x, y):
             square, inverse_square = facing_circle(qx, qy, radius)
-            met, half = meet_circle(qx, qy, square, inverse_square, x, y)
-            if lambertian:
-                incidence = min(half * (1.0 / radius), 1.0) if met > found else incidence
-            found = max(found, met)
+            found = max(found, meet_circle(qx, qy, square, inverse_square, x, y)[0])
     for j in range(arena.segments.shape[0]):
         ax, ay = arena.segments[j, 0] - place[0], arena.segments[j, 1] - place[1]
         bx, by = arena.segments[j, 2] - place[0], arena.segments[j, 3] - place[1]
-        sign, inverse_area, length = facing_segment(ax, ay, bx, by)
-        met, through = meet_segment(ax, ay, bx, by, sign, inverse_area, x, y)
-        if lambertian:
-            cosine = abs(through) * (1.0 / max(length, TOUCHING))
-            incidence = cosine if met > found else incidence
-        found = max(found, met)
-    return found, incidence
+        sign, inverse_area, _ = facing_segment(ax, ay, bx, by)
+        found = max(found, meet_segment(ax, ay, bx, by, sign, inverse_area, x, y)[0])
+    return found
 
 
 @step
@@ -121,42 +83,99 @@ def meets_circle(qx, qy, radius, x, y):
 
 
 @step
-def stand_between(arena, spot, place):
-    """Store where a sensor is, and the reciprocals of its distances from the outer walls."""
-    walls = walls_round(arena, spot)
-    place[0], place[1] = spot.x, spot.y
-    place[2], place[3], place[4], place[5] = walls.west, walls.south, walls.east, walls.north
+def in_order(n):
+    """The ray that comes `n`-th where outermost pairs are added first."""
+    return n // 2 if n % 2 == 0 else RAYS - 1 - n // 2
 
 
 @step
-def look_out(robot, arena, k, work, common):
-    """Whether proximity sensor `k` notices anything, and then where it is."""
-    common.noticed[k] = 0
-    if notices(robot, arena, k, work):
-        common.noticed[k] = 1
-        stand_between(arena, spot_of(robot, k, work), common.places[k])
+def ray_of(robot, k, i, spot):
+    """Ray `i` of proximity sensor `k`, there, in the room's frame."""
+    return turned(spot, robot.proximity_ray[k, 0, i], robot.proximity_ray[k, 1, i])
 
 
 @step
-def follow_ray(robot, arena, k, i, work, common):
-    """What ray `i` of such a sensor returns, and what its beams overlap by."""
-    place, ray = common.places[k], robot.proximity_ray
-    x, y = turned(Spot(place[0], place[1], work.pose[3], work.pose[4]), ray[k, 0, i], ray[k, 1, i])
-    inverse, incidence = met_by(arena, place, x, y, robot.proximity_lambertian > 0.0)
-    common.terms[k, i] = returned(robot, k, i, inverse, incidence)
-    if i == RAYS // 2:
-        common.terms[k, RAYS] = overlapping(robot, k, inverse, incidence)
+def pass_walls(robot, arena, k, spot, inverse, incidence):
+    """Set 1/d of a sensor's rays to the outer walls, and, if surfaces are Lambertian, their incidence."""
+    walls, lambertian = walls_round(arena, spot), robot.proximity_lambertian > 0.0
+    for i in range(RAYS):
+        x, y = ray_of(robot, k, i, spot)
+        across, along = to_walls(walls, x, y)
+        inverse[i] = max(across, along)
+        if lambertian:
+            incidence[i] = abs(x) if across >= along else abs(y)
 
 
 @step
-def take_up(robot, k, common):
-    """The noise-free reading of proximity sensor `k` from what its rays return."""
-    total, measured = 0.0, robot.proximity_curve.shape[1] > 0
-    if common.noticed[k] == 1:
-        total = added(common.terms[k]) - common.terms[k, RAYS]
-    if measured:
-        return respond(robot.proximity_curve, k, robot.proximity_knee, total)
-    return min(max(total, 0.0), robot.proximity_top)
+def pass_cylinders(robot, arena, k, spot, inverse, incidence):
+    """Shorten the rays that meet a cylinder first; one behind the sensor meets none."""
+    ahead_x, ahead_y = ray_of(robot, k, RAYS, spot)
+    lambertian = robot.proximity_lambertian > 0.0
+    for j in range(arena.cylinders.shape[0]):
+        qx, qy, radius = arena.cylinders[j, 0] - spot.x, arena.cylinders[j, 1] - spot.y, arena.cylinders[j, 2]
+        if qx * ahead_x + qy * ahead_y > -radius:
+            square, inverse_square = facing_circle(qx, qy, radius)
+            for i in range(RAYS):
+                x, y = ray_of(robot, k, i, spot)
+                t = qx * x + qy * y
+                under = t * t - square
+                if t > 0.0 and under > 0.0:
+                    half = math.sqrt(under)
+                    met = (t + half) * inverse_square
+                    if met > inverse[i]:
+                        inverse[i] = met
+                        if lambertian:
+                            incidence[i] = min(half * (1.0 / radius), 1.0)
+
+
+@step
+def pass_segments(robot, arena, k, spot, inverse, incidence):
+    """Shorten the rays that meet an inner wall first."""
+    lambertian = robot.proximity_lambertian > 0.0
+    for j in range(arena.segments.shape[0]):
+        ax, ay = arena.segments[j, 0] - spot.x, arena.segments[j, 1] - spot.y
+        bx, by = arena.segments[j, 2] - spot.x, arena.segments[j, 3] - spot.y
+        sign, inverse_area, length = facing_segment(ax, ay, bx, by)
+        for i in range(RAYS):
+            x, y = ray_of(robot, k, i, spot)
+            met, through = meet_segment(ax, ay, bx, by, sign, inverse_area, x, y)
+            if met > inverse[i]:
+                inverse[i] = met
+                if lambertian:
+                    incidence[i] = abs(through) * (1.0 / max(length, TOUCHING))
+
+
+@step
+def look_along(robot, arena, k, pose, inverse, incidence):
+    """What the rays of proximity sensor `k` return to a robot whose x, y, cosine and sine are `pose`.
+
+    A sum as geometry.added has it. `inverse` and `incidence`: room for RAYS numbers.
+    """
+    x, y, c, s = pose
+    px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
+    py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
+    spot, middle = Spot(px, py, c, s), RAYS // 2
+    pass_walls(robot, arena, k, spot, inverse, incidence)
+    pass_cylinders(robot, arena, k, spot, inverse, incidence)
+    pass_segments(robot, arena, k, spot, inverse, incidence)
+    first, second, pair = 0.0, 0.0, 0.0
+    for n in range(RAYS):
+        i = in_order(n)
+        light = returned(robot, k, i, inverse[i], incidence[i])
+        pair = light if n % 2 == 0 else pair + light
+        if n == 1 or n == 3:
+            first += pair
+        elif n == 5 or n == 7:
+            second += pair
+    return first + second + pair - overlapping(robot, k, inverse[middle], incidence[middle])
+
+
+@step
+def answer_near(robot, k, light):
+    """The noise-free reading of proximity sensor `k` by what its rays return."""
+    if robot.proximity_curve.shape[1] > 0:
+        return respond(robot.proximity_curve, k, robot.proximity_knee, light)
+    return min(max(light, 0.0), robot.proximity_top)
 
 
 @step
@@ -193,36 +212,17 @@ def light_at(robot, arena, lamp, work, place, facing, least):
 
 
 @step
-def stand_about(robot, arena, k, work, common):
-    """Where ambient sensor `k` is, and no light yet."""
-    view = look(robot, k, work)
-    stand_between(arena, Spot(view.x, view.y, work.pose[3], work.pose[4]), common.places[k])
-    for i in range(RAYS + 1):
-        common.terms[k, i] = 0.0
-
-
-@step
-def follow_light(robot, arena, lamp, k, i, work, common):
-    """Light of a lamp that ray `i` of ambient sensor `k` brings; after the last ray, what falls on it."""
-    place, each = common.places[k], rays_of_fan(robot, work)
-    spot, last = (place[0], place[1]), i == each
-    facing, weight, least = (0.0, 0.0), 1.0, 0.0
-    if last:
-        view = look(robot, k, work)
-        facing, least = (view.ahead_x, view.ahead_y), 1e-3
-    else:
-        row = k * each + i
-        heading = Spot(place[0], place[1], work.pose[3], work.pose[4])
+def light_by(robot, arena, lamp, k, i, view, walls, work):
+    """Light of a lamp that ray `i` of ambient sensor `k` brings, looking from `view` between `walls`; or, for
+    i = RAYS, what falls on the sensor."""
+    place, facing, weight, least = (view.x, view.y), (view.ahead_x, view.ahead_y), 1.0, 1e-3
+    if i < RAYS:
+        each = rays_of_fan(robot, work)
+        row, facing, least = k * each + min(i, each - 1), (0.0, 0.0), 0.0
+        heading = Spot(view.x, view.y, work.pose[3], work.pose[4])
         x, y = turned(heading, work.all_fans[0, row], work.all_fans[1, row])
-        inverse, _ = met_by(arena, place, x, y, False)
+        inverse = met_by(arena, place, walls, x, y)
         d = (1.0 - GRAZE) / inverse
-        spot = (place[0] + x * d, place[1] + y * d)
-        weight = work.all_fans[2, row] * (inverse * inverse)
-    light = light_at(robot, arena, lamp, work, spot, facing, least)
-    common.terms[k, RAYS if last else i] = light if last else light * weight
-
-
-@step
-def take_in(k, common):
-    """Light of a lamp on ambient sensor `k`."""
-    return common.terms[k, RAYS] + added(common.terms[k])
+        place = (view.x + x * d, view.y + y * d)
+        weight = work.all_fans[2, row] * (inverse * inverse) if i < each else 0.0
+    return light_at(robot, arena, lamp, work, place, facing, least) * weight

@@ -1,4 +1,4 @@
-"""The engine of an NVIDIA GPU: batches of trials, side by side, each shared by a few threads.
+"""The engine of an NVIDIA GPU: batches of trials, side by side.
 
 Extra `cuda` (`pip install "realitygap[cuda]"`). With NUMBA_ENABLE_CUDASIM=1 the launches are simulated.
 """
@@ -15,14 +15,14 @@ import numpy as np
 from numba import cuda
 from numpy.typing import NDArray
 
+from realitygap.controller.layout import Layout, bare
+from realitygap.controller.network import decode
 from realitygap.errors import UsageError
-from realitygap.kernels import halves, together
 from realitygap.kernels.params import Networks, Path
-from realitygap.kernels.shared_rays import most_of_a_kind
-from realitygap.kernels.together import Own, lanes_of_rays
-from realitygap.kernels.work import Work, new_work
+from realitygap.kernels.work import new_work
 from realitygap.simulation.cuda_code import SIMULATED, Kernel, compiling
-from realitygap.simulation.cuda_kernels import GROUP, SHARED, scoring, swapped, trials
+from realitygap.simulation.cuda_kernels import plan_for, scoring, trials
+from realitygap.simulation.cuda_sensors import WARP
 from realitygap.simulation.engine import Cores, Streams
 from realitygap.tasks.task import Task
 from realitygap.values import Floats
@@ -31,7 +31,9 @@ from realitygap.world.profile import Profile
 __all__ = ["Batch", "Cuda", "require_gpu"]
 
 MOST_BYTES = 1 << 31
-"""Of paths and scratch at a time."""
+"""Of paths at a time."""
+BUSY = 4
+"""Warps on each multiprocessor from which on a warp has more trials, not a GPU more warps."""
 TOO_NEW = "2.5.0"
 """The first NumPy without what numba-cuda 0.30 imports of it."""
 INSTALL = 'Install it: pip install "realitygap[cuda]".'
@@ -47,6 +49,8 @@ class Batch(NamedTuple):
     streams: Streams
     paths: Floats
     taken: Floats
+    each: int
+    """Trials of a warp."""
 
 
 class Cuda:
@@ -72,8 +76,7 @@ class Cuda:
                 "infrared.table. Leave out --engine."
             )
         self.cores = Cores(task, profile, noise)
-        self._ones: dict[tuple[int, int], Work] = {}
-        self._kept: dict[tuple[int, int], Work] = {}
+        self._kernels: dict[tuple[int, int], tuple[Kernel, Any]] = {}
         self._rooms: dict[str, Any] = {}
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
@@ -95,9 +98,10 @@ class Cuda:
         return Path(*(paths[:, i].reshape(*streams.shape, -1) for i in range(len(Path._fields))))
 
     def compile(self) -> None:
-        """Compile what evolution needs, or load it from the cache; the first time takes some 20 s."""
-        one = np.zeros(1, np.int64), np.zeros(1, np.uint64)
-        self._taken(self._run(_placed(halves.quiet()), *one, self._scratch(halves.quiet(), 1)))
+        """Compile what evolution of the usual layout needs, or load it; the first time takes some 20 s."""
+        inputs = len(self.cores.trial.channels)
+        layout = Layout(inputs=inputs, slots=max(Layout.slots, inputs + Layout.outputs))
+        self.scores(decode(bare(layout), layout), np.zeros((1, 1), np.uint64))
 
     @cached_property
     def _world(self) -> Any:
@@ -112,68 +116,37 @@ class Cuda:
         """Of launches: those of engines in other threads do not wait for each other."""
         return 0 if SIMULATED else cuda.stream()
 
-    @cached_property
-    def _trials(self) -> Kernel:
-        cores = self.cores
-        rays = lanes_of_rays(new_work(cores.robot, cores.trial, halves.quiet()), cores.robot)
-        swaps = swapped(cores)
-        shares = together.sense_together in dict(swaps)
-        return trials((*rays, most_of_a_kind(cores.robot) if shares else 1), swaps)
-
-    @property
-    def _groups(self) -> int:
-        """Trials of a block."""
-        return self._trials.block // GROUP
-
-    def _whole(self, count: int) -> int:
-        """So many trials, and as many more as fill the last block."""
-        return -(-count // self._groups) * self._groups
+    def _trials(self, networks: Networks) -> tuple[Kernel, Any]:
+        """The kernel for networks of such a size, and what of the scratch its threads do not make."""
+        size = networks.thresholds.shape[1], networks.links.shape[1]
+        if size not in self._kernels:
+            plan = plan_for(self.cores, networks)
+            work = new_work(self.cores.robot, self.cores.trial, networks)
+            if not SIMULATED:
+                theirs: dict[str, Any] = dict.fromkeys([name for name, _, _ in plan.own], ())
+                work = _placed(work._replace(**theirs | {"bounds": ()}))
+            self._kernels[size] = trials(plan), work
+        return self._kernels[size]
 
     def _launched(self, networks: Networks, streams: Streams) -> Iterator[Batch]:
         """Trials as they are carried out, so many at a time as there is room for."""
         which, flat = self.cores.named(networks, streams)
-        most = max(self._groups, MOST_BYTES // self._bytes(networks))
+        made = self._trials(networks)
+        most = max(WARP, MOST_BYTES // (8 * len(Path._fields) * self.cores.trial.steps))
         nets = Networks(*(self._there(name, array) for name, array in networks._asdict().items()))
         for first in range(0, len(flat), most):
             some = slice(first, first + most)
-            work = self._scratch(networks, min(most, len(flat)))
-            yield self._run(nets, which[some], flat[some], work)
+            yield self._run(made, nets, which[some], flat[some])
 
-    def _one(self, networks: Networks) -> Work:
-        """Scratch of one trial."""
-        size = _size(networks)
-        if size not in self._ones:
-            self._ones[size] = new_work(self.cores.robot, self.cores.trial, networks)
-        return self._ones[size]
-
-    def _bytes(self, networks: Networks) -> int:
-        """Of the scratch and the path of a trial."""
-        arrays = [array for array in self._one(networks) if isinstance(array, np.ndarray)]
-        return sum(array.nbytes for array in arrays) + 8 * len(Path._fields) * self.cores.trial.steps
-
-    def _scratch(self, networks: Networks, count: int) -> Work:
-        """Scratch of at least so many trials, a row for each."""
-        size = _size(networks)
-        kept = self._kept.get(size)
-        rows = self._whole(count)
-        if kept is None or len(kept.pose) < rows:
-            one = self._one(networks)
-            spread: dict[str, Any] = {
-                name: np.array(np.broadcast_to(array, (rows, *array.shape)), order="C")
-                for name, array in one._asdict().items() if name not in SHARED
-            }  # fmt: skip
-            if not SIMULATED:  # threads have rays of their own, and one uncertain bound would hold up a warp
-                spread |= dict.fromkeys((*Own._fields, "bounds"), ())
-            kept = self._kept[size] = _placed(one._replace(**spread))
-        return kept
-
-    def _run(self, nets: Any, which: NDArray[np.int64], streams: Streams, work: Work) -> Batch:
+    def _run(self, made: tuple[Kernel, Any], nets: Any, which: NDArray[np.int64], streams: Streams) -> Batch:
         """Carry out trials; their paths stay where they are until the next ones."""
-        count = self._whole(len(which))
+        (kernel, work), each = made, each_of(len(which))
+        whole = each * kernel.block // WARP
+        count = -(-len(which) // whole) * whole  # as many more as fill the last block
         paths = self._room_for("paths", (count, len(Path._fields), self.cores.trial.steps))
         taken = self._room_for("taken", (count, 2))
-        batch = Batch(self._there("which", which), self._there("streams", streams), paths, taken)
-        _launch(self._trials, self._stream, GROUP * count, self._world, nets, work, batch)
+        batch = Batch(self._there("which", which), self._there("streams", streams), paths, taken, each)
+        _launch(kernel, self._stream, count // each * WARP, self._world, nets, work, batch)
         return batch
 
     def _taken(self, batch: Batch) -> Floats:
@@ -214,6 +187,12 @@ class Cuda:
         return found
 
 
+def each_of(count: int) -> int:
+    """Trials of a warp, of so many: a power of two, up to 32."""
+    busy = BUSY * (1 if SIMULATED else cuda.get_current_device().MULTIPROCESSOR_COUNT)
+    return min(1 << max(0, -(-count // busy) - 1).bit_length(), WARP)
+
+
 def require_gpu() -> None:
     """See that there is a GPU, and what it takes to use it.
 
@@ -238,14 +217,9 @@ _ONE_AT_A_TIME = Lock()
 
 def _launch(kernel: Kernel, stream: Any, threads: int, *given: Any) -> None:
     """Start a kernel with at least so many threads."""
-    with _ONE_AT_A_TIME, compiling(kernel.small), warnings.catch_warnings():
+    with _ONE_AT_A_TIME, compiling(kernel.steps, kernel.rolled), warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*Grid size")  # one run's batches are small; it may be in bold
         kernel.made[-(-threads // kernel.block), kernel.block, stream](*given)
-
-
-def _size(networks: Networks) -> tuple[int, int]:
-    """What the size of scratch follows from: the most neurons and links."""
-    return networks.thresholds.shape[1], networks.links.shape[1]
 
 
 def _placed(value: Any) -> Any:

@@ -24,11 +24,13 @@ FIRST = 1_000_000
 
 
 class Kernel(NamedTuple):
-    """What is launched: numba-cuda's kernel, the threads of a block, and whether its code is to be small."""
+    """What is launched: numba-cuda's kernel, the threads of a block, whether it is made of steps,
+    and whether their loops are to stay loops."""
 
     made: Any
     block: int
-    small: bool
+    steps: bool
+    rolled: bool = False
 
 
 class _Entries:
@@ -77,20 +79,20 @@ def kept(made: Any, *facts: object) -> Any:
 
 
 @contextmanager
-def compiling(small: bool) -> Iterator[None]:
+def compiling(steps: bool, rolled: bool = False) -> Iterator[None]:
     """Compile as numba-cuda does not offer to: multiplications and additions are not fused.
 
     Args:
-        small: also, no loop is unrolled, since most are short and code has to be fetched; and no index counts
-            from an array's end, as negative ones otherwise do. Steps have none.
+        steps: also, no index counts from an array's end, as negative ones otherwise do. Steps have none.
+        rolled: no loop is unrolled, for code has to be fetched.
     """
     from numba.cuda.cudadrv import nvvm
     from numba.cuda.np import arrayobj
 
     compile_ir, fix_index = nvvm.compile_ir, arrayobj.fix_integer_index
-    rolled = _rolled if small else _as_it_is
-    nvvm.compile_ir = lambda ir, **options: compile_ir(rolled(ir), **{**options, "fma": False})
-    if small:
+    text = _rolled if rolled else _as_it_is
+    nvvm.compile_ir = lambda ir, **options: compile_ir(text(ir), **{**options, "fma": False})
+    if steps:
         arrayobj.fix_integer_index = _index
     try:
         yield

@@ -1,53 +1,72 @@
-"""The kernels of a GPU, made of the processor's steps: threads share a trial, one takes its score.
+"""The kernels of a GPU, made of the processor's steps: a thread carries out a trial, or takes its score.
 
-The steps are compiled from the same Python functions (kernels/together.py), without what a robot and its task
-do not use, and kept on file. Nothing reorders a sum and no multiplication is fused with an addition, so that
-the GPU rounds where the processor does. Simulated launches call the processor's steps.
+The steps are compiled from the same Python functions, without what a robot and its task do not use, and kept
+on file. Nothing reorders a sum and no multiplication is fused with an addition, so that the GPU rounds where
+the processor does. The threads of a warp share their sensors (cuda_sensors.py), those of a block the robot
+and the arena. Simulated launches call the processor's steps.
 """
 
 from collections.abc import Callable
 from functools import cache
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
+import numpy as np
 from numba import cuda
 from numba.core.dispatcher import Dispatcher
 
-from realitygap.kernels import (
-    ambient,
-    geometry,
-    infrared,
-    light,
-    light_beyond,
-    outline,
-    shared_rays,
-    together,
-    trial,
-)
+from realitygap.kernels import ambient, geometry, infrared, light, light_beyond, outline, trial
 from realitygap.kernels.batch import run_trials
-from realitygap.kernels.params import RAYS, Path
-from realitygap.kernels.shared_rays import Common
-from realitygap.kernels.together import Own
-from realitygap.kernels.work import Work
+from realitygap.kernels.params import RAYS, Arena, Networks, Path, Robot, Trial, World
+from realitygap.kernels.work import Work, new_work
 from realitygap.simulation.cuda_code import SIMULATED, Kernel, kept
+from realitygap.simulation.cuda_sensors import (
+    EACH,
+    MOST,
+    WARP,
+    shared_ambient,
+    shared_infrared,
+    shared_noise,
+)
 from realitygap.simulation.engine import Cores
 
-__all__ = ["GROUP", "ROOM", "SHARED", "block_for", "device", "scoring", "swapped", "trials"]
+__all__ = ["Plan", "device", "plan_for", "scoring", "trials"]
 
-GROUP = 1 if SIMULATED else 8
-"""Threads that share a trial: as many as most robots have sensors of a kind."""
-WARP = 32
-BLOCK = WARP if SIMULATED else 256
-"""Threads of a block at most. They carry out the same stage of a step at a time, so that what one warp has
-fetched of the code is there for the others."""
+BLOCK = 128
+"""Threads of a block at most: fewer where the sensors' rooms are large."""
 REGISTERS = 128
-"""Of a thread: a multiprocessor has room for two such blocks."""
+"""Of a thread: a multiprocessor has room for four such blocks."""
 ROOM = 47 * 1024
 """Bytes that the threads of a block may share, less a little for alignment."""
-SHARED = ("fan", "all_fans", "span", "bounds")
+NEAR, LEAST = 16 * 1024, 8 * 1024
+"""Bytes of a robot and an arena that they share at most, and that there is to be room for."""
+SHARED = ("fan", "all_fans", "span")
 """What of the scratch nobody writes."""
+SMALL = {
+    "outputs": "int8", "base": "int16", "inputs": "int8", "change": "int8", "sensor_link": "int8",
+    "link_end": "uint16", "link_back": "uint16", "link_weight": "int8", "noticed": "int8", "listed": "uint16",
+}  # fmt: skip
+"""Types of what is small: the nearest cache has room for few numbers of each thread."""
 Swaps = tuple[tuple[Dispatcher, Callable[..., Any]], ...]
+Sizes = tuple[tuple[str, tuple[int, ...], str], ...]
+"""Name, shape and type of each of some arrays."""
+
+
+class Plan(NamedTuple):
+    """What a kernel is made for; all that it is compiled from, with the types of its arguments."""
+
+    block: int
+    """Threads of a block."""
+    sensors: int
+    """Proximity sensors whose rays threads share, or 0."""
+    lit: bool
+    """Whether they share those of the ambient sensors."""
+    own: Sizes
+    """Of each thread's scratch."""
+    near: tuple[Sizes, Sizes, Sizes, Sizes]
+    """Of a robot, an arena, a task and the scratch: what the threads of a block share."""
+    swaps: Swaps
 
 
 @cache
@@ -69,6 +88,7 @@ def device(made: Dispatcher, swaps: Swaps = ()) -> Any:
     scope |= {
         name: plain.__globals__[name] for name in ("__name__", "__builtins__") if name in plain.__globals__
     }
+    scope |= {"max": _higher, "min": _lower}
     copy = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__, plain.__closure__)
     return cuda.jit(device=True)(copy)
 
@@ -76,6 +96,18 @@ def device(made: Dispatcher, swaps: Swaps = ()) -> Any:
 @cache
 def _standing_in(plain: Callable[..., Any]) -> Any:
     return cuda.jit(device=True)(plain)
+
+
+@cuda.jit(device=True)
+def _higher(one: Any, other: Any) -> Any:
+    """As `max`, in fewer instructions: no step meets what is not a number."""
+    return other if other > one else one
+
+
+@cuda.jit(device=True)
+def _lower(one: Any, other: Any) -> Any:
+    """As `min`."""
+    return other if other < one else one
 
 
 def _nothing(*_given: Any) -> None:
@@ -92,28 +124,65 @@ def _stay(*_given: Any) -> tuple[float, float, float, bool]:
     return 0.0, 0.0, 0.0, False
 
 
-def _meet(_lane: int, _group: int) -> None:
-    """Wait for the other threads of a group: here for those of the whole block."""
-    cuda.syncthreads()
+def _never(*_given: Any) -> bool:
+    """Stands in for a function that says whether, and is never called."""
+    return False
+
+
+def plan_for(cores: Cores, networks: Networks) -> Plan:
+    """The kernel for such trials of networks of such a size."""
+    robot, arena, feed = cores.robot, cores.arena, cores.trial.feed
+    one, tinted = new_work(robot, cores.trial, networks), len(arena.reflectance) > 0
+    sensors = 0 if feed == trial.AMBIENT or tinted else len(robot.proximity_place)
+    bent = light_beyond.goes_beyond.py_func(robot) or len(robot.outline) > 0
+    lit = feed != trial.PROXIMITY and not tinted and not bent
+    block = block_for(sensors, len(one.noise), lit)
+    if block == 0 or sensors > MOST:
+        sensors, block = 0, block_for(0, len(one.noise), lit)
+    room = [min(NEAR, ROOM - block // WARP * room_of(sensors, len(one.noise), lit))]
+    scratch = {name: getattr(one, name) for name in SHARED}
+    near = tuple(
+        _small(part, room) for part in (*(p._asdict() for p in (robot, arena, cores.trial)), scratch)
+    )
+    own = tuple(
+        (name, array.shape, SMALL.get(name, array.dtype.name))
+        for name, array in one._asdict().items()
+        if name not in SHARED and isinstance(array, np.ndarray)
+    )
+    return Plan(block, sensors, lit, own, near, swapped(cores))  # type: ignore[arg-type]
+
+
+def room_of(sensors: int, drawn: int, lit: bool) -> int:
+    """Bytes that a warp's threads share: normal numbers, proximity sensors and ambient ones."""
+    near = WARP * (4 * 8 + sensors * 10) if sensors else 0
+    return WARP * 8 * drawn + near + (WARP * 8 * (RAYS + 1) if lit else 0)
+
+
+def block_for(sensors: int, drawn: int, lit: bool) -> int:
+    """Threads of a block whose warps have room for as much; 0 if not even one has."""
+    blocks = (block for block in (BLOCK, BLOCK // 2, BLOCK // 4))
+    return next((b for b in blocks if b // WARP * room_of(sensors, drawn, lit) + LEAST <= ROOM), 0)
+
+
+def _small(arrays: dict[str, Any], room: list[int]) -> Sizes:
+    """Of those arrays that there is room for, the smallest first."""
+    found = []
+    for name, array in sorted(arrays.items(), key=lambda each: getattr(each[1], "nbytes", 0)):
+        if isinstance(array, np.ndarray) and array.nbytes <= room[0]:
+            room[0] -= array.nbytes
+            found.append((name, array.shape, array.dtype.name))
+    return tuple(found)
 
 
 def swapped(cores: Cores) -> Swaps:
-    """Functions that these trials never call, each with something small to be compiled in its place.
-
-    And sensors whose rays threads share, where surfaces and light allow it and there is room.
-    """
+    """Functions that these trials never call, each with something small to be compiled in its place."""
     robot, feed = cores.robot, cores.trial.feed
-    seen, lit = feed != trial.AMBIENT, feed != trial.PROXIMITY
-    beyond = light_beyond.goes_beyond.py_func(robot)
-    found: dict[Dispatcher, Callable[..., Any]] = {}
-    if not seen:
-        found |= {infrared.infrared: _nothing, shared_rays.sense_near: _nothing}
-    if not lit:
-        found |= {ambient.ambient: _nothing, shared_rays.sense_light: _nothing}
-    printed = not len(cores.arena.reflectance) and not (lit and (beyond or len(robot.outline)))
-    if printed and block_for(shared_rays.most_of_a_kind(robot)):
-        found[together.sense_together] = shared_rays.sense_by_rays
-    if not beyond:
+    found: dict[Dispatcher, Callable[..., Any]] = {trial.bound_readings: _never}
+    if feed == trial.AMBIENT:
+        found |= {infrared.infrared: _nothing}
+    if feed == trial.PROXIMITY:
+        found |= {ambient.ambient: _nothing}
+    if not light_beyond.goes_beyond.py_func(robot):
         found[light_beyond.illuminate_beyond] = _nothing
     if not robot.proximity_curve.shape[1]:
         found[infrared.gathered] = _none
@@ -124,61 +193,38 @@ def swapped(cores: Cores) -> Swaps:
     return tuple(found.items())
 
 
-def block_for(sensors: int) -> int:
-    """Threads of a block whose groups have room for so many sensors; 0 if not even a warp's have."""
-    if SIMULATED:
-        return WARP
-    one = sum(array.nbytes for array in shared_rays.common_room(sensors))
-    warps = ROOM // (WARP // GROUP * one)
-    return int(min(WARP * warps, BLOCK))
-
-
 @cache
-def trials(rays: tuple[int, int, int], swaps: Swaps) -> Kernel:
-    """The kernel that carries out a trial in each group of threads.
+def trials(plan: Plan) -> Kernel:
+    """The kernel that carries out a trial in each thread, or in several."""
+    if SIMULATED:
+        return Kernel(cuda.jit(_simulate), plan.block, steps=True)
+    warps, draw_start = plan.block // WARP, device(trial.draw_start)
+    shared: Swaps = ((trial.draw_noise, shared_noise(device)),)
+    if plan.sensors:
+        shared += ((infrared.infrared, shared_infrared(device, plan.sensors, warps)),)
+    if plan.lit:
+        shared += ((ambient.ambient, shared_ambient(device, warps)),)
+    one_trial = device(trial.run_trial, (*plan.swaps, *shared))
 
-    Args:
-        rays: as `lanes_of_rays` gives them, and of how many sensors of a kind threads share the rays.
-        swaps: as `swapped` gives them.
-    """
-    draw_start, own, (light, wide, sensors) = device(trial.draw_start), _own(), rays
-    block, more, terms = block_for(sensors), sensors + 1, RAYS + 1
-    groups = block // GROUP
-    run_together = device(together.run_together, (*swaps, (together.meet, _meet)))
+    def carry_out(world: Any, nets: Any, mine: Any, batch: Any) -> None:
+        thread, each = cuda.grid(1), batch.each
+        t = thread // WARP * each + thread % each
+        i = min(t, batch.which.shape[0] - 1)  # the last warps are full, too: all their threads meet
+        p, stream = batch.paths[t], batch.streams[i]
+        cuda.syncthreads()
+        mine.settled[EACH] = each
+        draw_start(world.task, stream, mine.start)
+        one_trial(world, nets, batch.which[i], stream, mine, Path(p[0], p[1], p[2], p[3], p[4], p[5]))
 
-    def simulate(world: Any, nets: Any, work: Any, batch: Any) -> None:
-        t = cuda.grid(1)
-        if t < batch.which.shape[0]:
-            one = slice(t, t + 1)
-            run_trials(world, nets, batch.which[one], batch.streams[one], batch.paths[one], own(work, t))
+    made = cuda.jit(_written(plan, cuda.jit(device=True)(carry_out)), max_registers=REGISTERS)
+    named = [(one.py_func.__name__, getattr(other, "__name__", "")) for one, other in plan.swaps]
+    code = kept(made, plan._replace(swaps=()), REGISTERS, named)
+    return Kernel(code, plan.block, steps=True, rolled=plan.sensors > 0)  # else the rays' code is too large
 
-    def carry_out(world: Any, nets: Any, work: Any, batch: Any) -> None:
-        thread = cuda.grid(1)
-        t, lane = thread // GROUP, thread % GROUP
-        mine, p, d = own(work, t), batch.paths[t], numba.float64
-        i = min(t, batch.which.shape[0] - 1)  # the last block is full, too: all its threads meet
-        rays = Own(
-            cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
-            cuda.local.array(wide, d), cuda.local.array(light, d), cuda.local.array(wide, d),
-            cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
-            cuda.local.array(wide, d), cuda.local.array(wide, d), cuda.local.array(wide, d),
-            cuda.local.array(1, numba.int64), cuda.local.array(1, numba.uint64),
-        )  # fmt: skip
-        group = cuda.threadIdx.x // GROUP
-        common = Common(
-            cuda.shared.array((groups, sensors, 6), d)[group],
-            cuda.shared.array((groups, sensors), numba.int32)[group],
-            cuda.shared.array((groups, more), numba.int32)[group],
-            cuda.shared.array((groups, sensors, terms), d)[group],
-        )
-        n, stream, path = batch.which[i], batch.streams[i], Path(p[0], p[1], p[2], p[3], p[4], p[5])
-        if lane == 0:
-            draw_start(world.task, stream, mine.start)
-        run_together(world, nets, n, stream, lane, GROUP, mine, rays, common, path)
 
-    named = [(one.py_func.__name__, getattr(other, "__name__", "")) for one, other in swaps]
-    made = cuda.jit(simulate) if SIMULATED else cuda.jit(carry_out, max_registers=REGISTERS)
-    return Kernel(kept(made, rays, named), block, small=True)
+def _simulate(world: Any, nets: Any, work: Any, batch: Any) -> None:
+    if cuda.grid(1) == 0:  # one thread carries out all trials, for there is scratch for one
+        run_trials(world, nets, batch.which, batch.streams, batch.paths, work)
 
 
 @cache
@@ -197,14 +243,68 @@ def scoring(score: Any) -> Kernel:
             batch.taken[t, 0] = score(Path(p[0], p[1], p[2], p[3], p[4], p[5]), room)
             batch.taken[t, 1] = total
 
-    return Kernel(kept(cuda.jit(take), whose), WARP, small=False)
+    return Kernel(kept(cuda.jit(take), whose), WARP, steps=False)
 
 
-def _own() -> Callable[[Work, int], Work]:
-    """A thread's own rows of the scratch, by a text: compiled code cannot map over a tuple's fields."""
-    whole = SHARED if SIMULATED else SHARED + Own._fields
-    rows = (f"all.{name}" if name in whole else f"all.{name}[t]" for name in Work._fields)
-    scope: dict[str, Any] = {"Work": Work}
-    exec(f"def own(all, t):\n    return Work({', '.join(rows)})", scope)
-    own: Callable[[Work, int], Work] = cuda.jit(device=True)(scope["own"])
-    return own
+def _written(plan: Plan, go: Any) -> Any:
+    """The kernel's way in, of a text: compiled code cannot map over a tuple's fields.
+
+    A thread's arrays have to be made here: those that a function makes end with it.
+    """
+    robot, arena, task, scratch = plan.near
+    own = {name: f"cuda.local.array({shape}, numba.{kind})" for name, shape, kind in plan.own}
+    drawn = next(shape[0] for name, shape, _ in plan.own if name == "noise")
+    rows = f"cuda.shared.array(({plan.block // WARP}, {drawn}, {WARP}), numba.float64)"
+    own["noise"] = f"{rows}[cuda.threadIdx.x // {WARP}, :, cuda.threadIdx.x % {WARP} % batch.each]"
+    own["settled"] = f"cuda.local.array({EACH + 1}, numba.int64)"
+    parts = (("world.robot", Robot, robot), ("world.arena", Arena, arena), ("world.task", Trial, task))
+    near = ", ".join(_made_of(made, whole, _copies(whole, sizes)) for whole, made, sizes in parts)
+    mine = _made_of(Work, "work", own | _copies("work", scratch))
+    text = (
+        f"def carry_out(world, nets, work, batch):\n    go(World({near}, world.level), nets, {mine}, batch)"
+    )
+    scope: dict[str, Any] = {one.__name__: one for one in (Work, World, Robot, Arena, Trial)}
+    scope |= {"cuda": cuda, "numba": numba, "go": go, "copy1": _copy1, "copy2": _copy2, "copy3": _copy3}
+    exec(text, scope)
+    return scope["carry_out"]
+
+
+def _made_of(made: type, whole: str, others: dict[str, str]) -> str:
+    """A tuple as another one is, but for some fields."""
+    fields = made._fields  # type: ignore[attr-defined]
+    return f"{made.__name__}({', '.join(others.get(field, f'{whole}.{field}') for field in fields)})"
+
+
+def _copies(whole: str, sizes: Sizes) -> dict[str, str]:
+    """Of arrays of a tuple copies, whose shapes are known when they are compiled for, or the shape alone."""
+    found = {}
+    for name, shape, kind in sizes:
+        if 0 in shape:
+            least, cut = tuple(max(n, 1) for n in shape), ", ".join(f":{n}" for n in shape)
+            found[name] = f"cuda.local.array({least}, numba.{kind})[{cut}]"
+        else:
+            found[name] = f"copy{len(shape)}(cuda.shared.array({shape}, numba.{kind}), {whole}.{name})"
+    return found
+
+
+@cuda.jit(device=True)
+def _copy1(to: Any, array: Any) -> Any:
+    """A block's copy of an array, made by its first thread."""
+    if cuda.threadIdx.x == 0:
+        for i in range(to.shape[0]):
+            to[i] = array[i]
+    return to
+
+
+@cuda.jit(device=True)
+def _copy2(to: Any, array: Any) -> Any:
+    for i in range(to.shape[0]):
+        _copy1(to[i], array[i])
+    return to
+
+
+@cuda.jit(device=True)
+def _copy3(to: Any, array: Any) -> Any:
+    for i in range(to.shape[0]):
+        _copy2(to[i], array[i])
+    return to
