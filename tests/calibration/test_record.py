@@ -428,6 +428,17 @@ def test_wheels_need_no_sensors_in_the_base(tmp_path):
         assert len(says) == 1
 
 
+@pytest.mark.parametrize(("top", "eyes"), [(0, 0), (3, 0), (3, 1.2)])
+def test_light_is_recorded_with_a_base_that_leaves_heights_at_0(tmp_path, top, eyes):
+    """The recording states both heights or neither, and reads back: 0 is no height that it could state."""
+    paper = load_profile("paper")
+    light = replace(paper.ambient, sensor_height_cm=eyes)
+    base = replace(paper, body=replace(paper.body, height_cm=top), ambient=light)
+    asked(tmp_path, "", "", "q", wanted=Wanted(plan="ambient", repeats=1, base=base))
+    facts = {key: value for key, value in load_recording(tmp_path).facts.items() if "height" in key}
+    assert facts == ({"body_height_cm": top, "sensor_height_cm": eyes} if eyes else {})
+
+
 def test_q_stops_all_parts(tmp_path):
     """Whoever stops is not asked for the next part, neither at once nor after some places."""
     says, made = asked(tmp_path / "a", "q")

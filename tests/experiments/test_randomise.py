@@ -14,6 +14,7 @@ from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.share import thinned
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.cli import realitygap
+from realitygap.cli.experiment import _told
 from realitygap.errors import ConfigError, StudyError
 from realitygap.experiments.randomise.plan import (
     KNOWN,
@@ -119,6 +120,17 @@ def test_planned_comparisons_find_what_is_there_and_nothing_else():
     assert compared(given({"correspondence": -1.0, "fitness_situated": 0.0}))[0].found == "below"
     nothing = compared({name: {c: np.ones(16) for c in conditions()} for name in OUTCOMES})
     assert [one.p for one in nothing] == [1.0] * 4
+
+
+def test_one_unit_gives_no_test_and_no_p():
+    """Nor do several of which only one has a value; the other outcome's tests stand beside it."""
+    units = given({"correspondence": 1.0, "fitness_situated": 1.0})
+    units["correspondence"] = {c: np.array([v[0], np.nan]) for c, v in units["correspondence"].items()}
+    found = compared(units)
+    assert [one.found for one in found] == ["no test", "no test", "above", "open"]
+    assert np.isnan([one.p for one in found[:2]]).all() and np.isnan([one.p_holm for one in found[:2]]).all()
+    told = list(_told([], found))[1:]
+    assert ["no test with fewer than two units" in line for line in told] == [True, True, False, False]
 
 
 def test_means_are_over_units_and_leave_out_those_without_runs():

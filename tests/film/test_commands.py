@@ -56,6 +56,17 @@ def test_a_mirrored_floor_is_told(tmp_path, frames):
         assert told == (len(json.loads(result.stdout)["warnings"]) == 1) == (sign < 0)
 
 
+def test_a_lens_height_in_another_unit_is_told(tmp_path, frames):
+    """No frame contradicts it, but a lens that high, or that low, sees what few do; 78 cm is what it is."""
+    write_frames(tmp_path, frames[:8])
+    words = ("--frames", tmp_path, "--poses", tmp_path / "poses.csv", "--out", tmp_path / "camera.json")
+    for height, told in ((78, 0), (780, 1), (5, 1)):
+        result = run("camera", "calibrate", *words, "--json", "--lens-height", height)
+        assert result.exit_code == 0, result.output
+        assert result.stderr.count("Is it in another unit than cm?") == told
+        assert len(json.loads(result.stdout)["warnings"]) == told
+
+
 def test_track(tmp_path, clean_film, camera_file):
     """Tracking writes the track and the tails, and says what was found."""
     out, tails = tmp_path / "track.csv", tmp_path / "tails.png"

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from realitygap import marks_of
 from realitygap.errors import StudyInterruptedError, UsageError
 from realitygap.report import build_report
 from realitygap.report.gather import PER_CONDITION, chosen, parts_of
@@ -18,6 +19,7 @@ from realitygap.report.page import Figures, Picture
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import EVOLVING, Progress, run_study
+from realitygap.world.noise import NOISE_LEVELS
 from tests.report.scenes import draw_only
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"
@@ -172,11 +174,28 @@ def test_a_users_task_at_a_noise_of_its_own_has_a_page(tmp_path: Path) -> None:
     assert "<dt>run</dt><dd>1</dd>" in text
 
 
+def test_runs_at_a_noise_of_their_own_have_fresh_trials_and_a_behaviour_score_there(tmp_path: Path) -> None:
+    """Beside those at the paper's three levels, which are the same as without it."""
+    config = _few(StudyConfig.single("light", 0.5, **FEW))
+    study = run_and_report(tmp_path / "study", config)
+    run = study.runs[0]
+    assert {noise for _, noise in run.tests} == {0.0, 0.5, 1.0, 2.0}
+    assert study.query("SELECT champion_fresh FROM runs")["champion_fresh"][0] == pytest.approx(
+        run.tests["champion", 0.5].mean()
+    )
+    (mark,) = marks_of(study)
+    assert mark.behaviour is not None and "–: there are none at that noise" not in _page(study)
+
+
 def test_a_page_says_what_lacks_at_a_noise_without_fresh_trials(tmp_path: Path, paper: Study) -> None:
-    """Fresh trials are at zero, observed and double noise: another level has no behaviour score, and its
-    median run is that in stored fitness."""
+    """Earlier versions made them at zero, observed and double noise alone: another level has no behaviour
+    score then, and its median run is that in stored fitness."""
     config = _few(StudyConfig.single("light", 0.5, runs=2, **FEW))
-    text = _page(run_and_report(tmp_path / "study", config))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.study.run.tested_levels", lambda noise: NOISE_LEVELS.values())
+        run_study(tmp_path / "study", config, workers=1)
+    build_report(tmp_path / "study")
+    text = _page(load_study(tmp_path / "study"))
     words = ("or in stored fitness where none are at its own noise", "–: there are none at that noise")
     assert all(one in text and one not in _page(paper) for one in words)
 

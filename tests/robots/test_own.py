@@ -71,6 +71,8 @@ class Placed(Three):
     def pose(self): return 1.0, 2.0, 0.0
     @pose.setter
     def pose(self, pose): pass
+class Astray(Three):
+    pose = property(lambda self: Pose(x=1.0, y=2.0, heading=float("nan")), lambda self, pose: None)
 class Carried(Three):
     def __init__(self): self.pose = None
 class Mine(Three):
@@ -185,7 +187,8 @@ def test_it_is_checked_as_any_robot(file: Path) -> None:
         ("Unplugged", r"mine.py, line \d+: Unplugged.reset fails with OSError: no such device\.$"),
         ("Counting", "odometry: expected, since it counts turns"),
         ("Paired", r"odometry: expected an Odometry\(counters=\(left, right\)\), got \(120, 118\)"),
-        ("Placed", r"pose: expected a Pose, got \(1.0, 2.0, 0.0\)"),
+        ("Placed", r"pose: expected a Pose of finite numbers, got \(1.0, 2.0, 0.0\)"),
+        ("Astray", r"pose: expected a Pose of finite numbers, got Pose\(x=1.0, y=2.0, heading=nan\)"),
         ("Chatty", "facts: expected a dict of base, pulses_per_mm, robot, units, got {'colour': 'red'}"),
         ("Empty", "expected channels, period_s, counts_turns, reset, sense, act, stop, close"),
         ("Odd", "channels: expected a tuple of Channel"),

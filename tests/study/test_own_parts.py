@@ -104,6 +104,14 @@ def test_decoding_changes_no_gene_that_is_kept():
     assert (bench.scores(asked) == -1).all() and (asked.genes == 1).all()
 
 
+def test_random_search_needs_no_breeding_of_an_encoding(tmp_path):
+    """It draws and keeps the best: what an encoding of one's own is compared with."""
+    own(tmp_path)
+    requested = config(f"encoding.kind={tmp_path / 'e.py'}:Weights", "evolution.algorithm=random")
+    study = run_study(tmp_path / "study", requested, workers=1)
+    assert study.runs[0].finished and (study.evaluations()["cell"] >= 0).all()
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
@@ -115,7 +123,7 @@ def test_decoding_changes_no_gene_that_is_kept():
             "expected Weights to take encoding",
         ),
         (["encoding.kind={e}:Weights", "encoding.slots=3"], "Weights has hidden; no 'slots'"),
-        (["encoding.kind={e}:Weights"], "'torus' expected one with random, crosses and offspring"),
+        (["encoding.kind={e}:Weights"], "'torus' expected one with random, crosses, offspring"),
         (["encoding.kind=dense"], 'encoding.kind: expected "slots" or FILE.py:NAME, got .dense.'),
         (["evolution.own=3"], "evolution"),
     ],

@@ -9,6 +9,9 @@ from contextlib import closing
 import pytest
 
 from realitygap.errors import StudyError
+from realitygap.experiments.noise.config import NoiseConfig
+from realitygap.experiments.randomise.plan import RandomiseConfig
+from realitygap.experiments.realities import Realities
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
 from realitygap.study.schema import told
@@ -80,6 +83,15 @@ def test_no_study(tmp_path):
         load_study(tmp_path)
     with pytest.raises(StudyError, match="no such folder"):
         load_study(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("kind", [NoiseConfig, RandomiseConfig, Realities])
+def test_an_experiments_folder_is_told_from_a_studys(tmp_path, kind):
+    """Its settings' file says which command made it, and so which one makes its results again."""
+    (tmp_path / kind.FILE).touch()
+    command = f"`{kind.COMMAND} --out {tmp_path} --resume` makes its results"
+    with pytest.raises(StudyError, match=f"no study there .*experiment's folder: {command}"):
+        load_study(tmp_path)
 
 
 def test_a_missing_configuration(copy):

@@ -104,6 +104,22 @@ def test_a_drive_without_a_place_is_refused(simulation):
         drive(blind, NETWORK, task="avoidance")
 
 
+def test_a_robot_that_loses_its_place_in_a_drive_is_refused(simulation):
+    """What it did there is not known; nor of one that has neither a place, counters nor speeds."""
+
+    class Losing(SimulatedBody):
+        pose = property(lambda self: None)
+
+    start = Pose.from_degrees(25, 25, 0)
+    with pytest.raises(UsageError, match="expected its `pose` at every step of a drive, got None"):
+        drive(Losing(simulation), NETWORK, task="avoidance", start=start, seconds=1)
+    body = SimulatedBody(simulation)
+    parts = {name: getattr(body, name) for name in ("channels", "period_s", "clock", "reset", "sense", "act")}
+    blind = SimpleNamespace(**parts, stop=body.stop, close=body.close, counts_turns=False)
+    with pytest.raises(UsageError, match="expected a way to know where it is"):
+        drive(blind, NETWORK, task="avoidance", start=start, seconds=1)
+
+
 @pytest.mark.parametrize("given", [7, decode(NETWORK.genes, NETWORK.layout), NETWORK.genes, Path("own.py:x")])
 def test_what_decides_nothing_is_no_controller(simulation, given):
     """Both drives say so in a line, however large the value is."""

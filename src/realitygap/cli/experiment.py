@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,10 +94,9 @@ def _told(found: list[Outcome], comparisons: list[Comparison]) -> Iterator[str]:
     yield table(("outcome", "known", "randomised", "noise", "mean", "low", "high"), rows) + "\n"
     for one in comparisons:
         span = f"95 %: {shown(one.low)} to {shown(one.high)}"
-        yield (
-            f"{one.outcome}: {one.first} against {one.second}: {shown(one.difference)} ({span}), "
-            f"p {shown(one.p_holm)} by Holm: {one.found}"
-        )
+        tested = f"p {shown(one.p_holm)} by Holm: {one.found}"
+        tested = "no test with fewer than two units" if math.isnan(one.p) else tested
+        yield f"{one.outcome}: {one.first} against {one.second}: {shown(one.difference)} ({span}), {tested}"
 
 
 @click.group()

@@ -25,7 +25,7 @@ from realitygap.environment.spaces import (
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
-from realitygap.robots.body import Body, Paced, Placing, Seen, attend, clock_of, odometry_of
+from realitygap.robots.body import Body, Paced, Placing, Seen, attend, clock_of, known_pose, odometry_of
 from realitygap.robots.signals import MOVING, NUMBERS, Stopping, heed
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.task import Task
@@ -229,7 +229,7 @@ class _Situated:
         body, task, unknown = self.body, self.simulation.task, (np.nan, np.nan)
         readings = body.sense()
         if isinstance(body, Seen):
-            self._poses.append(body.pose)
+            self._poses.append(known_pose(body))
         told = odometry_of(body)
         now = clock_of(body).now()
         self._odometry.append((now, *(told.counters or unknown), *(told.speeds or unknown)))

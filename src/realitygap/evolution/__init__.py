@@ -43,9 +43,10 @@ def make_algorithm(name: str, encoding: Any, **params: Any) -> Algorithm[Any]:
         raise UsageError(
             f"the algorithm: expected one of {', '.join(ALGORITHMS)}, or FILE.py:NAME, got {name!r}."
         )
-    if not all(hasattr(encoding, way) for way in ("random", "crosses", "offspring")):
+    needs = ("random",) if name == "random" else ("random", "crosses", "offspring")
+    if not all(hasattr(encoding, way) for way in needs):
         raise UsageError(
-            f"encoding: the algorithm {name!r} expected one with random, crosses and offspring, "
+            f"encoding: the algorithm {name!r} expected one with {', '.join(needs)}, "
             f"such as a Variation, got {encoding!r}"
         )
     known = [key for key in ALGORITHMS[name].__dataclass_fields__ if key != "encoding"]

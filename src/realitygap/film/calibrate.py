@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
 from realitygap.film.finder import Finder, first_look
-from realitygap.film.fit import fit_camera, lens_place
+from realitygap.film.fit import USUAL_DEG, field_deg, fit_camera, lens_place
 from realitygap.film.marker import Marker, Tag, on_floor
 from realitygap.film.pattern import Grey
 from realitygap.film.tag import BELIEVED, TagFinder, finder_of, seen_in, why_not
@@ -73,13 +73,18 @@ class Calibration:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a person should know: a disk seen in a mirror is a disk, and a table may be the mirror."""
-        if not self.camera.mirrored:
-            return ()
-        return (
+        """What a person should know: a disk seen in a mirror is a disk, and a table may be the mirror; and no
+        frame contradicts a wrong height of the lens, but few lenses see so little or so much."""
+        mirror = (
             "the pictures show the floor as in a mirror. Unless the camera mirrors them, and the film too, "
-            "correct the poses: x to the right and y up as seen from above, headings counter-clockwise.",
+            "correct the poses: x to the right and y up as seen from above, headings counter-clockwise."
         )
+        field = field_deg(self.camera)
+        lens = (
+            f"lens height: from there the pictures show {field:.3g}° from corner to corner; expected "
+            f"{USUAL_DEG[0]:g} to {USUAL_DEG[1]:g}. Is it in another unit than cm?"
+        )
+        return (mirror,) * self.camera.mirrored + (lens,) * (field < USUAL_DEG[0] or field > USUAL_DEG[1])
 
     def to_dict(self) -> dict[str, Any]:
         """Residuals and their summary, ready for JSON."""

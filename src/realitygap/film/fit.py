@@ -16,7 +16,10 @@ from numpy.typing import NDArray
 from realitygap.film.camera import CameraModel
 from realitygap.values import Floats
 
-__all__ = ["fit_camera", "lens_place"]
+__all__ = ["USUAL_DEG", "field_deg", "fit_camera", "lens_place"]
+
+USUAL_DEG = (12.0, 150.0)
+"""From corner to corner, what lenses above a floor see: from a long one at a hall's ceiling to a fish-eye."""
 
 _PRIOR_PX = 0.2
 """Radial terms of size 1 cost as much as one point being this far off: only points can call for them."""
@@ -76,6 +79,18 @@ def lens_place(camera: CameraModel, height_cm: float) -> tuple[float, float, flo
         low, high = (low, half) if too_high else (half, high)
     x, y, _ = _pinhole(camera, math.exp(half))
     return float(x), float(y), float(height_cm)
+
+
+def field_deg(camera: CameraModel) -> float:
+    """The angle from corner to corner that a picture shows; NaN while the lens's place is unknown."""
+    if camera.lens_cm is None:
+        return math.nan
+    share = 0.2  # of the way to the corners: there a bent picture is straight, and no horizon is near
+    sides = np.array([camera.width_px, camera.height_px]) / 2
+    floor = camera.to_floor(camera.middle + share * np.array([-sides, sides]))
+    one, other = np.column_stack([floor, [camera.plane_cm] * 2]) - camera.lens_cm
+    between = math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
+    return math.degrees(2 * math.atan(math.tan(between / 2) / share))
 
 
 def _pinhole(camera: CameraModel, focal: float) -> Floats:

@@ -47,7 +47,7 @@ from realitygap.values import Command, Pose, Readings, as_count
 
 __all__ = [
     "KINDS", "Attentive", "Body", "Channel", "Filmed", "Inspected", "Odometry", "Placing", "Seen", "Timed",
-    "abandon", "attend", "channel", "clock_of", "facts_of", "odometry_of",
+    "abandon", "attend", "channel", "clock_of", "facts_of", "known_pose", "odometry_of",
 ]  # fmt: skip
 
 KINDS = ("proximity", "ambient")
@@ -202,6 +202,21 @@ def odometry_of(body: Body) -> Odometry:
     if body.counts_turns:
         return Odometry(*body.odometry)  # type: ignore[attr-defined]
     return Odometry(speeds=body.speeds if isinstance(body, Paced) else None)
+
+
+def known_pose(body: Seen) -> Pose:
+    """Where a body is in the midst of a drive.
+
+    Raises:
+        UsageError: it does not know.
+    """
+    told: Pose | None = body.pose
+    if told is None:
+        raise UsageError(
+            "robot: expected its `pose` at every step of a drive, got None. A robot that loses its place "
+            "needs a camera above it, counters or `speeds`, and no `pose`."
+        )
+    return told
 
 
 def abandon(body: Body) -> None:

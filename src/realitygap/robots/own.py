@@ -38,7 +38,9 @@ def _odometry(told: Any) -> Odometry:
 
 
 def _pose(told: Any) -> Pose | None:
-    if not isinstance(told, Pose | None):
+    if told is not None and not (
+        isinstance(told, Pose) and np.isfinite((told.x, told.y, told.heading)).all()
+    ):
         raise TypeError
     return told
 
@@ -64,7 +66,7 @@ FORMS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "clock": ("a clock, with waits, now and sleep_until", _clock),
     "infrared_grid": ("(bearings, distances in cm)", _grid),
     "odometry": ("an Odometry(counters=(left, right))", _odometry),
-    "pose": ("a Pose", _pose),
+    "pose": ("a Pose of finite numbers", _pose),
     "pulses_per_mm": ("a number", lambda told: None if told is None else _number(told)),
     "read_at": ("a time (s) by its clock", _number),
     "speeds": ("(left, right) or None", _pair),

@@ -36,7 +36,7 @@ class StudyConfig(Value):
         runs: evolutionary runs of each condition; evaluations: in each run, the first population
             included.
         retest_trials: trials that choose the champion among the last population.
-        fresh_trials: trials, at each of the three noise levels, of the fittest and the champion.
+        fresh_trials: trials of the fittest and the champion at each of the paper's levels and at their own.
         checkpoint_every: evaluations that a kill can lose; does not affect results.
         profile: the robot, a shipped name or a TOML file.
         conditions: tasks and noise levels, in this order.

@@ -1,5 +1,6 @@
 """A study's folder: created once, locked while in use, opened only with its original configuration."""
 
+import shlex
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
@@ -39,6 +40,14 @@ OURS = {CONFIG, LOCK, MARK, "profile.toml", "arenas", "tasks", "evolution", "enc
 OURS |= {f"{DATABASE}{end}" for end in ("", "-wal", "-shm", "-journal", ".new", ".new-journal")}
 OURS |= {"reproduce.toml", "calibration", "reproduce.tmp"}  # the last one of earlier versions
 """What a study that was killed while it was being made may have left."""
+
+EXPERIMENTS = {
+    "noise-study.toml": "experiment noise",
+    "measure-or-randomise.toml": "experiment measure-or-randomise",
+    "realities.toml": "realities",
+    "reproduce.toml": "reproduce",
+}
+"""Settings of what is no study itself, or not yet, and the command that made them."""
 
 _HEADER = """\
 # A realitygap study: all that its results depend on. Files are named from this folder.
@@ -134,7 +143,7 @@ def read_config(folder: Path) -> StudyConfig:
     path = folder / CONFIG
     if not exists(folder):
         what = "no such folder" if not folder.exists() else f"no study there ({DATABASE} is missing)"
-        raise StudyError(f"{folder}: {what}. Give a study's folder, such as `realitygap evolve` makes.")
+        raise StudyError(f"{folder}: {what}. {_cure(folder)}")
     if not path.is_file():
         raise StudyError(f"{path}: missing. Restore it from a copy: the study cannot be read without it.")
     there = StudyConfig.from_toml(path, local=True)
@@ -143,6 +152,15 @@ def read_config(folder: Path) -> StudyConfig:
         made = StudyConfig.from_dict(tomllib.loads(sources[CONFIG].decode()))
         refuse_edited_settings(path, _decisive(made.to_dict()), _decisive(there.to_dict()))
     return there
+
+
+def _cure(folder: Path) -> str:
+    """What to do about a folder without a study."""
+    made = next((command for file, command in EXPERIMENTS.items() if (folder / file).is_file()), None)
+    if made is None:
+        return "Give a study's folder, such as `realitygap evolve` makes."
+    again = f"`realitygap {made} --out {shlex.quote(str(folder))} --resume`"
+    return f"It is an experiment's folder: {again} makes its results and page again; its studies are in it."
 
 
 def own_config(folder: Path) -> StudyConfig:

@@ -14,13 +14,12 @@ from realitygap.evolution.algorithm import State
 from realitygap.study import fleet
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
-from realitygap.study.run import WHO, Asked, Bench, Records, Results, advance, begin, finish
+from realitygap.study.run import WHO, Asked, Bench, Records, Results, advance, begin, finish, tested_levels
 from realitygap.tasks.task import Task
 from realitygap.user_code import blamed_on
 from realitygap.values import Closing
 from realitygap.work.pool import Tell
 from realitygap.work.threads import merged
-from realitygap.world.noise import NOISE_LEVELS
 
 __all__ = ["Advanced", "Finished", "Job", "Message", "Workshop"]
 
@@ -221,7 +220,8 @@ class Workshop:
         """Approximate cost of a run's tests, in the same unit."""
         task, config = self._task(run), self.config
         cells = min(self._bench(self._plans[run].condition).algorithm.cells, config.evaluations)
-        trials = cells * config.retest_trials + len(WHO) * len(NOISE_LEVELS) * config.fresh_trials
+        levels = tested_levels(config.conditions[self._plans[run].condition].noise)
+        trials = cells * config.retest_trials + len(WHO) * len(levels) * config.fresh_trials
         return trials * _step_cost(task)
 
     def _task(self, run: int) -> Task:

@@ -23,7 +23,9 @@ from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, trial_streams
 from realitygap.world.noise import NOISE_LEVELS
 
-__all__ = ["WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "finish", "mean"]
+__all__ = [
+    "WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "finish", "mean", "tested_levels",
+]  # fmt: skip
 
 Scores = NDArray[np.float64]
 
@@ -197,8 +199,14 @@ def mean(scores: Scores) -> NDArray[np.float64]:
     return np.array([math.fsum(row) / trials for row in scores.tolist()])
 
 
+def tested_levels(noise: float) -> tuple[float, ...]:
+    """The noise levels of the fresh trials of a run that evolved at one: the paper's, and its own."""
+    return tuple(dict.fromkeys((*NOISE_LEVELS.values(), noise)))
+
+
 def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, Results]:
-    """Retest the last population, then test the fittest and the champion at every noise level.
+    """Retest the last population, then test the fittest and the champion at the paper's noise levels and
+    at their own.
 
     All individuals have the same starts and draws, so that they are comparable.
     """
@@ -209,7 +217,7 @@ def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, R
     champion = int(np.argmax([math.fsum(row) for row in retest.tolist()]))
     pair = np.stack([state.best_genes, state.genes[cells[champion]]])
     fresh = {}
-    for noise in NOISE_LEVELS.values():
+    for noise in tested_levels(bench.noise):
         scores = yield _test(noise, pair, plan, FRESH, bench.fresh_trials)
         fresh.update({(who, noise): scores[i] for i, who in enumerate(WHO)})
     return Results(cells, state.numbers[cells], retest, champion, fresh)

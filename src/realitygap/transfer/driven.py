@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from realitygap.errors import UsageError
-from realitygap.robots.body import Body, Paced, Seen, attend, odometry_of
+from realitygap.robots.body import Body, Paced, Seen, attend, known_pose, odometry_of
 from realitygap.robots.loop import Controller, drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.simulation.body import SimulatedBody
@@ -51,9 +51,9 @@ class Driven(NamedTuple):
             UsageError: the length of a pulse is unknown.
         """
         if self.cm_per_pulse is None:
-            raise UsageError(
-                "robot: expected the length of its pulses: calibrate its wheels, or give it `pulses_per_mm`."
-            )
+            uncounted = "a way to know where it is: its `pose`, counters, or `speeds` that it measures."
+            pulses = "the length of its pulses: calibrate its wheels, or give it `pulses_per_mm`."
+            raise UsageError(f"robot: expected {uncounted if np.isnan(self.counters).all() else pulses}")
         return of_counters(
             self.counters, start, cm_per_pulse=self.cm_per_pulse, axle_cm=axle_cm, period_s=self.period_s,
             t=self.t,
@@ -99,7 +99,7 @@ def driven(
 
     def look() -> None:
         if seen is not None:
-            poses.append(seen.pose)
+            poses.append(known_pose(seen))
 
     def inputs(readings: Readings) -> list[int]:
         look()

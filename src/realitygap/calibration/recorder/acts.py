@@ -2,7 +2,7 @@
 
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.errors import BaudError
-from realitygap.robots.body import Body, Seen, clock_of, odometry_of
+from realitygap.robots.body import Body, Seen, clock_of, known_pose, odometry_of
 from realitygap.robots.signals import MOVING, Stopping, heed
 from realitygap.values import Command, Pose
 
@@ -39,7 +39,7 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
                         "set it to 38400 baud or more."
                     )
                 if k in looks and isinstance(body, Seen):
-                    poses[k] = body.pose
+                    poses[k] = known_pose(body)
                 heed()
                 body.act(Command(left=command[0], right=command[1]))
                 turned = (*(counters or ()), *(speeds or ())) if body.counts_turns else ()

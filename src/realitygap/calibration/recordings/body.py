@@ -29,10 +29,11 @@ def stated_shape(base: Profile | None, one: Channel) -> dict[str, Any]:
 
 
 def stated_heights(base: Profile | None) -> dict[str, float]:
-    """Heights of body and sensors as facts, cm; without a base the Khepera's."""
+    """Heights of body and sensors as facts, cm, if the base has both; without a base the Khepera's."""
     if base is None:
         return HEIGHTS_CM
-    return dict(zip(HEIGHTS_CM, (base.body.height_cm, base.ambient.sensor_height_cm), strict=True))
+    heights = dict(zip(HEIGHTS_CM, (base.body.height_cm, base.ambient.sensor_height_cm), strict=True))
+    return heights if all(heights.values()) else {}
 
 
 def as_recorded(recordings: Sequence[Recording], base: Profile) -> Profile:

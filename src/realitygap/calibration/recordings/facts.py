@@ -87,5 +87,6 @@ def check_heights(folder: Path, facts: Mapping[str, Any]) -> None:
     if said and (len(numbers) < len(HEIGHTS_CM) or not numbers[1] < numbers[0] < 1e3):
         raise RecordingError(
             f"{folder / FACTS}: {' and '.join(HEIGHTS_CM)}: expected both, in cm above the floor, the "
-            f"sensors below the body's top, got {' and '.join(map(repr, said))}."
+            f"sensors below the body's top, got {' and '.join(map(repr, said))}. Correct them, or leave both "
+            "out: those of --base are used then."
         )

@@ -120,6 +120,7 @@ def compared(units: Mapping[str, Mapping[Condition, Floats]]) -> list[Comparison
     """The planned comparisons of all outcomes, with one Holm correction over them.
 
     A unit's value is its mean over both levels of noise; Student's t, paired by unit, two-sided.
+    With fewer than two units there is no test: p is NaN, and counts as 1 in the correction.
     """
     from scipy.stats import ttest_1samp
 
@@ -128,14 +129,17 @@ def compared(units: Mapping[str, Mapping[Condition, Floats]]) -> list[Comparison
         for first, second in COMPARISONS:
             gap = _both_levels(values, first) - _both_levels(values, second)
             known = gap[np.isfinite(gap)]
-            p = float(ttest_1samp(known, 0.0).pvalue) if len(known) > 1 and np.ptp(known) > 0 else 1.0
+            p = 1.0 if len(known) > 1 else np.nan
+            p = float(ttest_1samp(known, 0.0).pvalue) if len(known) > 1 and np.ptp(known) > 0 else p
             difference, low, high, _ = _interval(gap)
             made.append(
                 Comparison(name, _words(first), _words(second), difference, low, high, p, 1.0, "open")
             )
-    corrected = holm([one.p for one in made])
+    corrected = holm([float(np.nan_to_num(one.p, nan=1.0)) for one in made])
     return [
-        one._replace(p_holm=p, found="open" if p >= 0.05 else "above" if one.difference > 0 else "below")
+        one._replace(p_holm=one.p, found="no test")
+        if np.isnan(one.p)
+        else one._replace(p_holm=p, found="open" if p >= 0.05 else "above" if one.difference > 0 else "below")
         for one, p in zip(made, corrected, strict=True)
     ]
 
