@@ -56,12 +56,7 @@ def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = Tr
 
 
 def fit_infrared(
-    recordings: Sequence[SensorRecording],
-    base: Profile,
-    form: str,
-    pool: Pool,
-    *,
-    tick: Tick = lambda: None,
+    recordings: Sequence[SensorRecording], base: Profile, form: str, pool: Pool, *, tick: Tick = lambda: None
 ) -> ChannelFit:
     """Fit the proximity sensors to all recordings together.
 

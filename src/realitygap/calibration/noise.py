@@ -153,14 +153,7 @@ def _rings(
 
 
 def noise_tables(
-    sample: Sample,
-    counts: Floats,
-    model: Floats,
-    speed: Floats,
-    top: float,
-    *,
-    kind: str,
-    dead: float = 0.0,
+    sample: Sample, counts: Floats, model: Floats, speed: Floats, top: float, *, kind: str, dead: float = 0.0
 ) -> tuple[Floats, Floats]:
     """Each sensor's deviation at equal steps of the reading [S, KNOTS of the kind], and its rise with
     speed [S], s/cm.
