@@ -19,8 +19,7 @@ from realitygap.calibration.recorder.acts import drive_trial, read_standing
 from realitygap.calibration.recorder.edges import FINE, TWICE, look_between
 from realitygap.calibration.recorder.grid import Grid
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
-from realitygap.calibration.recorder.part import Part
-from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
+from realitygap.calibration.recorder.plans import KHEPERA, Part, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.body import stated_heights, stated_shape
