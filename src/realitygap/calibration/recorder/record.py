@@ -201,7 +201,6 @@ def check_period(body: Body, base: Profile) -> None:
 
 
 def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> Part:
-    """The part of a plan that reads sensors of a standing robot."""
     one = channel(body, CHANNELS[plan.kind])
     own = {"kind": plan.kind, "object": plan.object, **plan.facts, **stated_shape(wanted.base, one)}
     if plan.reflectance != 1.0:
@@ -225,7 +224,6 @@ def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> Part:
 
 
 def _wheels(trials: Sequence[Trial], body: Body) -> Part:
-    """The part of a plan that drives."""
     counted = [name for name in STEP_COLUMNS if body.counts_turns or not name.startswith(OF_COUNTERS)]
     stops: dict[tuple[str, ...], Trial] = {(str(trial.number),): trial for trial in trials}
 

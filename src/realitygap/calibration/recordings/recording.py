@@ -119,7 +119,6 @@ class SensorRecording(Recorded):
             self._check_edges(self.edges)
 
     def _check_edges(self, edges: "SensorRecording") -> None:
-        """Refuse places between others that are no such places."""
         known = self.kind == edges.kind == "infrared" and self.pose is None and edges.pose is None
         if not known or edges.edges is not None or edges.sensors != self.sensors:
             raise RecordingError(

@@ -90,8 +90,6 @@ def noise_study(
 
 
 class _Noise(Phases):
-    """The remaining work of a study."""
-
     def __init__(
         self,
         folder: Path,

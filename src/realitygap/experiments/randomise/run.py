@@ -75,8 +75,6 @@ def measure_or_randomise(
 
 
 class _Left(Phases):
-    """The remaining work of an experiment."""
-
     def __init__(
         self, folder: Path, config: RandomiseConfig, pool: Pool, on_progress: OnProgress | None
     ) -> None:
