@@ -8,6 +8,7 @@ import numpy as np
 
 from realitygap.calibration import checks, forward, misfit
 from realitygap.calibration.channel_fit import unmeasured
+from realitygap.calibration.descent import BY_HAND, LIGHT, SHIFT
 from realitygap.calibration.forward import Scene
 from realitygap.calibration.light_forms import AMBIENT_COUNTS
 from realitygap.calibration.misfit import LIMITS, Misfit, Yardstick
@@ -19,7 +20,7 @@ from realitygap.calibration.recordings.recording import (
     count_unit,
 )
 from realitygap.calibration.rows import PROXIMITY_COUNTS
-from realitygap.calibration.series import set_up
+from realitygap.calibration.solve import Free, Measured, Values, solve
 from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
 from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds
 from realitygap.errors import CalibrationError
@@ -132,7 +133,7 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
         if recording.from_sensor is None:
             turn, scale, model = _fitted_out(recording, profile, scene, live)
         else:
-            shift, light, model = set_up(recording, profile, scene)
+            shift, light, model = _set_up(recording, profile, scene)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
     lively = replace(recording, counts=known)
     estimates = misfit.measure_noise([lively], [model], part.top, profile.infrared.dead)
@@ -232,6 +233,33 @@ def _fitted_out(
         x_scale=[1.0, 0.1][:size], max_nfev=12,
     )  # fmt: skip
     return float(found.x[0]), float(np.exp(found.x[1])) if size > 1 else 1.0, readings(found.x)
+
+
+def _set_up(recording: SensorRecording, profile: Profile, scene: Scene) -> tuple[float, float, Floats]:
+    """Most likely extra distance (cm) and background light beyond the profile's (1/cm²), with a calibration's
+    priors; and the profile's readings [n, S] there."""
+    law, use = profile.infrared, np.isfinite(recording.counts)
+    if not law.measured:
+        return 0.0, 0.0, forward.proximity(profile, scene)
+    silent = (recording.counts <= 0) & (law.dead > 0)
+
+    def readings(values: Values) -> Floats:
+        away, more = float(values["shift"][0]), float(values["light"][0])
+        return forward.lit_readings(profile, scene, more, away_cm=away)
+
+    def told(values: Values) -> Floats:
+        return np.where(silent, np.maximum(readings(values) - law.dead, 0.0), readings(values))
+
+    # Like a calibration, it uses the places' means.
+    noise = BY_HAND * law.top * np.sqrt(np.median(np.bincount(recording.place())))
+    measured = Measured(
+        counts=np.nan_to_num(recording.counts), noise=float(noise), use=use, clusters=recording.place()
+    )
+    lit = {**LIGHT, "low": -LIGHT["high"]}
+    frees = [Free(key="shift", start=np.zeros(1), **SHIFT), Free(key="light", start=np.zeros(1), **lit)]
+    found = solve(frees, told, measured, intervals=False).values
+    model = readings(found)
+    return float(found["shift"][0]), float(found["light"][0]), np.where(model < law.dead, 0.0, model)
 
 
 def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
