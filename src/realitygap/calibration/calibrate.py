@@ -179,7 +179,6 @@ def _of_kind(recordings: Sequence[Recording], kind: str) -> list[SensorRecording
 
 
 def _refuse(recordings: Sequence[Recording], form: str) -> None:
-    """Refuse recordings that no calibration can use."""
     must_be(recordings, Sequence, "recordings", "Give a list of what load_recording(path) reads.")
     for one in recordings:
         must_be(one, SensorRecording | WheelRecording, "recordings", "load_recording(path) reads one.")

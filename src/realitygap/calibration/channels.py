@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from realitygap.calibration import misfit
 from realitygap.calibration.channel_fit import LOOKUP, MEASURED, ChannelFit, doubts
 from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.descent import PLAIN
@@ -15,15 +16,7 @@ from realitygap.calibration.infrared import INFRARED_FORMS
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
 from realitygap.calibration.light_forms import AMBIENT_COUNTS, LightCurves, light_problems
 from realitygap.calibration.lookup import fit_lookup
-from realitygap.calibration.misfit import (
-    Yardstick,
-    contradiction,
-    measure_noise,
-    misfits,
-    misplaced,
-    pooled_noise,
-    uneven_noise,
-)
+from realitygap.calibration.misfit import Yardstick
 from realitygap.calibration.noise import noise_tables
 from realitygap.calibration.optics import backgrounds, in_mean
 from realitygap.calibration.recordings.recording import SensorRecording
@@ -56,12 +49,7 @@ def ticks(recordings: Sequence[SensorRecording], form: str, *, beside: bool = Tr
 
 
 def fit_infrared(
-    recordings: Sequence[SensorRecording],
-    base: Profile,
-    form: str,
-    pool: Pool,
-    *,
-    tick: Tick = lambda: None,
+    recordings: Sequence[SensorRecording], base: Profile, form: str, pool: Pool, *, tick: Tick = lambda: None
 ) -> ChannelFit:
     """Fit the proximity sensors to all recordings together.
 
@@ -101,7 +89,7 @@ def _looked_up(rows: Rows, base: Profile) -> ChannelFit:
 
 def contradicted(rows: Rows, deviation: float) -> list[str]:
     """Warnings about recordings of the same places that differ by more than their noise (counts)."""
-    apart = contradiction(rows, deviation)
+    apart = misfit.contradiction(rows, deviation)
     if not apart > deviation:
         return []
     return [
@@ -214,15 +202,15 @@ def _channel(
     refuse_nonsense(source, live, fit.model, rows.dead)
     beside = np.zeros_like(fit.model) if form == LOOKUP else fit.model
     read = rows.live_recordings(), rows.split(beside), rows.top, profile.infrared.dead
-    noise = measure_noise(*read)
-    uneven = uneven_noise(*read) if kind == "infrared" else []
+    noise = misfit.measure_noise(*read)
+    uneven = misfit.uneven_noise(*read) if kind == "infrared" else []
     main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
     deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
     deviation = deviation or rows.unit * (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
     dead = profile.infrared.dead if kind == "infrared" else 0.0
     beside_noise = Yardstick(kind=kind, top=rows.top, deviation=deviation, measured=main > 0, dead=dead)
     sensors, judged = (
-        tuple(m for m in misfits(live, model, rows.place, beside_noise) if m.sensor not in rows.dead)
+        tuple(m for m in misfit.misfits(live, model, rows.place, beside_noise) if m.sensor not in rows.dead)
         for model in (fit.model, held_out[form])
     )
     by_form = {name: rows.rmse(one.model) for name, one in fits.items()}
@@ -234,7 +222,7 @@ def _channel(
     made = ChannelFit(
         kind=kind, form=form, profile=profile, fit=fit, by_form=by_form,
         held_out={name: rows.rmse(model) for name, model in held_out.items()}, judged=judged,
-        misplaced=misplaced(rows, profile, fit.values, deviation) if modelled else np.nan,
+        misplaced=misfit.misplaced(rows, profile, fit.values, deviation) if modelled else np.nan,
         noise=tuple(noise), deviation=deviation, measured=main > 0, sensors=sensors, dead=rows.dead,
         source=source, warnings=rows.warnings,
         distance_cm=rows.distance, bearing_deg=rows.bearing, name=rows.name, counts=live,
@@ -251,7 +239,7 @@ def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
     """The profile with each sensor's noise as a function of its reading."""
     # With one reading a place the table leaves no residual: its noise is in the readings themselves.
     model = np.ones_like(made.model) if made.form == LOOKUP else made.model
-    sample = pooled_noise(rows.live_recordings(), rows.split(model), rows.top)
+    sample = misfit.pooled_noise(rows.live_recordings(), rows.split(model), rows.top)
     still = (np.zeros(len(r.counts)) if r.speed_cm_s is None else r.speed_cm_s for r in rows.recordings)
     speed = np.concatenate(list(still))[sample.row]
     dead = made.profile.infrared.dead if made.kind == "infrared" else 0.0

@@ -224,7 +224,6 @@ class Curves:
         return self._gathered(ends.cell, full * ends.here, full * ends.there)
 
     def _at(self, where: Use) -> Ends:
-        """The readings there."""
         share, here, there = self._share[where], self._here[where], self._there[where]
         return Ends(self._cell[where], share, here, there, self._seen.counts[where])
 

@@ -6,16 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from realitygap.calibration.forms import (
-    Problem,
-    columns_of,
-    free_directions,
-    free_reflectances,
-    free_turns,
-    nominal,
-    solve_form,
-    with_columns,
-)
+from realitygap.calibration import forms
+from realitygap.calibration.forms import Problem
 from realitygap.calibration.forward import Scene, proximity
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.rows import PROXIMITY_COUNTS, Rows
@@ -47,7 +39,7 @@ def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], st
         for matt in (0.0, 1.0)
     ]
     noise = PROXIMITY_COUNTS * rows.unit
-    glossy, matt = (solve_form(rows, problem, noise, intervals=False) for problem in tried)
+    glossy, matt = (forms.solve_form(rows, problem, noise, intervals=False) for problem in tried)
     for_matt = preference(rows, matt, over=glossy)
     against = for_matt <= AGAINST
     problem, begin, chosen = (tried[0], glossy, "are not") if against else (tried[1], matt, "are")
@@ -76,7 +68,7 @@ def _problem(form: str, rows: Rows, base: Profile) -> Problem:
     straight = all(recording.from_sensor is not None for recording in rows.recordings)
     rigs = [] if straight else [name for name, _ in rows.scenes]
     return Problem(
-        frees=infrared_frees(form, base, rigs) + free_reflectances(rows.scenes),
+        frees=infrared_frees(form, base, rigs) + forms.free_reflectances(rows.scenes),
         model=lambda values: infrared_model(base, values, rows.scenes),
         base=base,
     )
@@ -97,21 +89,21 @@ def infrared_frees(form: str, profile: Profile, rigs: Sequence[str]) -> list[Fre
     ]
     if form == "extended":
         frees += [
-            *([free_directions(sensors)] if rigs else []),
+            *([forms.free_directions(sensors)] if rigs else []),
             Free(key="offset_cm", start=np.array([0.3]), low=-0.2, high=2.0, step=1e-3),
             Free(key="exponent", start=np.array([2.0]), low=0.0, high=8.0, step=5e-3),
         ]
-    return frees + free_turns(rigs)
+    return frees + forms.free_turns(rigs)
 
 
 def with_infrared(profile: Profile, values: Values) -> Profile:
     sensors, law = profile.infrared.sensors, profile.infrared
-    columns = columns_of(values, ("a", "b", "direction_deg", "offset_cm"), sensors)
+    columns = forms.columns_of(values, ("a", "b", "direction_deg", "offset_cm"), sensors)
     if "offset_cm" in columns:  # within a profile's bounds: no distance reaches 0
         depth = [profile.body.radius_cm - math.hypot(s.x_cm, s.y_cm) - NEAREST_CM for s in sensors]
         columns["offset_cm"] = [max(off, -d) for off, d in zip(columns["offset_cm"], depth, strict=True)]
     exponent = float(values["exponent"][0]) if "exponent" in values else law.exponent
-    fitted = with_columns(sensors, columns)
+    fitted = forms.with_columns(sensors, columns)
     return replace(profile, infrared=replace(law, sensors=fitted, exponent=exponent))
 
 
@@ -126,5 +118,5 @@ def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str,
 def neutral_infrared(base: Profile) -> Profile:
     """The base with §3.2.3 as printed: cos β, distances unchanged, sensors at their nominal directions."""
     law, paper = base.infrared, load_profile("paper").infrared
-    sensors = tuple(replace(s, offset_cm=0.0) for s in nominal(law.sensors, paper.sensors))
+    sensors = tuple(replace(s, offset_cm=0.0) for s in forms.nominal(law.sensors, paper.sensors))
     return replace(base, infrared=replace(law, exponent=paper.exponent, matt=0.0, sensors=sensors))

@@ -6,37 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from realitygap.calibration import checks, forward, misfit
 from realitygap.calibration.channel_fit import unmeasured
-from realitygap.calibration.checks import (
-    dead_sensors,
-    recorded,
-    refuse_other_kind,
-    refuse_silent,
-    refuse_swapped,
-    refuse_units,
-)  # fmt: skip
-from realitygap.calibration.forward import (
-    Scene,
-    illumination,
-    light_readings,
-    proximity,
-    scene_of,
-    wheel_speeds,
-)
+from realitygap.calibration.descent import BY_HAND, LIGHT, SHIFT
+from realitygap.calibration.forward import Scene
 from realitygap.calibration.light_forms import AMBIENT_COUNTS
-from realitygap.calibration.misfit import (
-    LIMITS,
-    Misfit,
-    Yardstick,
-    displaced,
-    explained,
-    lit_ratio,
-    measure_noise,
-    misfits,
-    stated_noise,
-    within,
-    without,
-)
+from realitygap.calibration.misfit import LIMITS, Misfit, Yardstick
 from realitygap.calibration.recordings.recording import (
     FOLLOWED_STEPS,
     Recording,
@@ -45,7 +20,7 @@ from realitygap.calibration.recordings.recording import (
     count_unit,
 )
 from realitygap.calibration.rows import PROXIMITY_COUNTS
-from realitygap.calibration.series import set_up
+from realitygap.calibration.solve import Free, Measured, Values, solve
 from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
 from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds
 from realitygap.errors import CalibrationError
@@ -111,12 +86,12 @@ class Judgement:
     def ratio(self) -> float:
         """Model error over noise of all sensors where readings are neither dark nor saturated, the same
         figure as a calibration's for held-out places; NaN without such readings."""
-        return lit_ratio(self.per_sensor)
+        return misfit.lit_ratio(self.per_sensor)
 
     @property
     def ratio_placed(self) -> float:
         """The ratio without the error that places a millimetre off would explain; NaN like `misplaced`."""
-        return without(self.ratio, self.misplaced)
+        return misfit.without(self.ratio, self.misplaced)
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
@@ -151,18 +126,18 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     recording = _of_a_tables_surface(recording.of_robot(profile), profile)
     part = profile.channel(recording.kind)
     dead, warnings = _doubts(recording, profile)
-    live = [k for k in recorded(recording) if k not in dead]
+    live = [k for k in checks.recorded(recording) if k not in dead]
     paint = math.isnan(recording.reflectance)
-    scene, (turn, scale, shift, light) = scene_of(recording), (0.0, 1.0, 0.0, 0.0)
+    scene, (turn, scale, shift, light) = forward.scene_of(recording), (0.0, 1.0, 0.0, 0.0)
     with one_thread():
         if recording.from_sensor is None:
             turn, scale, model = _fitted_out(recording, profile, scene, live)
         else:
-            shift, light, model = set_up(recording, profile, scene)
+            shift, light, model = _set_up(recording, profile, scene)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
     lively = replace(recording, counts=known)
-    estimates = measure_noise([lively], [model], part.top, profile.infrared.dead)
-    stated = stated_noise(lively, model, profile)
+    estimates = misfit.measure_noise([lively], [model], part.top, profile.infrared.dead)
+    stated = misfit.stated_noise(lively, model, profile)
     noise = {e.channel: (e.deviation, stated[e.channel]) for e in estimates}
     main = "proximity" if recording.kind == "infrared" else "ambient"
     measured = noise.get(main, (0.0, 0.0))[0]
@@ -179,15 +154,15 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     off = (model - recording.counts)[:, live]
     change = np.full(known.shape, np.nan)
     if recording.kind == "infrared" and not profile.infrared.table:
-        change = displaced(recording, profile, scene.painted(scale) if paint else scene, turn)
-    found = misfits(recording.counts, model, recording.place(), of_noise)
+        change = misfit.displaced(recording, profile, scene.painted(scale) if paint else scene, turn)
+    found = misfit.misfits(recording.counts, model, recording.place(), of_noise)
     return Judgement(
         kind=recording.kind, source=recording.source, rmse=float(np.sqrt((off**2).mean())),
         bias=float(off.mean()), per_sensor=tuple(m for m in found if m.sensor in live), noise=noise,
         turn_deg=turn, shift_cm=shift, background=light, brightness=1.0 if paint else scale,
         reflectance=scale if paint else recording.reflectance, painted=paint,
-        within=within(known, model, recording.place(), of_noise),
-        misplaced=explained(change, known, recording.place(), part.top, deviation),
+        within=misfit.within(known, model, recording.place(), of_noise),
+        misplaced=misfit.explained(change, known, recording.place(), part.top, deviation),
         counts=recording.counts, model=model, warnings=warnings,
     )  # fmt: skip
 
@@ -207,13 +182,13 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
     top = profile.channel(recording.kind).top
     said = list(recording.warnings)
     try:
-        refuse_other_kind(recording, top)
-        refuse_units(recording, top)
-        gone = dead_sensors(recording, top)
+        checks.refuse_other_kind(recording, top)
+        checks.refuse_units(recording, top)
+        gone = checks.dead_sensors(recording, top)
         said += [f"{recording.source}: {reason}" for reason in gone.values()]
-        refuse_silent([recording], [gone], top)
+        checks.refuse_silent([recording], [gone], top)
         dead = gone
-        said += refuse_swapped(recording, profile, dead)
+        said += checks.refuse_swapped(recording, profile, dead)
     except CalibrationError as error:
         said.append(str(error))
     return dead, tuple(dict.fromkeys(said))
@@ -234,12 +209,12 @@ def _fitted_out(
     def readings(theta: Floats) -> Floats:
         turn = 0.0 if straight else float(theta[0])
         if recording.kind == "infrared":
-            return proximity(profile, scene.painted(math.exp(theta[1])) if paint else scene, turn)
+            return forward.proximity(profile, scene.painted(math.exp(theta[1])) if paint else scene, turn)
         scale = float(np.exp(theta[1])) if lamp else 1.0
         law = profile.ambient
         sensors = tuple(replace(s, gain=s.gain * scale) for s in law.sensors)
         made = replace(profile, ambient=replace(law, sensors=sensors))
-        return light_readings(made, illumination(profile, scene, turn))
+        return forward.light_readings(made, forward.illumination(profile, scene, turn))
 
     if known or (straight and not (lamp or paint)):
         return 0.0, 1.0, readings(np.zeros(2))
@@ -260,6 +235,33 @@ def _fitted_out(
     return float(found.x[0]), float(np.exp(found.x[1])) if size > 1 else 1.0, readings(found.x)
 
 
+def _set_up(recording: SensorRecording, profile: Profile, scene: Scene) -> tuple[float, float, Floats]:
+    """Most likely extra distance (cm) and background light beyond the profile's (1/cm²), with a calibration's
+    priors; and the profile's readings [n, S] there."""
+    law, use = profile.infrared, np.isfinite(recording.counts)
+    if not law.measured:
+        return 0.0, 0.0, forward.proximity(profile, scene)
+    silent = (recording.counts <= 0) & (law.dead > 0)
+
+    def readings(values: Values) -> Floats:
+        away, more = float(values["shift"][0]), float(values["light"][0])
+        return forward.lit_readings(profile, scene, more, away_cm=away)
+
+    def told(values: Values) -> Floats:
+        return np.where(silent, np.maximum(readings(values) - law.dead, 0.0), readings(values))
+
+    # Like a calibration, it uses the places' means.
+    noise = BY_HAND * law.top * np.sqrt(np.median(np.bincount(recording.place())))
+    measured = Measured(
+        counts=np.nan_to_num(recording.counts), noise=float(noise), use=use, clusters=recording.place()
+    )
+    lit = {**LIGHT, "low": -LIGHT["high"]}
+    frees = [Free(key="shift", start=np.zeros(1), **SHIFT), Free(key="light", start=np.zeros(1), **lit)]
+    found = solve(frees, told, measured, intervals=False).values
+    model = readings(found)
+    return float(found["shift"][0]), float(found["light"][0]), np.where(model < law.dead, 0.0, model)
+
+
 def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     if not (recording.counted or recording.followed):
         raise CalibrationError(
@@ -271,7 +273,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     per_pulse = profile.provenance.cm_per_pulse(recording.pulses_per_mm)
     measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
-    model = wheel_speeds(profile, recording)
+    model = forward.wheel_speeds(profile, recording)
     said = list(recording.warnings)
     try:
         refuse_odd(recording, odometry, profile)

@@ -29,9 +29,7 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 "linear": linear between dark and floor with gains and an angular exponent; "extended": also directions, the
 lamp's height and, in a known room, light reflected by walls."""
 
-COMMON = (
-    "floor", "dark", "facing", "lamp_height_cm", "lamp_proud_cm", "reflectance", "exponent", "near_cm",
-)  # fmt: skip
+COMMON = ("floor", "dark", "facing", "lamp_height_cm", "lamp_proud_cm", "reflectance", "exponent", "near_cm")
 NARROWEST, INSIDE_CM = 1.0, 0.01
 """Least difference between floor and dark, counts, and least distance of a sensor from the body's edge."""
 SHIFT_PRIOR = 10.0

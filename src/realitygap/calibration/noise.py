@@ -64,7 +64,6 @@ class NoiseEstimate:
         deviation, low, high: counts, with a 95 % interval.
         bins: (mean reading, deviation) over the range, in equal shares of the data.
         kurtosis: excess over the normal's, of one reading's noise.
-        beyond: share of values beyond three deviations (normal: 0.27 %).
         values: noise in deviations, for a picture.
     """
 
@@ -74,7 +73,6 @@ class NoiseEstimate:
     high: float
     bins: tuple[tuple[float, float], ...]
     kurtosis: float
-    beyond: float
     values: Floats = field(repr=False)
 
     @property
@@ -153,14 +151,7 @@ def _rings(
 
 
 def noise_tables(
-    sample: Sample,
-    counts: Floats,
-    model: Floats,
-    speed: Floats,
-    top: float,
-    *,
-    kind: str,
-    dead: float = 0.0,
+    sample: Sample, counts: Floats, model: Floats, speed: Floats, top: float, *, kind: str, dead: float = 0.0
 ) -> tuple[Floats, Floats]:
     """Each sensor's deviation at equal steps of the reading [S, KNOTS of the kind], and its rise with
     speed [S], s/cm.
@@ -280,7 +271,6 @@ def _estimate(sample: Sample, use: NDArray[np.bool_], channel: str) -> NoiseEsti
         high=float(np.quantile(spread, 0.975)),
         bins=_bins(sample.level[use], sample.z[use]),
         kurtosis=kurtosis / sample.tails,
-        beyond=float((np.abs(unit) > 3.0).mean()),
         values=unit,
     )
 

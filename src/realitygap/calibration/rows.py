@@ -9,14 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.checks import (
-    dead_sensors,
-    refuse_few,
-    refuse_other_kind,
-    refuse_silent,
-    refuse_swapped,
-    refuse_units,
-)
+from realitygap.calibration import checks
 from realitygap.calibration.forward import scene_of
 from realitygap.calibration.recordings.recording import SensorRecording, count_unit
 from realitygap.calibration.solve import Measured
@@ -64,18 +57,18 @@ class Rows:
         self.top = base.channel(recordings[0].kind).top
         self.unit = count_unit(self.top)
         for recording in recordings:
-            refuse_other_kind(recording, self.top)
-            refuse_units(recording, self.top)
-        refuse_few(recordings)
-        dead = [dead_sensors(recording, self.top) for recording in recordings]
-        self.dead = refuse_silent(recordings, dead, self.top)
+            checks.refuse_other_kind(recording, self.top)
+            checks.refuse_units(recording, self.top)
+        checks.refuse_few(recordings)
+        dead = [checks.dead_sensors(recording, self.top) for recording in recordings]
+        self.dead = checks.refuse_silent(recordings, dead, self.top)
         for recording, gone in zip(recordings, dead, strict=True):
             warned += [f"{recording.source}: {why}" for k, why in gone.items() if k in self.dead]
             if elsewhere := [str(k) for k in gone if k not in self.dead]:
                 warned.append(
                     f"{recording.source}: sensors {', '.join(elsewhere)} tell nothing there: left out of it"
                 )
-            warned += refuse_swapped(recording, base, gone)
+            warned += checks.refuse_swapped(recording, base, gone)
         self.warnings = tuple(warned)
         self.counts = np.nan_to_num(np.concatenate([r.counts for r in recordings]))
         self.distance = np.concatenate([r.distance_cm for r in recordings])

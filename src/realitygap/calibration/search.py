@@ -106,7 +106,6 @@ class _Cost:
 
 
 def _near(free: Free, best: _Best, step: Floats, draw: np.random.Generator) -> Floats:
-    """A random value near the best."""
     moved = best.values[free.key] + draw.standard_normal(len(free.start)) * free.jump * step
     return np.clip(moved, free.low, free.high)
 

@@ -118,7 +118,6 @@ def random_networks(simulation: Simulation, *, stream: int, count: int = NETWORK
 
 
 def _until(end: float, simulation: Simulation, networks: Networks, key: int) -> int:
-    """Steps made until the clock shows `end`."""
     made, batch = 0, 0
     while time.perf_counter() < end:
         batch += 1

@@ -156,7 +156,6 @@ def _header(made: Calibration) -> str:
 
 
 def _facts(made: Calibration) -> dict[str, object]:
-    """What a calibration says, ready for JSON."""
     return {
         "channels": {
             fit.kind: {
@@ -190,7 +189,6 @@ def _facts(made: Calibration) -> dict[str, object]:
 
 
 def _tell(made: Calibration, target: Path, page: Path | None) -> None:
-    """What a person wants to know first."""
     for fit in made.channels:
         forms = ", ".join(f"{name} {value:.1f}" for name, value in fit.by_form.items())
         click.echo(f"{fit.kind}: RMSE by form, counts: {forms}")

@@ -94,7 +94,6 @@ def print_sheet(out: Path, marker: str | None, disk: str | None) -> None:
 
 
 def _told(made: Calibration) -> tuple[str, str]:
-    """The residuals, frame by frame, and their summary."""
     rows = []
     for r in made.residuals:
         numbers = (Figure(value, ".2f") for value in (r.x_mm, r.y_mm, r.distance_mm, r.heading_deg))

@@ -186,9 +186,8 @@ def noise(
         consider(runs=runs, evaluations=config.evaluations, trials=trials, workers=workers)
     with resumable(out, config.resuming(out) + option.unusual(engine)), ProgressLine() as progress:
         results = noise_study(
-            out, config, workers=workers, engine=engine, resume=resume, shard=shard,
-            on_progress=progress.show,
-        )  # fmt: skip
+            out, config, workers=workers, engine=engine, resume=resume, shard=shard, on_progress=progress.show
+        )
         if read_mark(out) is not None:
             show_shard(out, {}, json_output=json_output)
             return

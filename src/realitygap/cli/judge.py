@@ -113,7 +113,6 @@ def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
 
 
 def _scores(path: Path) -> dict[int, float]:
-    """The computed scores by pair, of a key."""
     try:
         rows: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
         scores = {int(row["pair"]): float(row["score"]) for row in rows}

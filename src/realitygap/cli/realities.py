@@ -61,12 +61,7 @@ def realities(
         realitygap realities --only --robot enki:epuck --robot enki:thymio2 --out out/enki
     """
     from realitygap.experiments.realities import carry_out
-    from realitygap.report.realities import (
-        build_realities_report,
-        matrix,
-        read_realities,
-        realities_summary,
-    )  # fmt: skip
+    from realitygap.report.realities import build_realities_report, matrix, read_realities, realities_summary
 
     asked = _asked(out, resume, {**(SMALL if small else {}), **option.given(options)})
     if not resume:

@@ -121,7 +121,6 @@ def check(
 
 
 def _about(where: Address, body: Body) -> dict[str, Any]:
-    """Which robot it is."""
     from realitygap.robots.body import facts_of
 
     known = {
@@ -209,7 +208,6 @@ def _bars(readings: Readings, channels: Sequence[Channel]) -> Any:
 
 
 def _counters(body: Body) -> tuple[int, int] | None:
-    """Pulses, of a robot that counts."""
     from realitygap.robots.body import attend, odometry_of
 
     attend(body)

@@ -148,7 +148,6 @@ def _print_order(one: Order) -> None:
 
 
 def _print(made: Comparison) -> None:
-    """The figures, and what they rest on, in plain words."""
     shown = "" if made.interval is None else f"   (95 %: {made.interval[0]:.1f} to {made.interval[1]:.1f})"
     click.echo(f"correspondence score {made.score:.1f} of 10{shown}")
     click.echo(f"  behaviour {made.behaviour:.1f}, layout {made.layout:.1f}")

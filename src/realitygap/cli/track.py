@@ -86,7 +86,6 @@ def _doubts(tracked: Tracked, source: str) -> tuple[str, ...]:
 
 
 def _print(tracked: Tracked, seconds: float) -> None:
-    """What was found, what was lost, and what was wrong with the film."""
     rows = tracked.track
     assert rows.quality is not None
     good = rows.quality[rows.found].mean()

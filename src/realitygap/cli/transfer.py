@@ -203,13 +203,11 @@ def _found(one: Situation, requested: Pose, seen: Pose | None) -> bool:
 
 
 def _answered(question: str) -> bool:
-    """Whether the person types w."""
     said = click.prompt(question, default="", show_default=False, prompt_suffix=" ", err=True)
     return bool(said.strip().lower() == "w")
 
 
 def _stopped(stop: BaseException, kept: str) -> str:
-    """What to say after Ctrl-C."""
     if isinstance(stop, RobotStoppedError):
         return str(stop)
     again = f"realitygap transfer {shlex.join(sys.argv[2:])}" if sys.argv[1:2] == ["transfer"] else ""

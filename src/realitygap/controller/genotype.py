@@ -1,19 +1,8 @@
 """Genotypes for people: a random one, and their text form.
 
-The text has a line a neuron and a line a link, so that two genotypes can be compared by `diff`:
-
-    realitygap genotype 1
-    layout inputs 8 outputs 2 slots 30 links 8
-
-    slot 8 threshold -3  # left motor
-      link 0 from 2 weight 4 delay 0
-      link 3 from 14 weight -2 delay 1  # dormant
-    slot 9 threshold 10  # right motor
-    slot 12 off threshold 5  # hidden
-    end
-
-What is omitted is blank; `off` marks content that is stored but not expressed; anything after
-a # is a comment. The same genotype always gives the same text, and the text the same genotype.
+The text (docs/formats.md) has a line a neuron and a line a link, so that two genotypes can be compared by
+`diff`. What is omitted is blank. The same genotype always gives the same text, and the text the same
+genotype.
 """
 
 import re

@@ -3,18 +3,7 @@
 The Braitenberg vehicles (V. Braitenberg, "Vehicles", 1984) are for eight sensors in the Khepera's
 order: left 90°, left 45°, front left, front right, right 45°, right 90°, back right, back left.
 
-A person writes networks in TOML: neurons by name, links with weights and delays.
-
-    inputs = 8                      # the task's sensors, numbered from 0
-    [left]                          # a motor neuron; `right` is the other
-    threshold = -6
-    links = [{from = 2, weight = -1}, {from = "shy", weight = 2, delay = 1}]
-    [right]
-    threshold = -6
-    [hidden.shy]                    # as many as there are
-    links = [{from = 5, weight = 4}]
-
-What is left out is 0; a `from` is an input's number or a neuron's name.
+A person writes networks in TOML: neurons by name, links with weights and delays (docs/formats.md).
 """
 
 import os

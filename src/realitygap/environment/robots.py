@@ -10,17 +10,9 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from realitygap.environment import spaces
 from realitygap.environment.reward import Rewards
-from realitygap.environment.spaces import (
-    SETTINGS,
-    Info,
-    checked_options,
-    commands_of,
-    observations_of,
-    pose_of,
-    require_same,
-    spaces_of,
-)
+from realitygap.environment.spaces import SETTINGS, Info
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, crowd, halves
 from realitygap.kernels.params import Path, World
@@ -83,7 +75,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         self._seeds: NDArray[np.uint64] | None = None
         self._trial = np.zeros(num_envs, np.int64)
         self._settle(Simulation(self._task, profile, noise, arena))
-        self.single_observation_space, self.single_action_space = spaces_of(self.simulation)
+        self.single_observation_space, self.single_action_space = spaces.spaces_of(self.simulation)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
@@ -115,7 +107,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             RealityGapError: an invalid seed, mask, pose, noise or profile, or a pose where something
                 stands.
         """
-        given = checked_options(options, {"pose", "reset_mask", *SETTINGS})
+        given = spaces.checked_options(options, {"pose", "reset_mask", *SETTINGS})
         which = self._masked(given.get("reset_mask"))
         simulation = self.simulation
         if changed := {key: given[key] for key in SETTINGS if key in given}:
@@ -125,8 +117,8 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
                 )
             kept = {"profile": simulation.profile, "noise": simulation.noise, "arena": self._arena}
             simulation = Simulation(self._task, **{**kept, **changed})
-            require_same(simulation, self.single_observation_space)
-        pose = pose_of(simulation, given.get("pose"))
+            spaces.require_same(simulation, self.single_observation_space)
+        pose = spaces.pose_of(simulation, given.get("pose"))
         if changed:
             self._settle(simulation)
         self._seed(seed, which)
@@ -154,7 +146,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
                 "choose another autoreset_mode."
             )
         moving = np.flatnonzero(~self._over)
-        commands = commands_of(actions, (self.num_envs, 2))[moving]
+        commands = spaces.commands_of(actions, (self.num_envs, 2))[moving]
         self._go_on(moving, NOWHERE, commands)
         self._begin(begun)
         rewards = np.zeros(self.num_envs)
@@ -237,4 +229,4 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             crowd.go_on(world, self._nobody, self._crowd, which[one], starts[one], commands[one], self._work)
 
     def _seen(self) -> NDArray[np.float32]:
-        return observations_of(self.simulation, self._crowd.readings)
+        return spaces.observations_of(self.simulation, self._crowd.readings)

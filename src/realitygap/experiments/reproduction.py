@@ -28,10 +28,7 @@ from realitygap.work.workers import Workers, near
 from realitygap.world.files import Value, build, shipped
 from realitygap.world.profile import load_profile
 
-__all__ = [
-    "STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "meanwhile",
-    "transferred",
-]  # fmt: skip
+__all__ = ["STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "meanwhile", "transferred"]
 
 UNIT = 1
 """The twin's unit that is measured and then driven."""

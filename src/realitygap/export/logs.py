@@ -269,7 +269,6 @@ def _room(arena: Arena) -> list[tuple[str, list[Floats], tuple[int, int, int, in
 
 
 def _names(one: Lived, kind: str, count: int) -> list[str]:
-    """What the columns of a kind are called."""
     if kind == "commands":
         return ["left", "right"]
     if kind == "outputs" and one.network is not None:

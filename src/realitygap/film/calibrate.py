@@ -134,7 +134,6 @@ def read_frames(folder: str | Path, poses: str | Path) -> list[KnownFrame]:
 
 
 def _picture_file(folder: Path, name: str, where: str) -> Path:
-    """The picture of that name, with or without its ending."""
     if name and (folder / name).is_file():
         return folder / name
     alike = [path for path in sorted(folder.iterdir()) if path.stem == name and path.is_file()]
@@ -145,7 +144,6 @@ def _picture_file(folder: Path, name: str, where: str) -> Path:
 
 
 def _read(path: Path) -> NDArray[np.uint8]:
-    """A picture in grey."""
     data = np.fromfile(path, np.uint8)
     picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
     if picture is None:
@@ -192,7 +190,6 @@ def calibrate_camera(
 
 
 def _check(frames: list[KnownFrame], marker: Marker, lens_height_cm: float | None) -> None:
-    """Refuse frames that nothing can be calibrated with."""
     if len(frames) < LEAST_FRAMES:
         raise FilmError(
             f"expected at least {LEAST_FRAMES} frames with known poses (better 12 or more, all over the "

@@ -44,8 +44,6 @@ class _Table(NamedTuple):
 
 @dataclass(kw_only=True)
 class _Part:
-    """A section of the page."""
-
     name: str
     title: str
     sentences: list[str] = field(default_factory=list)
@@ -127,7 +125,6 @@ def beside_real(kind: str) -> str:
 
 
 def _read(fit: ChannelFit) -> list[str]:
-    """The numbers in words."""
     out = [
         f"The form “{fit.form}” has an RMSE of {fit.rmse:.1f} counts, and of {fit.held_out[fit.form]:.1f} "
         f"on places held out of the fit."

@@ -173,7 +173,6 @@ def _label(figure: Figure, x: str, y: str) -> None:
 
 
 def _live(fit: ChannelFit) -> list[int]:
-    """The sensors that gave information."""
     return [k for k in range(len(fit.counts[0])) if k not in fit.dead]
 
 

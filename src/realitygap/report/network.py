@@ -107,7 +107,6 @@ def _draw_links(ax: Axes, wiring: Wiring, curves: list[np.ndarray], unit: float)
 
 
 def _arrow(curve: np.ndarray, size: float) -> np.ndarray:
-    """A filled triangle at the end of a curve."""
     along = curve[-1] - curve[-3]
     along = along / np.hypot(*along)
     across = np.array([-along[1], along[0]])
@@ -117,7 +116,6 @@ def _arrow(curve: np.ndarray, size: float) -> np.ndarray:
 
 
 def _dot(place: np.ndarray, size: float) -> np.ndarray:
-    """A filled circle at the end of a curve."""
     t = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     return np.asarray(place + size * np.stack([np.cos(t), np.sin(t)], axis=1))
 
@@ -144,7 +142,6 @@ def _draw_neurons(ax: Axes, wiring: Wiring, laid: Layout, sensors: Sequence[int]
 
 
 def _signed(number: int) -> str:
-    """A number with a proper minus sign."""
     return f"−{-number}" if number < 0 else str(number)
 
 

@@ -20,9 +20,7 @@ from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
 from realitygap.world.profile import Profile
 
-__all__ = [
-    "PathPanel", "Scene", "draw_path", "pairs_figure", "panels_figure", "sheet_figure", "tail",
-]  # fmt: skip
+__all__ = ["PathPanel", "Scene", "draw_path", "pairs_figure", "panels_figure", "sheet_figure", "tail"]
 
 
 class Scene(NamedTuple):

@@ -177,7 +177,6 @@ def _stage(
 
 
 def _draw_bars(bars: list[Rectangle], trajectory: Trajectory, feeds: str, step: int) -> None:
-    """This step's readings and commands."""
     for bar, value in zip(bars, [*fed(trajectory, feeds)[step], *trajectory.commands[step]], strict=True):
         bar.set_height(float(value))
         assert bar.axes is not None

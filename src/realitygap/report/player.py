@@ -94,7 +94,6 @@ def replay_data(simulation: Simulation, genes: Genes, lived: tuple[Trajectory, f
 
 
 def _document(profile: Profile, tasks: Sequence[Json]) -> Json:
-    """The whole document: the robot's step and shape, and the tasks."""
     body = profile.to_kernel()
     robot = {
         "radius": float(body.radius), "front": front(body), "outline": body.outline[:, :2].tolist(),

@@ -168,7 +168,6 @@ class SimulatedBody:
         self._find_entries()
 
     def _step(self) -> None:
-        """One step of the simulation."""
         self._move_on((self._world, self._nobody, np.uint64(self._drawn_from), self._k, self._work))
         self._k += 1
         for i, speed in enumerate(self.wheels):

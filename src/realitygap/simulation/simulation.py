@@ -160,7 +160,6 @@ class Simulation:
         return self._lived(record)
 
     def _blank(self, steps: int) -> Record:
-        """Room for a trial of so many steps."""
         return Record(
             path=Path(*np.zeros((len(Path._fields), steps))), pose=np.zeros((steps, 3)),
             proximity=np.zeros((steps, len(self.profile.infrared.sensors))),

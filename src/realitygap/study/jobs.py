@@ -188,7 +188,6 @@ class Workshop:
                 yield _advanced(run, state, records)
 
     def _finish(self, run: int, state: State) -> Steps:
-        """A run's tests."""
         plan = self._plans[run]
         with self._blamed():
             results = yield from finish(self._bench(plan.condition), plan, state)

@@ -79,7 +79,6 @@ def new_folder(out: Path) -> Iterator[Path]:
 
 
 def _empty(half: Path) -> None:
-    """Remove everything in a folder but its lock."""
     for path in half.iterdir() if half.exists() else ():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)

@@ -176,7 +176,6 @@ class Store(Closing):
         self._seal(run, "evolved", "tested", "run")
 
     def _tested(self, run: int, results: Results) -> list[tuple[object, ...]]:
-        """Rows of the table `tested`."""
         query = "SELECT fittest, champion, noise FROM run WHERE id = ?"
         *numbers, own = self._database.execute(query, (run,)).fetchone()
         number = dict(zip(WHO, numbers, strict=True))
@@ -218,7 +217,6 @@ class Store(Closing):
 
 
 def _packed(what: Advanced) -> Row:
-    """A row of `evolved`."""
     records = what.records
     places, genes = np.column_stack([records.parents, records.cell]), plain(records.genes).tobytes()
     first = what.evaluations - len(records.fitness)

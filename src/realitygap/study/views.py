@@ -69,7 +69,6 @@ def _of_rows(database: sqlite3.Connection) -> dict[str, str]:
 
 
 def _of_arrays(database: sqlite3.Connection, *, short: bool) -> dict[str, str]:
-    """Views over arrays."""
     trials = most_trials(database)
     scores, places = [f"score_{k + 1}" for k in range(trials)], ("parent_a", "parent_b", "cell")
     found = [f"CASE WHEN length(e.fitness) THEN {_real('e.fitness', 'k', short=short)} END AS mean"]

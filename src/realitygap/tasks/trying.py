@@ -55,7 +55,6 @@ def _room(arena: Arena) -> Room:
 
 
 def _paths(rows: int, room: Room) -> Iterator[Path]:
-    """Example paths in a room."""
     even, chance = np.linspace(0.0, 1.0, rows), np.random.default_rng(1995)
     width, depth = room.size
     still, ones = np.zeros(rows), np.ones(rows)

@@ -68,7 +68,6 @@ def text_of(data: bytes) -> bytes:
 
 
 def _packed(column: tuple[str, ...]) -> tuple[tuple[int, int, int, int], bytes] | None:
-    """A column's description and bytes."""
     decimals = {len(word.partition(".")[2]) for word in column}
     power = max(decimals)
     counted = np.rint(np.array(column, np.float64) * 10.0**power)

@@ -72,7 +72,6 @@ def blamed(final: Path, robot: Address) -> Iterator[None]:
 
 
 def _begun(final: Path, robot: Address) -> Path:
-    """An empty folder for a trial in progress."""
     half = half_folder(final)
     put_aside(half, robot, "stopped")
     half.mkdir(parents=True)

@@ -67,7 +67,6 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
 
 
 def _copy_cameras(there: Path, here: Path) -> None:
-    """Copy missing calibrations."""
     for camera in there.glob("camera-*.json"):
         keep_camera(here / camera.name, camera.read_bytes())
 
@@ -104,7 +103,6 @@ def _refuse_incomplete(folder: Path, found: Sequence[Transferred]) -> None:
 
 
 def _refuse_overwriting(trial: Path, place: Path) -> None:
-    """Refuse to replace a different trial."""
     there = place.exists() or content(place / TRIAL) is not None
     if there and any(content(place / name) != content(trial / name) for name in (SIMULATED, SITUATED)):
         raise StudyError(

@@ -76,8 +76,7 @@ def _robot(unit: Unit) -> str:
     half = (BODY_TOP - bottom) / 2
     mass = BODY_MASS - 2 * WHEEL_MASS
     left, right = unit.wheel_radius
-    caster = (f'type="sphere" size="{CASTER_RADIUS}" mass="0" group="1" '
-              'rgba="0.3 0.3 0.3 1"')  # fmt: skip
+    caster = f'type="sphere" size="{CASTER_RADIUS}" mass="0" group="1" rgba="0.3 0.3 0.3 1"'
     z = CLEARANCE + CASTER_RADIUS
     inertia = f"{mass * (3 * BODY_RADIUS**2 + 4 * half**2) / 12}"
     return f"""

@@ -185,9 +185,8 @@ class Renderer:
         about = self._about(pose[:3])
         if about[0].start < about[0].stop and about[1].start < about[1].stop:
             (left, width), (top, height) = (
-                _needed(bent[about], most)
-                for bent, most in ((self._u, PAD_WIDTH), (self._v, PAD_HEIGHT))
-            )  # fmt: skip
+                _needed(bent[about], most) for bent, most in ((self._u, PAD_WIDTH), (self._v, PAD_HEIGHT))
+            )
             part = self._seen(pose, left, top, width, height)
             self._padded[top : top + height, left : left + width] = part
             picture[about] = self._bent(about)

@@ -3,21 +3,7 @@
 A job is a value, and what it comes to a function of it alone: any worker may carry it out, twice if the
 first is lost. A worker gets its bench from a `Setup`, which travels as a message; where it is, is up to
 the pool. One whose workers do not see the parent's files says so by an attribute, `far = True`:
-then what they need of them travels too. A pool of your own:
-
-    from concurrent.futures import ThreadPoolExecutor, as_completed
-
-    class Threads:
-        def __init__(self):
-            self.threads = ThreadPoolExecutor(2)
-
-        def work(self, setup, jobs, tell):
-            for made in as_completed([self.threads.submit(messages_of, setup, job) for job in jobs]):
-                for message in made.result():
-                    tell(message)
-
-        def close(self):
-            self.threads.shutdown()
+then what they need of them travels too. examples/own_pool.py is a pool of one's own.
 """
 
 import threading

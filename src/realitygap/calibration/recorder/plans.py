@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from realitygap.values import Pose
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.body import Body
 
-__all__ = ["KHEPERA", "Place", "SensorPlan", "ambient_plan", "infrared_plan", "sensor_plans"]
+__all__ = ["KHEPERA", "Part", "Place", "SensorPlan", "ambient_plan", "infrared_plan", "sensor_plans"]
 
 ROOM_CM, NEAR_CM = 100.0, 8.0
 """A room so large that only an object that is so near is in reach of the infrared; it grows with
@@ -80,6 +80,29 @@ class SensorPlan:
     reflectance: float = 1.0
     facts: Mapping[str, Any] = field(default_factory=dict)
     at: Callable[[float, float], Place] | None = None
+
+
+class Part(NamedTuple):
+    """A part of a plan: its `stops`, named by the columns `key` of its table.
+
+    `own`: facts for its recording.toml; `rows`: how many rows a finished stop has, by its key; `read`: brings
+    the robot to a stop and returns its rows, none if the stop is skipped; `fine`: whether places between the
+    stops are read, too, where readings jump, which `at` makes of a distance and a bearing.
+    """
+
+    name: str
+    own: dict[str, Any]
+    room: Mapping[str, Any]
+    begins: str
+    channel: str
+    columns: tuple[str, ...]
+    key: tuple[str, ...]
+    stops: Mapping[tuple[str, ...], Any]
+    rows: Callable[[tuple[str, ...]], int]
+    read: Callable[..., list[tuple[str, ...]]]
+    arena: Arena | None = None
+    at: Callable[[float, float], Place] | None = None
+    fine: bool = False
 
 
 def infrared_plan(

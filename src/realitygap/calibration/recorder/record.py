@@ -19,8 +19,7 @@ from realitygap.calibration.recorder.acts import drive_trial, read_standing
 from realitygap.calibration.recorder.edges import FINE, TWICE, look_between
 from realitygap.calibration.recorder.grid import Grid
 from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
-from realitygap.calibration.recorder.part import Part
-from realitygap.calibration.recorder.plans import KHEPERA, Place, SensorPlan, sensor_plans
+from realitygap.calibration.recorder.plans import KHEPERA, Part, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.body import stated_heights, stated_shape
@@ -202,7 +201,6 @@ def check_period(body: Body, base: Profile) -> None:
 
 
 def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> Part:
-    """The part of a plan that reads sensors of a standing robot."""
     one = channel(body, CHANNELS[plan.kind])
     own = {"kind": plan.kind, "object": plan.object, **plan.facts, **stated_shape(wanted.base, one)}
     if plan.reflectance != 1.0:
@@ -226,7 +224,6 @@ def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> Part:
 
 
 def _wheels(trials: Sequence[Trial], body: Body) -> Part:
-    """The part of a plan that drives."""
     counted = [name for name in STEP_COLUMNS if body.counts_turns or not name.startswith(OF_COUNTERS)]
     stops: dict[tuple[str, ...], Trial] = {(str(trial.number),): trial for trial in trials}
 

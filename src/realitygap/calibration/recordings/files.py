@@ -9,14 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.recordings.checks import (
-    FACTS,
-    FARTHEST_CM,
-    check_readings,
-    check_steps,
-    doubt_object,
-    read_rows,
-)
+from realitygap.calibration.recordings import checks
+from realitygap.calibration.recordings.checks import FACTS, FARTHEST_CM
 from realitygap.calibration.recordings.facts import (
     body_of,
     check_heights,
@@ -162,7 +156,7 @@ def _readings(folder: Path, facts: Mapping[str, Any], kind: str, name: str) -> S
 
 
 def _read(path: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
-    folder, table = path.parent, read_rows(path, ends="places" in facts)
+    folder, table = path.parent, checks.read_rows(path, ends="places" in facts)
     sensors = _sensor_columns(table, facts)
     check_heights(folder, facts)
     pose, arena, body = None, None, body_of(folder, facts)
@@ -176,7 +170,7 @@ def _read(path: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorR
     # A column without any reading is a sensor that was not recorded.
     counts = np.stack([table.numbers(s, empty=not any(table.texts(s))) for s in sensors], 1)
     full_scale = number_of(folder, facts, "full_scale", "the highest count")
-    warned = check_readings(
+    warned = checks.check_readings(
         table, kind=kind, distance_cm=distance, bearing_deg=bearing, counts=counts, full_scale=full_scale
     )
     return SensorRecording(
@@ -194,13 +188,13 @@ def _read(path: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorR
         body_said="body_radius_cm" in facts or "body_outline_cm" in facts,
         full_scale=full_scale,
         speed_cm_s=np.abs(table.numbers("speed_cm_s")) if "speed_cm_s" in table.columns else None,
-        warnings=(*doubt_object(name, folder), *warned, *_unfinished(table, facts)),
+        warnings=(*checks.doubt_object(name, folder), *warned, *_unfinished(table, facts)),
         **_common(folder, table, facts),
     )
 
 
 def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
-    table = read_rows(folder / STEPS, ends="places" in facts)
+    table = checks.read_rows(folder / STEPS, ends="places" in facts)
     counting = any(name in table.columns for name in WHEEL_COUNTS)
     table.need([name for name in STEP_COLUMNS if counting or name not in WHEEL_COUNTS])
     kind = np.array(table.texts("kind"), str)
@@ -224,7 +218,7 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
         pulses_per_mm=pulses or PULSES_PER_MM,
         pose=_pose(table, empty=True) if set(POSE) <= set(table.columns) else None,
         warnings=(
-            *(check_steps(pair("command"), pair("counter")) if counting else ()),
+            *(checks.check_steps(pair("command"), pair("counter")) if counting else ()),
             *_unfinished(table, facts),
         ),
         **_common(folder, table, facts),

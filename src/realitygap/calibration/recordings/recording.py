@@ -1,15 +1,6 @@
 """Recordings for a calibration: sensor readings at known places, and drives.
 
-A folder with `recording.toml` (kind, object, robot, unit, date, plan, units, notes) and one table:
-
-    kind       object                      table         columns
-    infrared   wall | cylinder:RADIUS_CM   readings.csv  distance_cm, bearing_deg, repeat, s0, s1, …
-    ambient    lamp                        readings.csv  the same, or x_cm, y_cm, heading_deg in the place
-                                                         of the first two, with `arena = "arena.toml"`
-    wheels                                 steps.csv     t_s, command_left, command_right, trial, kind; of
-                                                         wheels that count counter_left, counter_right,
-                                                         speed_left, speed_right; and with a camera x_cm,
-                                                         y_cm, heading_deg
+docs/formats.md describes their folders: `recording.toml` and a table of each kind.
 
 distance_cm: from the body's edge, a disc's or a polygon's, to a wall along its normal, to a round
 object's edge, to a lamp's centre. bearing_deg: where the object stands, counter-clockwise from the
@@ -128,7 +119,6 @@ class SensorRecording(Recorded):
             self._check_edges(self.edges)
 
     def _check_edges(self, edges: "SensorRecording") -> None:
-        """Refuse places between others that are no such places."""
         known = self.kind == edges.kind == "infrared" and self.pose is None and edges.pose is None
         if not known or edges.edges is not None or edges.sensors != self.sensors:
             raise RecordingError(

@@ -41,7 +41,6 @@ def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profi
 
 
 def _refuse_still(recording: WheelRecording) -> None:
-    """Refuse a recording in which a wheel, or its counter, never moved."""
     for w, side in enumerate(SIDES):
         if not (recording.commands[:, w] != 0).any():
             raise CalibrationError(f"{recording.source}: the {side} wheel was never told to move.")
@@ -50,7 +49,6 @@ def _refuse_still(recording: WheelRecording) -> None:
 
 
 def _refuse_fast(recording: WheelRecording, base: Profile) -> None:
-    """Refuse commands beyond the base's range."""
     most, top = float(np.abs(recording.commands).max(initial=0.0)), base.wheels.top_command
     if most > top:
         left, right = base.wheels.speed_per_unit_cm_s
@@ -75,7 +73,6 @@ def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
 
 
 def _refuse_counters(recording: WheelRecording) -> None:
-    """Refuse counters that follow the other wheel's command, or run against their own."""
     if not recording.counted:
         return
     within = np.diff(recording.trial) == 0

@@ -13,19 +13,10 @@ from typing import Any
 
 from realitygap.calibration.unit_folder import PARTS, PROFILE
 from realitygap.experiments.folder import missing
+from realitygap.experiments.noise import plan
 from realitygap.experiments.noise.config import CONFIG, NoiseConfig
 from realitygap.experiments.noise.folder import open_folder
-from realitygap.experiments.noise.plan import (
-    Controller,
-    calibration_folder,
-    controllers,
-    evolution,
-    evolved,
-    evolved_folder,
-    share,
-    simulated_file,
-    situated_file,
-)
+from realitygap.experiments.noise.plan import Controller
 from realitygap.experiments.noise.results import write_results
 from realitygap.experiments.noise.situated import check_robot
 from realitygap.experiments.noise.stage import Stage
@@ -99,8 +90,6 @@ def noise_study(
 
 
 class _Noise(Phases):
-    """The remaining work of a study."""
-
     def __init__(
         self,
         folder: Path,
@@ -110,14 +99,14 @@ class _Noise(Phases):
         on_progress: OnProgress | None,
     ) -> None:
         self.folder, self.config, self.pool, self.shard = folder, config, pool, shard
-        every = controllers(config) if shard is None else share(config, shard)
+        every = plan.controllers(config) if shard is None else plan.share(config, shard)
         self.runs = [one for one in every if one.individual == "champion"]
-        self.to_drive = missing({one: situated_file(folder, one) for one in every})
-        self.to_compare = missing({one: simulated_file(folder, one) for one in every})
-        units = {unit: calibration_folder(folder, unit) / PROFILE for unit in config.every_unit}
+        self.to_drive = missing({one: plan.situated_file(folder, one) for one in every})
+        self.to_compare = missing({one: plan.simulated_file(folder, one) for one in every})
+        units = {unit: plan.calibration_folder(folder, unit) / PROFILE for unit in config.every_unit}
         self.uncalibrated = missing(units)
-        self.studies = tuple(dict.fromkeys(evolved(config, one) for one in controllers(config)))
-        begun = all(exists(evolved_folder(folder, config, study)) for study in self.studies)
+        self.studies = tuple(dict.fromkeys(plan.evolved(config, one) for one in plan.controllers(config)))
+        begun = all(exists(plan.evolved_folder(folder, config, study)) for study in self.studies)
         to_evolve = len(self.runs) if self.to_drive or not begun else 0
         unit, trial = ENKI_COSTS if (config.robot or "").startswith("enki") else TWIN_COSTS
         run = config.evaluations * EVALUATION_COST + RETEST_COST
@@ -151,7 +140,7 @@ class _Noise(Phases):
         """Make a unit's profile with the study's twin noise, which belongs to the unit."""
         from realitygap.calibration.unit import calibrated_robot, calibrated_unit
 
-        place, config = calibration_folder(self.folder, unit), self.config
+        place, config = plan.calibration_folder(self.folder, unit), self.config
         seed = named_stream(config.seed, "calibration", unit) >> 1
         how: dict[str, Any] = {"seed": seed, "workers": recorders, "on_progress": heard}
         if config.base is None:
@@ -163,11 +152,11 @@ class _Noise(Phases):
     def _studies(self) -> Iterator[tuple[Path, StudyConfig, int]]:
         """The runs of every seed set, each in the simulation of its calibration unit."""
         for study in self.studies:
-            profile = calibration_folder(self.folder, study.unit) / PROFILE
-            runs = sum(evolved(self.config, one) == study for one in self.runs)
+            profile = plan.calibration_folder(self.folder, study.unit) / PROFILE
+            runs = sum(plan.evolved(self.config, one) == study for one in self.runs)
             yield (
-                evolved_folder(self.folder, self.config, study),
-                evolution(self.config, study, profile),
+                plan.evolved_folder(self.folder, self.config, study),
+                plan.evolution(self.config, study, profile),
                 runs,
             )
 
@@ -176,5 +165,5 @@ class _Noise(Phases):
         for one in left:
             seen = b"" if compared else None
             if far(self.pool) and compared:
-                seen = situated_file(self.folder, one).read_bytes()
+                seen = plan.situated_file(self.folder, one).read_bytes()
             yield Job(one, stage.genes(one), seen)

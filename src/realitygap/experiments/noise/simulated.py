@@ -93,9 +93,8 @@ def scale_for(stage: Stage, setting: Setting, units: int) -> Scale:
 
 
 def _unit_scores(
-    stage: Stage, one: Controller, simulated: dict[Pair, Trial], situated: dict[Pair, Trial],
-    setting: Setting,
-) -> dict[str, float]:  # fmt: skip
+    stage: Stage, one: Controller, simulated: dict[Pair, Trial], situated: dict[Pair, Trial], setting: Setting
+) -> dict[str, float]:
     """The score on each unit alone, on the scale for one unit's pairs, which is coarser than that for all
     units.
 

@@ -11,16 +11,9 @@ from realitygap.controller.encoding import Encoding, controller_of
 from realitygap.controller.network import NetworkController
 from realitygap.evolution.algorithm import Genes
 from realitygap.evolution.population import Population
+from realitygap.experiments.noise import plan
 from realitygap.experiments.noise.config import NoiseConfig
-from realitygap.experiments.noise.plan import (
-    Controller,
-    Evolved,
-    calibration_folder,
-    evolution,
-    evolved,
-    evolved_folder,
-    stream,
-)
+from realitygap.experiments.noise.plan import Controller, Evolved
 from realitygap.kernels.params import Networks
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import load_study
@@ -40,10 +33,10 @@ class Stage:
     def __init__(self, folder: Path, config: NoiseConfig) -> None:
         self.folder, self.config = folder, config
         self.champions: dict[Controller, Genes] = {}
-        self.profile = cache(lambda unit: load_profile(calibration_folder(folder, unit) / PROFILE))
+        self.profile = cache(lambda unit: load_profile(plan.calibration_folder(folder, unit) / PROFILE))
         self.task = cache(config.task)
         self.starts = cache(self._starts)
-        self._study = cache(lambda made: load_study(evolved_folder(folder, config, made)))
+        self._study = cache(lambda made: load_study(plan.evolved_folder(folder, config, made)))
         self._encoding = cache(self._made)
 
     def networks(self, one: Controller) -> Networks:
@@ -58,7 +51,7 @@ class Stage:
         """Its run's champion, or the highest stored fitness of the last population (the first of equals)."""
         genes = self.champions.get(one)
         if genes is None:
-            study = self._study(evolved(self.config, one))
+            study = self._study(plan.evolved(self.config, one))
             run = study.run(one.run_name)
             if one.individual == "champion":
                 genes = run.champion
@@ -91,7 +84,7 @@ class Stage:
 
     def _made(self, task: str, home: int) -> Encoding:
         any_of = Evolved(1, home, 1, self.config.levels)
-        made = evolution(self.config, any_of, calibration_folder(self.folder, home) / PROFILE)
+        made = plan.evolution(self.config, any_of, plan.calibration_folder(self.folder, home) / PROFILE)
         return made.encoding_for(self.task(task).of(self.profile(home)))
 
     def _starts(self, task: str, seed_set: int, unit: int) -> tuple[Pose, ...]:
@@ -100,4 +93,4 @@ class Stage:
         own = config.starts_by_unit
         simulation = Simulation(self.task(task), self.profile(unit if own else 1))
         names = (task, "unit", unit) if own else (task, seed_set)
-        return tuple(simulation.start(stream(config, "start", *names, k)) for k in numbers)
+        return tuple(simulation.start(plan.stream(config, "start", *names, k)) for k in numbers)

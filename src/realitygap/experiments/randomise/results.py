@@ -203,7 +203,6 @@ def _words(which: tuple[str, bool]) -> str:
 
 
 def _read(file: Path) -> Floats:
-    """A controller's stored figures."""
     with kept(file, "the results of a controller's trials"):
         with np.load(BytesIO(file.read_bytes())) as arrays:
             figures: Floats = arrays["figures"]

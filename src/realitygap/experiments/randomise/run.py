@@ -14,17 +14,8 @@ from realitygap.calibration.unit import calibrated_again, calibrated_unit
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.experiments.folder import missing, open_folder
 from realitygap.experiments.phases import Phase, Phases, Recorded, session
-from realitygap.experiments.randomise.plan import (
-    ALL,
-    KNOWN,
-    LOOKUP,
-    Controller,
-    Profiles,
-    RandomiseConfig,
-    calibrated_folder,
-    controllers,
-    evolution,
-)
+from realitygap.experiments.randomise import plan
+from realitygap.experiments.randomise.plan import ALL, KNOWN, LOOKUP, Controller, Profiles, RandomiseConfig
 from realitygap.experiments.randomise.results import write_results
 from realitygap.experiments.randomise.trials import Bench, Job, trial_file
 from realitygap.streams import named_stream
@@ -84,16 +75,14 @@ def measure_or_randomise(
 
 
 class _Left(Phases):
-    """The remaining work of an experiment."""
-
     def __init__(
         self, folder: Path, config: RandomiseConfig, pool: Pool, on_progress: OnProgress | None
     ) -> None:
         self.folder, self.config, self.pool = folder, config, pool
         self.profiles = Profiles(folder, config)
-        self.every = controllers(config)
+        self.every = plan.controllers(config)
         self.left = missing({one: trial_file(folder, one) for one in self.every})
-        units = {unit: calibrated_folder(folder, unit, AGAIN[-1]) / PROFILE for unit in config.numbers}
+        units = {unit: plan.calibrated_folder(folder, unit, AGAIN[-1]) / PROFILE for unit in config.numbers}
         self.uncalibrated = missing(units)
         self.studies: dict[tuple[int, str], Study] = {}
         self.study = cache(self._study)
@@ -123,7 +112,7 @@ class _Left(Phases):
 
     def _record(self, recorders: Workers, unit: int, heard: Recorded) -> None:
         """Record a unit once, and fit all of its recordings, shares of them and a table."""
-        config, place = self.config, calibrated_folder(self.folder, unit, ALL)
+        config, place = self.config, plan.calibrated_folder(self.folder, unit, ALL)
         calibrated_unit(
             place, unit=unit if config.robot == "twin" else str(config.address(unit)),
             noise=config.twin_noise, seed=named_stream(config.seed, "calibration", unit) >> 1,
@@ -131,7 +120,7 @@ class _Left(Phases):
         )  # fmt: skip
         for known in AGAIN:
             calibrated_again(
-                calibrated_folder(self.folder, unit, known), of=place, share=KNOWN[known],
+                plan.calibrated_folder(self.folder, unit, known), of=place, share=KNOWN[known],
                 form="lookup" if known == LOOKUP else None, workers=recorders,
             )  # fmt: skip
             heard(known, 1, 1)
@@ -144,7 +133,7 @@ class _Left(Phases):
 
     def _study(self, unit: int, known: str) -> tuple[StudyConfig, dict[Controller, str]]:
         profile = self.profiles.file(unit, known)
-        return evolution(self.config, unit, known, profile, self.profiles.spread())
+        return plan.evolution(self.config, unit, known, profile, self.profiles.spread())
 
     def _jobs(self) -> Iterator[Job]:
         for one in self.left:
