@@ -219,7 +219,8 @@ def trials(plan: Plan) -> Kernel:
     made = cuda.jit(_written(plan, cuda.jit(device=True)(carry_out)), max_registers=REGISTERS)
     named = [(one.py_func.__name__, getattr(other, "__name__", "")) for one, other in plan.swaps]
     code = kept(made, plan._replace(swaps=()), REGISTERS, named)
-    return Kernel(code, plan.block, steps=True, rolled=plan.sensors > 0)  # else the rays' code is too large
+    rolled = plan.sensors > 0 or not plan.lit  # else there is too much code
+    return Kernel(code, plan.block, steps=True, rolled=rolled)
 
 
 def _simulate(world: Any, nets: Any, work: Any, batch: Any) -> None:
