@@ -18,7 +18,7 @@ import click
 
 from realitygap.errors import RealityGapError, StudyInterruptedError
 
-__all__ = ["Commands", "StoppedError", "resumable", "tidy"]
+__all__ = ["Commands", "StoppedError", "is_begun", "resumable", "tidy"]
 
 DEBUG = "REALITYGAP_DEBUG"
 """Set to 1 in the environment, this shows the traceback of a failure."""
@@ -40,16 +40,28 @@ class StoppedError(RealityGapError):
 
 
 @contextmanager
-def resumable(folder: Path, again: str) -> Iterator[None]:
+def resumable(folder: Path, again: str, *files: str) -> Iterator[None]:
     """On Ctrl-C say that finished work is kept in the folder, and which command continues it.
 
+    Args:
+        folder: of the work.
+        again: the command.
+        files: of which the folder has one as soon as settings are kept there, so that the command needs none.
+
     Raises:
-        StoppedError: says both.
+        StoppedError: says both; or that the work had not begun.
     """
     try:
         yield
     except (KeyboardInterrupt, StudyInterruptedError):
+        if not is_begun(folder, *files):
+            raise StoppedError(f"stopped before the work in {folder} began; give the command again") from None
         raise StoppedError(f"stopped; finished work is kept in {folder}; resume with `{again}`") from None
+
+
+def is_begun(folder: Path, *files: str) -> bool:
+    """Whether a folder has one of the files that say what is done in it."""
+    return any((folder / file).is_file() for file in files)
 
 
 class Commands(click.Group):
