@@ -82,6 +82,9 @@ class NumberOrPool(Whole):
         pool = named_pool(value)
         if ctx is not None:
             ctx.call_on_close(pool.close)
+        if getattr(pool, "alone", False):
+            said = "the Dask scheduler has no worker yet; start some with `dask worker` and its address"
+            click.echo(f"note: {said}", err=True)
         return pool
 
 
