@@ -134,7 +134,8 @@ def test_a_report_of_a_broken_study_speaks_of_no_arm(refused, tmp_path):
         (StudyError("no study here"), 2, "error: no study here"),
         (RealityGapError("not your doing"), 1, "error: not your doing"),
         (PermissionError(errno.EACCES, "Permission denied", "out"), 2, "error: Permission denied: out"),
-        (OSError(errno.ENOSPC, "No space left on device"), 2, "error: No space left on device"),
+        (OSError(errno.ENOSPC, "No space left on device"), 2, "error: No space left on device. Free some"),
+        (OSError(errno.EROFS, "Read-only", "out"), 2, "error: Read-only: out. Check the path"),
         (OSError(errno.EIO, "Input/output error"), 1, "error: Input/output error"),
         (StoppedError("stopped; resume with `x`"), 130, "stopped; resume with `x`"),
         (click.Abort(), 130, "stopped"),
@@ -153,6 +154,17 @@ def test_every_failure_ends_in_one_line_and_a_code(capsys, failure, code, says):
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 1
     assert said[0].startswith(says)
+
+
+def test_a_damaged_file_is_not_taken_for_ctrl_c(call, monkeypatch):
+    """What Python says of one that ends too early, click takes for the end of the input: "stopped"."""
+
+    def broken(*_, **__):
+        raise EOFError("marshal data too short")
+
+    monkeypatch.setattr("realitygap.tasks.load_task", broken)
+    result = call("probe", "avoidance", "--pose", 25, 25, 0)
+    assert result.exit_code == 1 and "unexpected EOFError: marshal data too short" in result.stderr
 
 
 def test_a_folder_that_cannot_be_one_is_named_with_a_cure(refused, tmp_path):
@@ -188,7 +200,8 @@ def test_a_full_disk_under_stdout_ends_in_one_line():
         code = [sys.executable, "-m", "realitygap", "profile", "show", "paper"]
         made = subprocess.run(code, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert made.returncode == 2
-    assert made.stderr.splitlines() == ["error: No space left on device"]
+    said = "error: No space left on device. Free some space, or take another place; what was saved is kept."
+    assert made.stderr.splitlines() == [said]
 
 
 def test_a_reader_that_has_seen_enough_is_no_failure():

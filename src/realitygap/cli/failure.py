@@ -29,6 +29,7 @@ STOPPED = 130
 LONGEST = 400
 """Most characters of one word, such as a path, in a message."""
 
+_FULL = {errno.ENOSPC, errno.EDQUOT}
 _NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
 _OF_A_PATH = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
 
@@ -121,8 +122,8 @@ def _shortened(word: str) -> str:
 
 def _describe(failure: Exception) -> tuple[str, int]:
     """The line that says what went wrong, and the exit code."""
-    if isinstance(failure, click.Abort) and isinstance(failure.__cause__, RealityGapError):
-        failure = failure.__cause__  # click makes its own of every KeyboardInterrupt
+    if isinstance(failure, click.Abort) and isinstance(failure.__cause__, RealityGapError | EOFError):
+        failure = failure.__cause__  # click makes its own of every KeyboardInterrupt, and of an EOFError
     if isinstance(failure, RealityGapError):
         return str(failure) if failure.exit_code == STOPPED else f"error: {failure}", failure.exit_code
     if isinstance(failure, click.UsageError):
@@ -136,8 +137,11 @@ def _describe(failure: Exception) -> tuple[str, int]:
         what = failure.strerror or str(failure) or type(failure).__name__
         where = f": {failure.filename}" if failure.filename else ""
         code = 1 if failure.errno in _NOT_MENDABLE else 2
-        cure = ". Check the path and its rights, or take another."
-        return f"error: {what}{where}{cure if isinstance(failure, _OF_A_PATH) and where else ''}", code
+        full = ". Free some space, or take another place; what was saved is kept."
+        cure = full if failure.errno in _FULL else ""
+        if where and (isinstance(failure, _OF_A_PATH) or failure.errno == errno.EROFS):
+            cure = ". Check the path and its rights, or take another."
+        return f"error: {what}{where}{cure}", code
     if _from_sqlite(failure):
         return f"error: the study's database cannot be used: {failure}", 2
     if isinstance(failure, MemoryError):
