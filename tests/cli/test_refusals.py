@@ -194,6 +194,17 @@ def test_debug_shows_where(capsys, monkeypatch):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_is_no_failure(closed, tmp_path):
+    """What would be printed there goes nowhere; the rest of the work is done."""
+    words = f"{sys.executable} -m realitygap show nothing {closed}; {sys.executable} -m realitygap simulate"
+    words += f" avoidance --controller constant:5,5 --pose 25 25 90 --picture {tmp_path}/made.png {closed}"
+    made = subprocess.run(["sh", "-c", words], capture_output=True, text=True, check=False)
+    assert made.returncode == 0 and (tmp_path / "made.png").is_file()
+    error = [] if "2>" in closed else ["error: nothing: no such folder. Give a study's folder, such as"]
+    assert [line.partition(" `")[0] for line in made.stderr.splitlines()] == error
+
+
 def test_a_full_disk_under_stdout_ends_in_one_line():
     """Output that cannot be written ends in one line, without a complaint of the interpreter's."""
     with open("/dev/full", "w") as full:
