@@ -167,6 +167,17 @@ def test_a_damaged_file_is_not_taken_for_ctrl_c(call, monkeypatch):
     assert result.exit_code == 1 and "unexpected EOFError: marshal data too short" in result.stderr
 
 
+@pytest.mark.parametrize(
+    "words",
+    [("calibrate", "rec", "--out"), ("track", "film.mp4", "--out"), ("replay", "study", 1, "--picture")],
+)
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(refused, monkeypatch, tmp_path, words):
+    """In a folder without rights or on a read-only disk: not after minutes of fitting."""
+    file = tmp_path / ("made.csv" if "track" in words else "made.png" if 1 in words else "made.toml")
+    monkeypatch.setattr("os.access", lambda path, mode: path != tmp_path)
+    assert f"{str(file)!r} cannot be written; check its rights" in refused(*words, file)
+
+
 def test_a_folder_that_cannot_be_one_is_named_with_a_cure(refused, tmp_path):
     """--out that is a file, or below one, says what to do about it."""
     (tmp_path / "file").write_text("")
