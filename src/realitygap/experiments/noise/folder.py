@@ -105,7 +105,7 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
     config = NoiseConfig.from_folder(first)
     for other in others:
         _refuse_other(first, other, config)
-    with new_folder(out) as half:
+    with new_folder(out, config.resuming(out)) as half:
         for name in (CONFIG, f".{CONFIG}"):
             shutil.copyfile(first / name, half / name)
         shutil.copytree(first / "calibration", half / "calibration")
