@@ -16,6 +16,7 @@ AGAIN_S = 0.02
 
 def main() -> None:
     """Run a command; Ctrl-C ends in one line even while the commands are being loaded."""
+    _open_closed()
     sys.unraisablehook = _unraisable
     atexit.register(gc.freeze)  # else all that was loaded is searched for garbage, up to a third of a second
     try:
@@ -24,6 +25,13 @@ def main() -> None:
         sys.stderr.write("stopped\n")
         sys.exit(130)
     run()
+
+
+def _open_closed() -> None:
+    """Where a stream was closed (`>&-`), what goes there goes nowhere, and not into the next file opened."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), "r" if name == "stdin" else "w"))
 
 
 def _unraisable(what: Any) -> None:

@@ -24,6 +24,7 @@ from realitygap.calibration.recorder import camera
 from realitygap.calibration.recorder import record as recorder
 from realitygap.calibration.recorder.acts import drive_trial
 from realitygap.calibration.recorder.grid import Grid
+from realitygap.calibration.recorder.journal import alone
 from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, sensor_plans
 from realitygap.calibration.recorder.record import Wanted, record
 from realitygap.calibration.recorder.site import EnoughError, OwnSite, PersonSite
@@ -166,6 +167,16 @@ def test_a_twin_is_recorded(tmp_path):
     assert code == 2 and "already holds a recording" in error
     code, _, error = run(*words, "--out", tmp_path / "a", "--resume", "--twin-noise", 2)
     assert code == 2 and "twin_noise" in error
+
+
+def test_one_process_records_into_a_folder_at_a_time(tmp_path):
+    """A second one, which would write the same places once more, is told so; then it goes on."""
+    words = [*WORDS, "--robot", "twin:3", "--out", str(tmp_path / "a")]
+    with alone(tmp_path / "a"):
+        code, _, error = run(*words, "--resume")
+        assert code == 2 and f"{tmp_path / 'a'}: another process records there. Wait" in error
+    assert not (tmp_path / "a").exists()
+    assert run(*words, "--resume")[0] == 0
 
 
 def test_kill_9_loses_one_place_at_most(tmp_path):

@@ -134,7 +134,8 @@ def test_a_report_of_a_broken_study_speaks_of_no_arm(refused, tmp_path):
         (StudyError("no study here"), 2, "error: no study here"),
         (RealityGapError("not your doing"), 1, "error: not your doing"),
         (PermissionError(errno.EACCES, "Permission denied", "out"), 2, "error: Permission denied: out"),
-        (OSError(errno.ENOSPC, "No space left on device"), 2, "error: No space left on device"),
+        (OSError(errno.ENOSPC, "No space left on device"), 2, "error: No space left on device. Free some"),
+        (OSError(errno.EROFS, "Read-only", "out"), 2, "error: Read-only: out. Check the path"),
         (OSError(errno.EIO, "Input/output error"), 1, "error: Input/output error"),
         (StoppedError("stopped; resume with `x`"), 130, "stopped; resume with `x`"),
         (click.Abort(), 130, "stopped"),
@@ -153,6 +154,28 @@ def test_every_failure_ends_in_one_line_and_a_code(capsys, failure, code, says):
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 1
     assert said[0].startswith(says)
+
+
+def test_a_damaged_file_is_not_taken_for_ctrl_c(call, monkeypatch):
+    """What Python says of one that ends too early, click takes for the end of the input: "stopped"."""
+
+    def broken(*_, **__):
+        raise EOFError("marshal data too short")
+
+    monkeypatch.setattr("realitygap.tasks.load_task", broken)
+    result = call("probe", "avoidance", "--pose", 25, 25, 0)
+    assert result.exit_code == 1 and "unexpected EOFError: marshal data too short" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("calibrate", "rec", "--out"), ("track", "film.mp4", "--out"), ("replay", "study", 1, "--picture")],
+)
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(refused, monkeypatch, tmp_path, words):
+    """In a folder without rights or on a read-only disk: not after minutes of fitting."""
+    file = tmp_path / ("made.csv" if "track" in words else "made.png" if 1 in words else "made.toml")
+    monkeypatch.setattr("os.access", lambda path, mode: path != tmp_path)
+    assert f"{str(file)!r} cannot be written; check its rights" in refused(*words, file)
 
 
 def test_a_folder_that_cannot_be_one_is_named_with_a_cure(refused, tmp_path):
@@ -182,13 +205,25 @@ def test_debug_shows_where(capsys, monkeypatch):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_is_no_failure(closed, tmp_path):
+    """What would be printed there goes nowhere; the rest of the work is done."""
+    words = f"{sys.executable} -m realitygap show nothing {closed}; {sys.executable} -m realitygap simulate"
+    words += f" avoidance --controller constant:5,5 --pose 25 25 90 --picture {tmp_path}/made.png {closed}"
+    made = subprocess.run(["sh", "-c", words], capture_output=True, text=True, check=False)
+    assert made.returncode == 0 and (tmp_path / "made.png").is_file()
+    error = [] if "2>" in closed else ["error: nothing: no such folder. Give a study's folder, such as"]
+    assert [line.partition(" `")[0] for line in made.stderr.splitlines()] == error
+
+
 def test_a_full_disk_under_stdout_ends_in_one_line():
     """Output that cannot be written ends in one line, without a complaint of the interpreter's."""
     with open("/dev/full", "w") as full:
         code = [sys.executable, "-m", "realitygap", "profile", "show", "paper"]
         made = subprocess.run(code, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert made.returncode == 2
-    assert made.stderr.splitlines() == ["error: No space left on device"]
+    said = "error: No space left on device. Free some space, or take another place; what was saved is kept."
+    assert made.stderr.splitlines() == [said]
 
 
 def test_a_reader_that_has_seen_enough_is_no_failure():

@@ -16,6 +16,10 @@ WORDS = (
 )  # fmt: skip
 
 
+def _stopped(*_, **__):
+    raise KeyboardInterrupt
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path):
     """What `slurm` prints does its shard, and goes on; all shards merged are the study of one process."""
@@ -40,7 +44,12 @@ def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path
     assert merged["study"] == "many" and (tmp_path / merged["report"]).is_file()
     alone = json_of(*WORDS, "--out", "alone", "--workers", "1")
     assert merged["runs"] == alone["runs"] and merged["tables"] == alone["tables"]
-    assert "many exists already" in refused("merge", "many-shard-1-of-2", "many-shard-2-of-2")
+    said = refused("merge", "many-shard-1-of-2", "many-shard-2-of-2")
+    assert "many exists already" in said and "`realitygap report many` makes that" in said
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.transfer.score_rows.marks_of", _stopped)
+        told = call("merge", "many-shard-1-of-2", "many-shard-2-of-2", "--out", "again")
+    assert told.exit_code == 130 and "in again; resume with `realitygap report again`" in told.stderr
 
 
 @pytest.mark.parametrize(

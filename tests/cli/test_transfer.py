@@ -200,6 +200,17 @@ def filmed(file: Path, arena: Arena, places: list[tuple[float, ...]]) -> Path:
     return file
 
 
+def test_ctrl_c_names_the_shards_own_folder(study, call, monkeypatch):
+    """Where its trials are kept, and not the study's, which a shard does not change."""
+
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("realitygap.transfer.run.run_transfer", stopped)
+    told = call("transfer", study, "--robot", "twin", "--shard", "1/2").stderr
+    assert f"trials are kept in {study}-transfer-shard-1-of-2/transfer; the same command" in told
+
+
 def test_ctrl_c_says_how_to_go_on(study):
     """Ctrl-C ends in one line with the command that goes on, and leaves no half trial that counts."""
     words = ["transfer", str(study), "--robot", "twin", "--starts", "500", "--workers", "2", "--no-watch"]

@@ -69,6 +69,9 @@ def test_what_does_not_belong_together_is_not_merged(made, tmp_path):
         file.unlink()
         with pytest.raises(StudyError, match=f"no shard has the controller {file.stem}"):
             merge_noise(all_shards(folders), tmp_path / "whole")
+        file.write_bytes(kept[: len(kept) // 2])
+        with pytest.raises(StudyError, match=rf"{file}: expected .* Delete it and resume"):
+            merge_noise(all_shards(folders), tmp_path / "whole")
         file.write_bytes(kept)
     assert not [*tmp_path.iterdir()]
 

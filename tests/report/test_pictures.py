@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,24 @@ def test_an_mp4_can_be_played(tmp_path: Path) -> None:
     with av.open(str(path)) as film:
         assert film.streams.video[0].average_rate == 10
         assert sum(1 for _ in film.decode(video=0)) == 12
+
+
+@pytest.mark.parametrize(
+    ("save", "ending"),
+    [(save_picture, "png"), (save_picture, "svg"), (save_animation, "gif"), (save_animation, "mp4")],
+)
+def test_what_was_there_stays_where_the_disk_is_full(tmp_path: Path, save, ending: str) -> None:
+    """A picture or film that cannot be finished leaves the earlier one as it was, and nothing beside it."""
+    path = tmp_path / f"path.{ending}"
+    path.write_bytes(b"earlier")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(OSError, match=f"File too large: '{path}'"):
+            save(path, TASK, PROFILE, circle(12))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert path.read_bytes() == b"earlier" and [*tmp_path.iterdir()] == [path]
 
 
 def test_tails_are_not_erased_in_a_film() -> None:

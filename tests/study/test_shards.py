@@ -147,7 +147,7 @@ def test_one_process_merges_into_a_folder(shards, tmp_path):
     half = tmp_path / ".whole.half"
     half.mkdir()
     (half / "study.db").write_text("left by a kill")
-    with new_folder(tmp_path / "whole") as filled:
+    with new_folder(tmp_path / "whole", "again") as filled:
         assert filled == half and [path.name for path in half.iterdir()] == [LOCK]
         (filled / "theirs").touch()
         with pytest.raises(

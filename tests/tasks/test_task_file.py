@@ -10,8 +10,8 @@ import numba
 import pytest
 
 from realitygap.errors import TaskError
-from realitygap.tasks import copy_task, load_task
-from realitygap.tasks.scoring import example
+from realitygap.tasks import copy_task, load_task, trying
+from realitygap.tasks.scoring import CompiledScore, example
 from realitygap.world.arena import load_arena
 from realitygap.world.profile import load_profile
 
@@ -239,6 +239,24 @@ def test_a_score_that_suits_its_task_is_taken(mine, body):
     """What is right at the task's own length and in its own room is no fault, nor is a bad value."""
     head = "import math; import numpy as np\n"
     load_task(mine(head + f"def score(path, room):\n{body}\n" + HEAD + TAIL)).compiled_score()
+
+
+def test_a_score_without_end_can_be_stopped(monkeypatch):
+    """Plain Python goes first: Ctrl-C reaches a score that never ends there, but not in compiled code."""
+    asked = []
+
+    def plain(path, room):
+        asked.append("plain")
+        raise KeyboardInterrupt  # as Ctrl-C does
+
+    def compiled(path, room):
+        asked.append("compiled")
+        return 0.0
+
+    monkeypatch.setattr(trying, "compile_score", lambda score: CompiledScore(score, compiled))
+    with pytest.raises(KeyboardInterrupt):
+        trying.tried(plain, load_arena("light-seeking"), 10)
+    assert asked == ["plain"]
 
 
 @compiler

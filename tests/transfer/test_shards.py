@@ -44,13 +44,16 @@ def whole(finished, tmp_path_factory) -> Path:
 
 
 def test_shards_of_a_transfer_are_the_whole(finished, whole, tmp_path):
-    """Every trial, file by file; twice is as good as once, and nothing is overwritten."""
+    """Every trial, file by file; twice is as good as once, and nothing is overwritten. Shards that were moved
+    away from their study ask for it."""
     parts = Path(shutil.copytree(finished.folder, tmp_path / "parts"))
     trials = [one.folder for one in load_transfers(whole)]
     shards = [Shard(number, 2) for number in (1, 2)]
     assert [len(drive(parts, shard=shard)) for shard in shards] == [2, 2]
     assert not (parts / "transfer").exists()
     folders = [tmp_path / f"parts-transfer-shard-{number}-of-2" for number in (1, 2)]
+    with pytest.raises(StudyError, match=r"moved is not the study .* Give that study \(--out\)"):
+        merge_trials(all_shards(folders), tmp_path / "moved")
     for _ in range(2):
         made = merge_trials(all_shards(folders), parts)
     assert sorted(one.folder.relative_to(parts) for one in made) == sorted(

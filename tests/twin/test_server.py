@@ -131,6 +131,16 @@ def test_virtual_time_stands_until_it_is_let_go(bench: Bench, tmp_path: Path) ->
     }
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+@pytest.mark.parametrize("told", [True, False])
+def test_a_film_on_a_full_disk_is_told_to_whoever_asks(told: bool) -> None:
+    """By the file's name; and the process ends without a traceback, whether anybody asked or not."""
+    with Server(Settings(arena=ARENA, unit=1, body=BODY)) as server:
+        assert server._do("film /dev/full") == "ok"
+        if told:
+            assert server._do("film") == "error [Errno 28] No space left on device: '/dev/full'"
+
+
 def test_a_renewed_twin_is_a_fresh_one(bench: Bench) -> None:
     """Whatever the one before did, read or left on the line: banner, time, counters, place and noise
     are those of a process started with the new seed, and so is every bit of the conversation."""

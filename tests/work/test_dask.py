@@ -17,6 +17,7 @@ import pytest
 
 pytest.importorskip("distributed", reason="needs the extra: pip install 'realitygap[cluster]'")
 
+from realitygap.cli.kinds import NumberOrPool
 from realitygap.errors import ConfigError, StudyError
 from realitygap.study.runner import run_study
 from realitygap.testing import PoolContract
@@ -248,3 +249,14 @@ def test_no_wait_for_a_cluster_is_without_end(monkeypatch):
         worked(Client(threads=0, ends=False))
     with pytest.raises(StudyError, match=r"scheduler no longer answers \(no route to host\)\. .*resume"):
         worked(Client(gone=True))
+
+
+def test_a_cluster_without_workers_is_noted(monkeypatch, capsys):
+    """A command says at once what it waits for, and nothing where there is a worker."""
+    for threads, said in ((1, ""), (0, "note: the Dask scheduler has no worker yet; start some")):
+        pool = object.__new__(Dask)
+        pool._client = Client(threads=threads)
+        monkeypatch.setattr("realitygap.work.workers.named_pool", lambda _, pool=pool: pool)
+        assert NumberOrPool().convert("dask:tcp://HOST:8786", None, None) is pool
+        told = capsys.readouterr()
+        assert told.err.startswith(said) and bool(told.err) == bool(said) and not told.out

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from realitygap.cli.failure import is_begun
 from realitygap.cli.output import at_terminal
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
     from realitygap.work.workers import Workers
 
-__all__ = ["ask_trust", "consider", "note", "note_versions"]
+__all__ = ["ask_trust", "consider", "note", "note_new", "note_versions"]
 
 EVALUATIONS_A_SECOND = 650
 """Of one core: two trials of twenty seconds each, tests included (docs/noise-level.md)."""
@@ -31,6 +32,15 @@ LONG_S = DAY_S / 2
 def note(text: str) -> None:
     """Print a note, one line on stderr."""
     click.echo(f"note: {text}", err=True)
+
+
+def note_new(folder: Path, *files: str) -> None:
+    """Note that there is nothing to resume in a folder, which has none of the files that would say what."""
+    if not is_begun(folder, *files):
+        note(
+            f"--resume: nothing was begun in {folder}; starting there, with the usual settings for all that "
+            "is not given"
+        )
 
 
 def note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import consider
+from realitygap.cli.estimate import consider, note_new
 from realitygap.cli.scene import note_dark
 from realitygap.cli.studies import carry_out, show_study
 
@@ -72,6 +72,8 @@ def evolve(
     Example:
         realitygap evolve light-seeking --noise double --runs 3 --set evolution.rows=10
     """
+    from realitygap.study.reader import DATABASE
+
     folder = folder_of(task) if out is None else out
     folder = folder if shard is None else shard.folder(folder)
     begun = begun_config(folder, task, config, resume)
@@ -79,6 +81,8 @@ def evolve(
     chosen = changed_config(begun, task, noise, settings, option.given(fields))
     if not resume:
         _notes(chosen, task, workers, shard)
+    else:
+        note_new(folder, DATABASE)
     words = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
     carried = carry_out(
         folder, chosen, words=words, workers=workers, engine=engine, resume=resume, shard=shard, watch=watch

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import consider
+from realitygap.cli.estimate import consider, note_new
 from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
 from realitygap.cli.output import shown, table, tell
@@ -72,7 +72,9 @@ def measure_or_randomise(
     if not resume:
         runs = config.runs * len(conditions())
         consider(runs=runs, evaluations=config.evaluations, trials=runs * config.starts, workers=workers)
-    with resumable(out, config.resuming(out)), ProgressLine() as progress:
+    else:
+        note_new(out, config.FILE)
+    with resumable(out, config.resuming(out), config.FILE), ProgressLine() as progress:
         results = carry_out(out, config, workers=workers, resume=resume, on_progress=progress.show)
         picture = draw_outcomes(results)
     found, comparisons = compared_in(results)
@@ -184,7 +186,10 @@ def noise(
         runs = len(every) if shard is None else len(shard.own(every))
         trials = config.twin_trials * runs // len(every)
         consider(runs=runs, evaluations=config.evaluations, trials=trials, workers=workers)
-    with resumable(out, config.resuming(out) + option.unusual(engine)), ProgressLine() as progress:
+    else:
+        note_new(out, config.FILE)
+    again = config.resuming(out) + option.unusual(engine)
+    with resumable(out, again, config.FILE), ProgressLine() as progress:
         results = noise_study(
             out, config, workers=workers, engine=engine, resume=resume, shard=shard, on_progress=progress.show
         )

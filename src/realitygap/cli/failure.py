@@ -18,7 +18,7 @@ import click
 
 from realitygap.errors import RealityGapError, StudyInterruptedError
 
-__all__ = ["Commands", "StoppedError", "resumable", "tidy"]
+__all__ = ["Commands", "StoppedError", "is_begun", "resumable", "tidy"]
 
 DEBUG = "REALITYGAP_DEBUG"
 """Set to 1 in the environment, this shows the traceback of a failure."""
@@ -29,6 +29,7 @@ STOPPED = 130
 LONGEST = 400
 """Most characters of one word, such as a path, in a message."""
 
+_FULL = {errno.ENOSPC, errno.EDQUOT}
 _NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
 _OF_A_PATH = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
 
@@ -40,16 +41,28 @@ class StoppedError(RealityGapError):
 
 
 @contextmanager
-def resumable(folder: Path, again: str) -> Iterator[None]:
+def resumable(folder: Path, again: str, *files: str) -> Iterator[None]:
     """On Ctrl-C say that finished work is kept in the folder, and which command continues it.
 
+    Args:
+        folder: of the work.
+        again: the command.
+        files: of which the folder has one as soon as settings are kept there, so that the command needs none.
+
     Raises:
-        StoppedError: says both.
+        StoppedError: says both; or that the work had not begun.
     """
     try:
         yield
     except (KeyboardInterrupt, StudyInterruptedError):
+        if not is_begun(folder, *files):
+            raise StoppedError(f"stopped before the work in {folder} began; give the command again") from None
         raise StoppedError(f"stopped; finished work is kept in {folder}; resume with `{again}`") from None
+
+
+def is_begun(folder: Path, *files: str) -> bool:
+    """Whether a folder has one of the files that say what is done in it."""
+    return any((folder / file).is_file() for file in files)
 
 
 class Commands(click.Group):
@@ -109,8 +122,8 @@ def _shortened(word: str) -> str:
 
 def _describe(failure: Exception) -> tuple[str, int]:
     """The line that says what went wrong, and the exit code."""
-    if isinstance(failure, click.Abort) and isinstance(failure.__cause__, RealityGapError):
-        failure = failure.__cause__  # click makes its own of every KeyboardInterrupt
+    if isinstance(failure, click.Abort) and isinstance(failure.__cause__, RealityGapError | EOFError):
+        failure = failure.__cause__  # click makes its own of every KeyboardInterrupt, and of an EOFError
     if isinstance(failure, RealityGapError):
         return str(failure) if failure.exit_code == STOPPED else f"error: {failure}", failure.exit_code
     if isinstance(failure, click.UsageError):
@@ -124,8 +137,11 @@ def _describe(failure: Exception) -> tuple[str, int]:
         what = failure.strerror or str(failure) or type(failure).__name__
         where = f": {failure.filename}" if failure.filename else ""
         code = 1 if failure.errno in _NOT_MENDABLE else 2
-        cure = ". Check the path and its rights, or take another."
-        return f"error: {what}{where}{cure if isinstance(failure, _OF_A_PATH) and where else ''}", code
+        full = ". Free some space, or take another place; what was saved is kept."
+        cure = full if failure.errno in _FULL else ""
+        if where and (isinstance(failure, _OF_A_PATH) or failure.errno == errno.EROFS):
+            cure = ". Check the path and its rights, or take another."
+        return f"error: {what}{where}{cure}", code
     if _from_sqlite(failure):
         return f"error: the study's database cannot be used: {failure}", 2
     if isinstance(failure, MemoryError):

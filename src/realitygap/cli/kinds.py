@@ -1,6 +1,7 @@
 """Kinds of value that options take; a value that is refused names its option and what was expected."""
 
 import math
+import os
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
@@ -82,6 +83,9 @@ class NumberOrPool(Whole):
         pool = named_pool(value)
         if ctx is not None:
             ctx.call_on_close(pool.close)
+        if getattr(pool, "alone", False):
+            said = "the Dask scheduler has no worker yet; start some with `dask worker` and its address"
+            click.echo(f"note: {said}", err=True)
         return pool
 
 
@@ -131,6 +135,9 @@ class FileToWrite(click.ParamType):
             self.fail(f"{value!r} is a folder.", param, ctx)
         if not path.parent.is_dir():
             self.fail(f"the folder {str(path.parent)!r} does not exist; create it first.", param, ctx)
+        target = Path(os.path.realpath(path))
+        if not all(os.access(one, os.W_OK) for one in (target.parent, target) if one.exists()):
+            self.fail(f"{value!r} cannot be written; check its rights, or take another place.", param, ctx)
         return path
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ import click
 from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust, note_versions
 from realitygap.cli.experiment import show_noise
+from realitygap.cli.failure import resumable
 from realitygap.cli.output import print_json
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import reported, show_study
@@ -44,10 +46,12 @@ def merge(
         realitygap evolve avoidance --runs 9 --out out/nine --shard 1/3   # and 2/3, 3/3, anywhere
         realitygap merge out/nine-shard-*-of-3
     """
+    from realitygap.experiments.noise.config import CONFIG, NoiseConfig
     from realitygap.experiments.noise.folder import merge_noise
     from realitygap.experiments.noise.run import noise_study
     from realitygap.study.load import load_study
     from realitygap.study.merge import all_shards, merge_runs
+    from realitygap.study.reader import DATABASE
     from realitygap.work.shard import read_mark, whole_of
 
     found = all_shards(shards)
@@ -59,18 +63,20 @@ def merge(
         return
     told = {"shards": list(map(str, found.values()))}
     if mark is not None and mark.work == "experiment noise":
-        merge_noise(found, target)
-        note_versions(load_study(place).versions() for place in sorted((target / "evolved").iterdir()))
-        with ProgressLine() as progress:
-            results = noise_study(target, workers=workers, resume=True, on_progress=progress.show)
-        show_noise(target, results, told, json_output=json_output)
+        with resumable(target, NoiseConfig.from_folder(shards[0]).resuming(target), CONFIG):
+            merge_noise(found, target)
+            note_versions(load_study(place).versions() for place in sorted((target / "evolved").iterdir()))
+            with ProgressLine() as progress:
+                results = noise_study(target, workers=workers, resume=True, on_progress=progress.show)
+            show_noise(target, results, told, json_output=json_output)
         return
     for folder in found.values():
         ask_trust(str(folder), trust)
-    study = merge_runs(found, target)
-    note_versions([study.versions()])
-    with ProgressLine() as progress:
-        carried = reported(target, study, workers, progress, told)
+    with resumable(target, f"realitygap report {shlex.quote(str(target))}", DATABASE):
+        study = merge_runs(found, target)
+        note_versions([study.versions()])
+        with ProgressLine() as progress:
+            carried = reported(target, study, workers, progress, told)
     show_study(carried, json_output=json_output)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import consider
+from realitygap.cli.estimate import consider, note_new
 from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
 from realitygap.cli.output import print_json, table, warn
@@ -67,7 +67,9 @@ def realities(
     if not resume:
         runs = asked.runs * len(asked.levels) * len(asked.every)
         consider(runs=runs, evaluations=asked.evaluations, trials=runs * asked.starts, workers=workers)
-    with resumable(out, asked.resuming(out)), ProgressLine() as progress:
+    else:
+        note_new(out, asked.FILE)
+    with resumable(out, asked.resuming(out), asked.FILE), ProgressLine() as progress:
         places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
         page = build_realities_report(out, places, on_progress=progress.report)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import consider
+from realitygap.cli.estimate import consider, note_new
 from realitygap.cli.kinds import Whole
 from realitygap.cli.studies import Carried, carry_out, show_study
 
@@ -62,11 +62,16 @@ def reproduce(
     Example:
         realitygap reproduce --out out/reproduce
     """
+    from realitygap.experiments.reproduction import ASKED
+    from realitygap.study.reader import DATABASE
+
     requested = requested_by(out, resume, options)
     if not resume:
         all_runs = CONDITIONS * requested.runs
         trials = 0 if no_transfer else all_runs * requested.starts
         consider(runs=all_runs, evaluations=requested.evaluations, trials=trials, workers=workers)
+    else:
+        note_new(out, DATABASE, ASKED)
     carried = carried_out(
         out, requested, transfer=not no_transfer, workers=workers, engine=engine, resume=resume, watch=watch
     )

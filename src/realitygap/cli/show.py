@@ -115,8 +115,8 @@ def _draw(study: Study, run: Run, picture: Path) -> None:
     sensing = {"feeds": facts["feeds"], "sensors": facts["sensors"]}
     with styled():
         figure = network_figure(slots, study.profile, title=run.name, **sensing)
-        with whole.named(picture):
-            figure.savefig(picture, dpi=200)
+        with whole.new(picture) as spare:
+            figure.savefig(spare, dpi=200)
 
 
 def _text(study: Study, run: Run, genes: Genes | None) -> str | None:

@@ -72,6 +72,8 @@ def carry_out(
         UsageError: a shard is to be watched.
         StoppedError: on Ctrl-C, saying how to continue.
     """
+    from realitygap.experiments.reproduction import ASKED
+    from realitygap.study.reader import DATABASE
     from realitygap.study.runner import run_study
     from realitygap.work.shard import read_mark
 
@@ -79,7 +81,7 @@ def carry_out(
     if part and watch:
         raise UsageError("watch: a shard has no page. Leave it out.")
     again = f"realitygap {words} --out {shlex.quote(str(folder))} --resume"
-    with resumable(folder, again), ProgressLine() as progress, ExitStack() as stack:
+    with resumable(folder, again, DATABASE, ASKED), ProgressLine() as progress, ExitStack() as stack:
         requested, show = config(progress) if callable(config) else config, progress.show
         if watch:
             from realitygap.report.watch import Watch

@@ -129,6 +129,7 @@ def transfer(
     trials = (len(options.runs) or len(loaded.runs)) * len(options.robots) * options.starts
     consider(trials=trials if shard is None else len(shard.own(range(trials))), workers=workers)
     carry = partial(_carry, seen=options.eye is not None)
+    home = place_of(loaded.folder, options) if shard is None else shard_folder(loaded.folder, shard)
     attendant = Attendant(carry, _found, partial(click.echo, err=True))
     try:
         with ProgressLine(after_s=0) as line:  # a person may be asked things first
@@ -136,12 +137,11 @@ def transfer(
                 loaded, options, workers=workers, attendant=attendant, shard=shard, on_progress=line.show
             )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
-        raise StoppedError(_stopped(stop, str(place_of(loaded.folder, options) / FOLDER))) from None
+        raise StoppedError(_stopped(stop, str(home / FOLDER))) from None
     if shard is not None:
         if not json_output:
             print_transfers(made)
-        place = shard_folder(loaded.folder, shard)
-        show_shard(place, {"transfers": [one.to_dict() for one in made]}, json_output=json_output)
+        show_shard(home, {"transfers": [one.to_dict() for one in made]}, json_output=json_output)
         return
     if json_output:
         print_json({"study": study, "transfers": [one.to_dict() for one in made]})

@@ -73,8 +73,8 @@ def save_picture(
         ax = figure.add_subplot()
         draw_path(ax, scene, trajectory)
         ax.set_title(title, loc="left")
-        with whole.named(path):
-            figure.savefig(path, dpi=200, metadata={STAMPS[path.suffix.lower()]: None})
+        with whole.new(path) as spare:
+            figure.savefig(spare, dpi=200, metadata={STAMPS[path.suffix.lower()]: None})
     return path
 
 
@@ -103,10 +103,11 @@ def save_animation(
     if not speed > 0:
         raise UsageError(f"speed: expected more than 0 (1 = real time), got {speed!r}.")
     pictures = frames(task, profile, trajectory, title)
-    if path.suffix.lower() == ".gif":
-        _save_gif(path, pictures, profile.period_s / speed)
-    else:
-        _save_mp4(path, pictures, speed / profile.period_s)
+    with whole.new(path) as spare:
+        if path.suffix.lower() == ".gif":
+            _save_gif(spare, pictures, profile.period_s / speed)
+        else:
+            _save_mp4(spare, pictures, speed / profile.period_s)
     return path
 
 

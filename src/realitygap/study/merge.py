@@ -1,5 +1,6 @@
 """Merges a study's shards, which were carried out separately: the same bits as in one piece."""
 
+import shlex
 import shutil
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
@@ -56,15 +57,18 @@ def all_shards(folders: Sequence[Path]) -> dict[Shard, Path]:
 
 
 @contextmanager
-def new_folder(out: Path) -> Iterator[Path]:
+def new_folder(out: Path, then: str) -> Iterator[Path]:
     """A folder to fill, which becomes `out` when it is complete; one left by a kill is started again.
+
+    `then` is the command for what comes after that, if only that is left.
 
     Raises:
         StudyError: `out` exists already.
         StudyBusyError: another process is filling it.
     """
     if not out.name.strip(".") or (out.exists() and (not out.is_dir() or any(out.iterdir()))):
-        raise StudyError(f"{out} exists already, and is not overwritten. Choose another --out.")
+        left = f"If it is this study, without its report, `{then}` makes that; else choose another --out."
+        raise StudyError(f"{out} exists already, and is not overwritten. {left}")
     half = out.with_name(f".{out.name}.half")
     with lock(half), told(out):
         _empty(half)
@@ -97,7 +101,7 @@ def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
         refuse_other(first, folder)
     sources = Reader(first / DATABASE).sources() or {}
     versions: set[int] = set()
-    with new_folder(out) as half:
+    with new_folder(out, f"realitygap report {shlex.quote(str(out))}") as half:
         for name, content in sources.items():
             (half / name).parent.mkdir(parents=True, exist_ok=True)
             (half / name).write_bytes(content)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from realitygap.errors import StudyError
 from realitygap.robots.address import Address
+from realitygap.study.folder import exists
 from realitygap.study.load import load_study
 from realitygap.study.lock import lock
 from realitygap.study.schema import told
@@ -78,7 +79,7 @@ def _refuse_other(shards: Mapping[Shard, Path], folder: Path) -> None:
     for other in others:
         cure = f"{other} has that. Only shards of one transfer are merged."
         refuse_difference(f"{first}: the trials were made", facts[first], facts[other], cure)
-    if load_study(folder).digest() != facts[first].get("study"):
+    if not exists(folder) or load_study(folder).digest() != facts[first].get("study"):
         raise StudyError(
             f"{folder} is not the study whose individuals drove in {first}. Give that study (--out)."
         )

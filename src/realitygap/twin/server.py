@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Self
 
-from realitygap import temporary
+from realitygap import temporary, whole
 from realitygap.errors import RealityGapError, UsageError
 from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.twin.firmware import Firmware
@@ -110,7 +110,8 @@ class Server:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._end_film()
+        with contextlib.suppress(OSError):  # a full disk: whoever fetches the film is told
+            self._end_film()
         for connection in (self._listener, *self._buffers):
             connection.close()
         self._port.close()
@@ -227,9 +228,10 @@ class Server:
 
     def _end_film(self) -> None:
         if self._film is not None:
+            film, self._film = self._film, None
             self.firmware.watch(FILM_MS, None)
-            self._film.close()
-            self._film = None
+            with whole.named(film.name):
+                film.close()
 
 
 def _switched_on(settings: Settings) -> Firmware:

@@ -132,6 +132,11 @@ class Dask:
             "(`dask worker`, with the scheduler's address), and resume or start again."
         )
 
+    @property
+    def alone(self) -> bool:
+        """Whether no worker is there."""
+        return not self._threads()
+
     def close(self) -> None:
         """Leave the cluster; its workers stay."""
         self._client.close()

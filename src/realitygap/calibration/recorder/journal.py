@@ -1,7 +1,9 @@
 """Writes a recording as it is made, each finished place or trial at once: a kill loses at most one."""
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+import fcntl
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ from realitygap.calibration.recordings.files import READINGS, STEPS
 from realitygap.errors import RecordingError
 from realitygap.toml import read_toml, to_toml
 
-__all__ = ["ARENA", "Journal", "refuse_another"]
+__all__ = ["ARENA", "Journal", "alone", "refuse_another"]
 
 ARENA = "arena.toml"
 SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "marker", "seed", "repeats", "bearings",
@@ -119,6 +121,31 @@ class Journal:
         if text.encode() != data:
             whole.write(self.path, text)
         self.done = {key: [line.split(",") for line in kept] for key, kept in finished.items()}
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """A folder to record into, for one process at a time; an empty one is removed at the end.
+
+    Raises:
+        RecordingError: another process holds it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    held = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(held)
+        cure = "Wait until it ends, stop it, or choose another folder."
+        raise RecordingError(f"{folder}: another process records there. {cure}") from None
+    except OSError:
+        pass  # a file system without locks
+    try:
+        yield
+    finally:
+        os.close(held)
+        with contextlib.suppress(OSError):  # something is in it
+            folder.rmdir()
 
 
 def refuse_another(folder: Path, *, resume: bool) -> None:

@@ -18,7 +18,7 @@ from realitygap import whole
 from realitygap.calibration.recorder.acts import drive_trial, read_standing
 from realitygap.calibration.recorder.edges import FINE, TWICE, look_between
 from realitygap.calibration.recorder.grid import Grid
-from realitygap.calibration.recorder.journal import ARENA, Journal, refuse_another
+from realitygap.calibration.recorder.journal import ARENA, Journal, alone, refuse_another
 from realitygap.calibration.recorder.plans import KHEPERA, Part, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
@@ -124,22 +124,25 @@ def record(
         on_progress: called after each place; an exception raised there stops the recording.
 
     Raises:
-        RecordingError: the folder holds a recording already, or another one.
+        RecordingError: the folder holds a recording already, or another one, or another process
+            records there.
         UsageError: the robot lacks the sensors, or they differ from those of `base`.
     """
     if wanted.base is None and "base" in (own := facts_of(body)):
         wanted = replace(wanted, base=load_profile(own["base"]))
     parts = _parts(wanted, body)
     places = [Path(folder) / part.name if len(parts) > 1 else Path(folder) for part in parts]
-    for place in places:
-        refuse_another(place, resume=resume)
     made: list[Made] = []
-    for part, place in zip(parts, places, strict=True):
-        with site_of(body, ask, part.room, part=part.name, seed=wanted.seed, marker=wanted.marker) as site:
-            report = on_progress or (lambda name, done, total: None)
-            made.append(_recorded(part, place, wanted, body, site, report))
-        if made[-1].stopped:
-            break
+    with alone(Path(folder)):
+        for place in places:
+            refuse_another(place, resume=resume)
+        for part, place in zip(parts, places, strict=True):
+            how: dict[str, Any] = {"part": part.name, "seed": wanted.seed, "marker": wanted.marker}
+            with site_of(body, ask, part.room, **how) as site:
+                report = on_progress or (lambda name, done, total: None)
+                made.append(_recorded(part, place, wanted, body, site, report))
+            if made[-1].stopped:
+                break
     return made
 
 

@@ -20,6 +20,9 @@ from realitygap.experiments.noise.plan import (
     situated_file,
 )
 from realitygap.experiments.noise.second.arms import check_arm, plan_digests
+from realitygap.experiments.noise.simulated import read_compared
+from realitygap.experiments.noise.situated import read_situated
+from realitygap.experiments.noise.stage import Stage
 from realitygap.study.merge import merge_runs, new_folder
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference
@@ -96,28 +99,30 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
         out: the study's folder, created complete or not at all.
 
     Raises:
-        StudyError: shards of different studies or calibrations, a damaged one, or `out` exists.
+        StudyError: shards of different studies or calibrations, a damaged one or file of it, or `out` exists.
     """
     first, *others = shards.values()
     config = NoiseConfig.from_folder(first)
     for other in others:
         _refuse_other(first, other, config)
-    with new_folder(out) as half:
+    with new_folder(out, config.resuming(out)) as half:
         for name in (CONFIG, f".{CONFIG}"):
             shutil.copyfile(first / name, half / name)
         shutil.copytree(first / "calibration", half / "calibration")
         for made in dict.fromkeys(evolved(config, one) for one in controllers(config)):
             parts = {shard: evolved_folder(folder, config, made) for shard, folder in shards.items()}
             merge_runs(parts, evolved_folder(half, config, made))
+        stages = [Stage(folder, config) for folder in shards.values()]
         for one in controllers(config):
-            for file_of in (situated_file, simulated_file):
-                there = [file for folder in shards.values() if (file := file_of(folder, one)).is_file()]
+            for file_of, read in ((situated_file, read_situated), (simulated_file, read_compared)):
+                there = [stage for stage in stages if file_of(stage.folder, one).is_file()]
                 if not there:
                     raise StudyError(
                         f"{first}: no shard has the controller {one.name}. Finish the shards first."
                     )
+                read(there[0], one)  # a damaged file is told while the shard can make it again
                 file_of(half, one).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(there[0], file_of(half, one))
+                shutil.copyfile(file_of(there[0].folder, one), file_of(half, one))
         for folder in shards.values():
             for phase, seconds in Seconds(folder).read().items():
                 Seconds(half).add(phase, seconds)
