@@ -75,11 +75,16 @@ SCORES: dict[str, Callable[[rg.Simulation], object]] = {
     "a stream of 65 bits": lambda s: s.start(2**64),
     "a stream in words": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), stream="one"),  # type: ignore[arg-type]
     "a pose in a tuple": lambda s: s.probe((25, 25, 0)),  # type: ignore[arg-type]
+    "a pose of nothing": lambda s: s.probe(rg.Pose(x=None, y=25, heading=0)),  # type: ignore[arg-type]
+    "a pose in words": lambda s: s.start(1) and s.require_free(rg.Pose(x=25, y="up", heading=0)),  # type: ignore[arg-type]
+    "descriptors of nothing": lambda s: rg.describe(None, s.task, s.profile),  # type: ignore[arg-type]
     "no repetition": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), repeat=0),
     "repetitions without end": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), repeat=10**12),
     "seconds in words": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=1, seconds="long"),  # type: ignore[arg-type]
     "seconds without end": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=1, seconds=1e12),
     "a command beyond the robot's": lambda s: SimulatedBody(s).act(rg.Command(left=10**12, right=0)),
+    "a drive in nothing": lambda s: rg.drive_simulated(None, lambda inputs: (1, 1)),  # type: ignore[arg-type]
+    "a network's drive in a task": lambda s: rg.drive_simulated(s.task, rg.NetworkController(GENES[0])),  # type: ignore[arg-type]
     "a body of nothing": lambda s: SimulatedBody(None),  # type: ignore[arg-type]
 }
 
@@ -128,6 +133,10 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a controller of another layout": lambda: rg.NetworkController(GENES[0], rg.Layout(slots=12)),
     "a controller of a list": lambda: rg.NetworkController([1, 2]),
     "inputs beyond the ten": lambda: rg.NetworkController(GENES[0]).decide([11] * 8),
+    "inputs of nothing": lambda: rg.NetworkController(GENES[0]).decide(None),
+    "inputs in words": lambda: rg.NetworkController(GENES[0]).decide("straight"),
+    "degrees of nothing": lambda: rg.Pose.from_degrees(None, 25, 90),
+    "degrees in words": lambda: rg.Pose.from_degrees(25, 25, "north"),
     "inputs that are no numbers": lambda: rg.NetworkController(GENES[0]).decide([float("nan")] * 8),
     "a parent of another layout": lambda: VARIATION.offspring(GENES[0], GENES[0, :20], np.uint64(1)),
     "a parent in a list": lambda: VARIATION.offspring(GENES[0].tolist(), GENES[1], np.uint64(1)),
@@ -185,6 +194,8 @@ OTHERS: dict[str, Callable[[], object]] = {
     "trials that are none": lambda: rg.setting_of([1]),
     "a task that is none": lambda: rg.setting_of([], 3),
     "a setting that is none": lambda: rg.namer("light"),
+    "a body in words": lambda: rg.namer(rg.setting_of([], "light"), "2"),
+    "a body of no size": lambda: rg.namer(rg.setting_of([], "light"), float("nan")),
     "a comparison of numbers": lambda: rg.compare([1], [2], None),
     "a genotype's file in numbers": lambda: rg.load_genotype(3),
     "a controller without a layout": lambda: rg.constant(1, 1, None),
