@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from realitygap import NetworkController, Pose, SimulatedBody, Simulation, decode, drive, drive_simulated
 from realitygap.cli import realitygap
-from realitygap.controller.handmade import braitenberg
+from realitygap.controller.handmade import braitenberg, load_network
 from realitygap.controller.layout import Layout
 from realitygap.errors import UsageError
 from realitygap.robots.body import Channel, Odometry
@@ -120,6 +120,22 @@ def test_a_function_drives_both_alike(simulation):
     lived, _ = drive_simulated(simulation, lambda inputs: (6, 5), stream=4, seconds=2)
     made = drive(SimulatedBody(simulation, stream=4), lambda inputs: (6, 5), task="avoidance", seconds=2)
     assert (made.recording.commands == lived.commands).all() and (made.track.x[1:-1] == lived.x[1:]).all()
+
+
+def test_a_word_drives_as_the_commands_does(simulation):
+    """`drive` takes what `--controller` takes: a network's file, a vehicle, two speeds."""
+
+    def commands(given):
+        made = drive(SimulatedBody(simulation, stream=4), given, task="avoidance", seconds=2)
+        return made.recording.commands.tolist()
+
+    layout = Layout()
+    by_hand = load_network(AVOIDER, 8)
+    assert commands(str(AVOIDER)) == commands(NetworkController(by_hand, Layout.of(by_hand, inputs=8)))
+    assert commands("braitenberg") == commands(NetworkController(braitenberg("proximity", layout), layout))
+    assert commands("constant:5,-3") == [[5, -3]] * 20
+    with pytest.raises(UsageError, match="expected constant:L,R, braitenberg, "):
+        commands("nowhere.toml")
 
 
 @pytest.mark.parametrize("body", [None, SimulatedBody, Simulation("avoidance", "paper")])

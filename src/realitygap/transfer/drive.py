@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from realitygap import temporary, whole
-from realitygap.controller.own import as_controller
+from realitygap.controller.layout import Layout
+from realitygap.controller.own import as_controller, named_controller
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
@@ -64,7 +65,8 @@ def drive(
     Args:
         body: the robot: a SimulatedBody, or any with the protocol of `robots/body.py`.
         controller: a NetworkController, a function decide(inputs) → (left, right), a class or an object
-            that has one, or `file.py:name`; −10 … 10 in and out.
+            that has one, or what `--controller` takes: `file.py:name`, a network's file, "braitenberg",
+            "constant:5,5"; −10 … 10 in and out.
         task: which sensors are fed, how long, and the score.
         profile: its input ranges and wheels; by default a simulated body's own, else "paper".
         start: where the body is placed, or stands already; by default where it reports itself.
@@ -82,7 +84,11 @@ def drive(
     task, profile = load_task(task), load_profile(own if profile is None else profile)
     start = getattr(body, "pose", None) if start is None else start
     if not isinstance(start, Pose):
-        raise UsageError(f"start: expected a Pose, as this body does not know its place, got {start!r}.")
+        expected = "a Pose, such as Pose.from_degrees(25, 25, 90)"
+        raise UsageError(f"start: expected {expected}, unless the body knows its place, got {start!r}.")
+    if isinstance(controller, str):
+        layout = Layout(inputs=len(task.of(profile).sensors))
+        controller = named_controller(controller, task.feeds, layout)
     controller = as_controller(controller)
     check_fit(body, profile, task.kinds, OTHER_ROBOT)
     body.reset(start)
