@@ -83,6 +83,9 @@ class Simulation:
         self._cores = Cores(self.task, self.profile, self.noise)
         make = engine_named(engine)
         self.engine = self._cores if make is Cores else make(self.task, self.profile, self.noise)
+        lacking = [way for way in ("scores", "tracks", "compile") if not hasattr(self.engine, way)]
+        if lacking:
+            raise UsageError(f"engine: got {shown(self.engine)}, which has no {', '.join(lacking)}.")
 
     @property
     def layout(self) -> Layout:
