@@ -37,8 +37,8 @@ def evolve(
     *,
     noise: str | float | Sequence[str | float] = (),
     spread: float | Sequence[float] | None = None,
-    profile: str | None = None,
-    arena: str | None = None,
+    profile: Place | None = None,
+    arena: Place | None = None,
     seed: int | None = None,
     runs: int | None = None,
     evaluations: int | None = None,
@@ -95,10 +95,11 @@ def evolve(
     begun = begun_config(folder, name, None if config is None else as_path(config, "config"), resume)
     must_be(settings or {}, Mapping, "settings", 'Give them as {"evolution.rows": 10}.')
     texts = [f"{key}={json.dumps(value, default=repr)}" for key, value in (settings or {}).items()]
-    fields = {"profile": profile, "arena": arena, "seed": seed, "runs": runs, "evaluations": evaluations}
+    fields = {"profile": _name(profile), "arena": _name(arena), "seed": seed, "runs": runs}
     chosen = changed_config(
-        begun, name, tuple(map(noise_level, levels)), texts, {**given(fields), "spreads": spreads}
-    )
+        begun, name, tuple(map(noise_level, levels)), texts,
+        {**given(fields | {"evaluations": evaluations}), "spreads": spreads},
+    )  # fmt: skip
     with _stopping():
         return carry_out(
             folder, chosen, words=f"evolve {name}{unusual(engine)}", workers=workers, engine=engine,
@@ -148,7 +149,7 @@ def merge(
 def reproduce(
     out: Place = "out/reproduce",
     *,
-    profile: str | None = None,
+    profile: Place | None = None,
     runs: int | None = None,
     evaluations: int | None = None,
     seed: int | None = None,
@@ -182,7 +183,8 @@ def reproduce(
     """
     from realitygap.cli.reproduce import carried_out, requested_by
 
-    options = {"profile": profile, "runs": runs, "evaluations": evaluations, "seed": seed, "starts": starts}
+    options = {"profile": _name(profile), "runs": runs, "evaluations": evaluations, "seed": seed}
+    options["starts"] = starts
     folder = as_path(out, "out")
     requested = requested_by(folder, resume, options)
     with _stopping():
@@ -258,6 +260,10 @@ def calibrate(
         made = made.named(target.stem)
         write_profile(made, target)
     return made
+
+
+def _name(given: Place | None) -> str | None:
+    return fspath(given) if isinstance(given, PathLike) else given
 
 
 def _several(given: Any, what: str, cure: str) -> Iterable[Any]:

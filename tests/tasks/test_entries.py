@@ -231,6 +231,13 @@ def test_values_go_where_their_names_go(tmp_path: Path):
     assert rg.setting_of([], task) == rg.setting_of([], "light")
 
 
+@pytest.mark.parametrize("what", ["profile", "arena"])
+def test_a_study_takes_a_profile_or_an_arena_by_its_path(tmp_path: Path, what: str):
+    """A Path is read as its text is: this one leads nowhere."""
+    with pytest.raises(RealityGapError, match=r"nowhere\.toml: no such file"):
+        rg.evolve("light", **{what: tmp_path / "nowhere.toml"}, out=tmp_path / "study", workers=1)
+
+
 def test_a_task_of_a_file_is_named_by_its_file():
     """A Task stands for the file that it came from; one that was changed in Python is refused."""
     from dataclasses import replace
