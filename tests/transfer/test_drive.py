@@ -138,6 +138,26 @@ def test_a_word_drives_as_the_commands_does(simulation):
         commands("nowhere.toml")
 
 
+@pytest.mark.parametrize(
+    ("counts", "says"),
+    [
+        (np.full(8, np.nan), "expected proximity counts from 0 to 1023"),
+        (np.full(8, 5000.0), "expected proximity counts from 0 to 1023"),
+        (np.full(7, 1.0), r"expected 8 proximity readings, as its channels say, got \(7,\)"),
+        (None, "expected 8 proximity readings"),
+    ],
+)
+def test_a_body_of_ones_own_is_held_to_its_word(counts, says):
+    """What it reads is checked as `--robot` checks it: nothing of another range or number is driven by."""
+
+    class Odd(Knowing):
+        def sense(self):
+            return Readings(proximity=counts, ambient=np.empty(0))
+
+    with pytest.raises(UsageError, match=f"Odd: sense: {says}"):
+        drive(Odd([0.0]), NETWORK, task="avoidance", seconds=0.5)
+
+
 @pytest.mark.parametrize("body", [None, SimulatedBody, Simulation("avoidance", "paper")])
 def test_what_is_no_body_is_refused_as_such(body):
     """Not as a body that does not know its place."""

@@ -1,10 +1,11 @@
 """Runs any controller on any body at a task: the track, and the task's score."""
 
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from realitygap import temporary, whole
 from realitygap.controller.layout import Layout
@@ -14,6 +15,7 @@ from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body
 from realitygap.robots.loop import Controller
+from realitygap.robots.own import OwnBody
 from realitygap.robots.recording import Recording
 from realitygap.simulation.body import SimulatedBody, drive_simulated
 from realitygap.simulation.simulation import Simulation
@@ -90,12 +92,22 @@ def drive(
         layout = Layout(inputs=len(task.of(profile).sensors))
         controller = named_controller(controller, task.feeds, layout)
     controller = as_controller(controller)
+    body = _held_to_its_word(body)
     check_fit(body, profile, task.kinds, OTHER_ROBOT)
     body.reset(start)
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
     track = made.known if made.poses else made.counted(start, profile.wheels.track_cm)
     return Drove(track=track, score=score(track, task, profile), recording=made.recording)
+
+
+def _held_to_its_word(body: Body) -> Body:
+    """A body of the user's own as `--robot` opens it: its readings are checked, its errors told by line."""
+    home = type(body).__module__
+    if isinstance(body, SimulatedBody) or home.startswith("realitygap."):
+        return body
+    place = getattr(sys.modules.get(home), "__file__", None) or home
+    return cast("Body", OwnBody(body, place))
 
 
 @dataclass(frozen=True, kw_only=True)
