@@ -205,6 +205,13 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a body of no size": lambda: rg.namer(rg.setting_of([], "light"), float("nan")),
     "a comparison of numbers": lambda: rg.compare([1], [2], None),
     "a genotype's file in numbers": lambda: rg.load_genotype(3),
+    "no readings as inputs": lambda: rg.load_profile("paper").inputs(None, "proximity", range(8)),
+    "readings that are no numbers": lambda: rg.load_profile("paper").inputs(
+        [float("nan")] * 8, "proximity", range(8)
+    ),
+    "readings in words": lambda: rg.load_profile("paper").inputs(["near"] * 8, "proximity", range(8)),
+    "inputs of one sensor's number": lambda: rg.load_profile("paper").inputs([0] * 8, "proximity", 3),
+    "inputs of a sensor in words": lambda: rg.load_profile("paper").inputs([0] * 8, "proximity", ["left"]),
     "a controller without a layout": lambda: rg.constant(1, 1, None),
     "a vehicle without a layout": lambda: rg.braitenberg("ambient", 8),
     "a variation that is none": lambda: make_algorithm("torus", 3),
