@@ -59,6 +59,19 @@ def test_other_headings_are_found_out(wrong: Callable[[Floats], Floats]) -> None
         Wrong().test_headings_are_radians()
 
 
+@pytest.mark.parametrize("ticks", [1000.0, 10.0])
+def test_times_in_other_units_are_found_out(ticks: float) -> None:
+    """Milliseconds or numbers of frames for seconds break the contract."""
+
+    class Wrong(TestSimulatedTrack):
+        def track(self) -> Track:
+            right = super().track()
+            return replace(right, t=right.t * ticks)
+
+    with pytest.raises(AssertionError):
+        Wrong().test_time_runs_forward()
+
+
 Rows = list[tuple[int, int, int, int]]
 
 

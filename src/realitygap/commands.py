@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import partial
 from os import PathLike, fspath
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError
@@ -38,8 +37,8 @@ def evolve(
     *,
     noise: str | float | Sequence[str | float] = (),
     spread: float | Sequence[float] | None = None,
-    profile: str | None = None,
-    arena: str | None = None,
+    profile: Place | None = None,
+    arena: Place | None = None,
     seed: int | None = None,
     runs: int | None = None,
     evaluations: int | None = None,
@@ -91,14 +90,16 @@ def evolve(
     name, share = reference(task), None if shard is None else Shard.parse(shard)
     folder = folder_of(name) if out is None else as_path(out, "out")
     folder = folder if share is None else share.folder(folder)
-    levels = [noise] if isinstance(noise, str | float | int) else noise
-    spreads = (spread,) if isinstance(spread, str | float | int) else tuple(spread or ())
-    begun = begun_config(folder, name, None if config is None else Path(config), resume)
-    texts = [f"{key}={json.dumps(value)}" for key, value in (settings or {}).items()]
-    fields = {"profile": profile, "arena": arena, "seed": seed, "runs": runs, "evaluations": evaluations}
+    levels = _several(noise, "noise", "Give a level, or a list of them.")
+    spreads = tuple(_several(() if spread is None else spread, "spread", "Give a share, or a list of them."))
+    begun = begun_config(folder, name, None if config is None else as_path(config, "config"), resume)
+    must_be(settings or {}, Mapping, "settings", 'Give them as {"evolution.rows": 10}.')
+    texts = [f"{key}={json.dumps(value, default=repr)}" for key, value in (settings or {}).items()]
+    fields = {"profile": _name(profile), "arena": _name(arena), "seed": seed, "runs": runs}
     chosen = changed_config(
-        begun, name, tuple(map(noise_level, levels)), texts, {**given(fields), "spreads": spreads}
-    )
+        begun, name, tuple(map(noise_level, levels)), texts,
+        {**given(fields | {"evaluations": evaluations}), "spreads": spreads},
+    )  # fmt: skip
     with _stopping():
         return carry_out(
             folder, chosen, words=f"evolve {name}{unusual(engine)}", workers=workers, engine=engine,
@@ -148,7 +149,7 @@ def merge(
 def reproduce(
     out: Place = "out/reproduce",
     *,
-    profile: str | None = None,
+    profile: Place | None = None,
     runs: int | None = None,
     evaluations: int | None = None,
     seed: int | None = None,
@@ -182,11 +183,13 @@ def reproduce(
     """
     from realitygap.cli.reproduce import carried_out, requested_by
 
-    options = {"profile": profile, "runs": runs, "evaluations": evaluations, "seed": seed, "starts": starts}
-    requested = requested_by(Path(out), resume, options)
+    options = {"profile": _name(profile), "runs": runs, "evaluations": evaluations, "seed": seed}
+    options["starts"] = starts
+    folder = as_path(out, "out")
+    requested = requested_by(folder, resume, options)
     with _stopping():
         return carried_out(
-            Path(out),
+            folder,
             requested,
             transfer=transfer,
             workers=workers,
@@ -236,6 +239,7 @@ def calibrate(
     from realitygap.cli.progress import ProgressLine
     from realitygap.world.profile import load_profile
 
+    target = None if out is None else as_path(out, "out")
     read: Any = [recordings] if isinstance(recordings, str | PathLike) else recordings
     must_be(read, Iterable, "recordings", "Give [recording], or folders.")
     read = list(read)
@@ -252,10 +256,21 @@ def calibrate(
     with ProgressLine() if on_progress is None else nullcontext() as line:
         told = on_progress if line is None else partial(line.calibrating, "fit")
         made = fit(read, start, form=form, light=light, beside=beside, workers=workers, on_progress=told)
-    if out is not None:
-        made = made.named(Path(out).stem)
-        write_profile(made, Path(out))
+    if target is not None:
+        made = made.named(target.stem)
+        write_profile(made, target)
     return made
+
+
+def _name(given: Place | None) -> str | None:
+    return fspath(given) if isinstance(given, PathLike) else given
+
+
+def _several(given: Any, what: str, cure: str) -> Iterable[Any]:
+    """One value, or several."""
+    listed: Any = [given] if isinstance(given, str | float | int) else given
+    must_be(listed, Iterable, what, cure)
+    return listed  # type: ignore[no-any-return]
 
 
 @contextmanager

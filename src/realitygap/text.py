@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 from types import UnionType
-from typing import Any
+from typing import Any, get_args
 
 from realitygap.errors import UsageError
 
@@ -29,7 +29,7 @@ def as_path(value: object, what: str) -> Path:
     Raises:
         UsageError: something else.
     """
-    if not isinstance(value, str | PathLike):
+    if not isinstance(value, str | PathLike) or "\0" in str(value):
         raise UsageError(f"{what}: expected a path, got {value!r}.")
     return Path(value)
 
@@ -47,7 +47,8 @@ def must_be(value: object, kind: type | UnionType, what: str, cure: str) -> None
         UsageError: says what was expected, what came, and the cure.
     """
     if not isinstance(value, kind):
-        raise UsageError(f"{what}: expected a {getattr(kind, '__name__', kind)}, got {value!r}. {cure}")
+        named = " or ".join(one.__name__ for one in get_args(kind) or (kind,))
+        raise UsageError(f"{what}: expected a {named}, got {value!r}. {cure}")
 
 
 def read_text(path: str | Path, error: type[UsageError], cure: str) -> str:

@@ -43,15 +43,22 @@ def as_stream(value: object, name: str = "stream") -> np.uint64:
     return np.uint64(value)  # type: ignore[arg-type]
 
 
-def as_count(value: object, name: str, least: int = 1) -> int:
-    """A whole number, `least` or more.
+def as_count(value: object, name: str, least: int = 1, most: int | None = None) -> int:
+    """A whole number in limits.
+
+    Args:
+        value: what came.
+        name: its name in the message.
+        least, most: the limits, both allowed; None: no upper one.
 
     Raises:
         UsageError: anything else, under the name it was given by.
     """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise UsageError(f"{name}: expected a whole number, {least} or more, got {value!r}.")
-    return int(value)
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not least <= value <= (value if most is None else most):  # type: ignore[operator]
+        limits = f", {least} or more" if most is None else f" from {least} to {most}"
+        raise UsageError(f"{name}: expected a whole number{limits}, got {value!r}.")
+    return int(value)  # type: ignore[call-overload, no-any-return]
 
 
 def shown(value: object) -> str:
@@ -69,8 +76,16 @@ class Pose:
 
     @classmethod
     def from_degrees(cls, x_cm: float, y_cm: float, heading_deg: float) -> Self:
-        """A pose as a person writes it."""
-        return cls(x=float(x_cm), y=float(y_cm), heading=math.radians(heading_deg))
+        """A pose as a person writes it.
+
+        Raises:
+            UsageError: something else than numbers.
+        """
+        try:
+            return cls(x=float(x_cm), y=float(y_cm), heading=math.radians(heading_deg))
+        except (TypeError, ValueError):
+            given = f"{x_cm!r}, {y_cm!r}, {heading_deg!r}"
+            raise UsageError(f"pose: expected three numbers, cm, cm and degrees, got {given}.") from None
 
     @property
     def heading_deg(self) -> float:

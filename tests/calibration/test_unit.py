@@ -12,7 +12,7 @@ import realitygap.calibration.calibrate as calibrate
 from realitygap.calibration import unit as module
 from realitygap.calibration.unit import calibrated_again, calibrated_robot, calibrated_unit
 from realitygap.calibration.unit_folder import PARTS
-from realitygap.errors import CalibrationError, StudyError
+from realitygap.errors import CalibrationError, StudyError, UsageError
 from realitygap.work.pool import Setup
 from realitygap.work.processes import Processes
 from realitygap.world.profile import load_profile
@@ -81,6 +81,37 @@ def test_all_workers_share_a_long_fit(tmp_path, jobs):
     jobs.clear()
     calibrated_again(tmp_path / "again", of=tmp_path / "unit", form="auto")
     assert jobs == ["fit", "fit workers on_progress"]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"parts": "wheels"}, "parts: expected a list of some of ambient, wheels, .*, got 'wheels'"),
+        ({"parts": ["camera"]}, r"parts: expected .*, got \['camera'\]"),
+        ({"parts": []}, r"parts: expected .*, got \[\]"),
+        ({"distances_cm": 3}, "distances: expected a list of numbers, cm, got 3"),
+        ({"distances_cm": "1,2"}, "distances: expected a list of numbers, cm, got '1,2'"),
+        ({"noise": float("nan")}, "noise: expected a number from 0 to 10, got nan"),
+        ({"noise": 11}, "noise: expected a number from 0 to 10, got 11"),
+        ({"unit": -1}, "unit is a whole number from 0 on, got '-1'"),
+        ({"unit": True}, "unit is a whole number from 0 on, got 'True'"),
+        ({"seed": -1}, "seed: expected a whole number"),
+        ({"workers": "many"}, "workers: expected a whole number from 1 to 1024"),
+    ],
+)
+def test_what_nobody_can_record_is_refused(tmp_path, change, says):
+    """No number or name that is none leaves a profile without a fit, or a traceback."""
+    with pytest.raises(UsageError, match=says):
+        calibrated_unit(tmp_path / "unit", **SETTINGS | change)
+    assert not (tmp_path / "unit" / "robot.toml").exists()
+
+
+def test_an_own_robot_by_what_is_no_name_is_refused(tmp_path):
+    """An address or a profile that is no text is no other error."""
+    with pytest.raises(UsageError, match="got '3'"):
+        calibrated_robot(tmp_path / "unit", robot=3, base="paper", seed=0)
+    with pytest.raises(UsageError, match="base: expected a path, got 3"):
+        calibrated_robot(tmp_path / "unit", robot="twin:1", base=3, seed=0)
 
 
 @pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])

@@ -198,6 +198,8 @@ def test_a_controller_of_ones_own(tmp_path):
     for same in (module.Own, module.decide, njit(module.decide)):
         form = form_of(same, 8)
         assert (form.inputs, form.weights, form.memory) == (8, 4, 1)
+    with pytest.raises(UsageError, match="inputs: expected 8 numbers, got 'straight'"):
+        WeightedController(form, np.ones(4)).decide("straight")
     with pytest.raises(UsageError, match=r"inputs: expected 8 numbers, got \[1, 2\]"):
         WeightedController(form, np.ones(4)).decide([1, 2])
     for none in (Problem, Problem.evaluate, print):
@@ -244,13 +246,15 @@ def test_refusals(problem):
     ):  # fmt: skip
         with pytest.raises(UsageError, match=rf"solutions: expected finite numbers .* got {got}"):
             problem.evaluate(solutions)
-    for trials in (0, 1.5, True):
+    for trials in (0, 1.5, True, 10**30):
         with pytest.raises(UsageError, match="trials: expected a whole number"):
             problem.evaluate(one, trials=trials)
     for seed in (-1, 0.5, "1"):
         with pytest.raises(UsageError, match="seed: expected a whole number"):
             problem.evaluate(one, seed=seed)
-    for workers in (0, -1, "two"):
+        with pytest.raises(UsageError, match="seed: expected a whole number"):
+            problem.x0(seed)
+    for workers in (0, -1, "two", 10**30):
         with pytest.raises(UsageError, match="workers: expected a whole number"):
             Problem("obstacle-avoidance", workers=workers)
     with pytest.raises(UsageError, match="solution: expected one"):

@@ -141,3 +141,9 @@ def test_no_trials_have_no_tracks():
     none = np.zeros((1, 0), np.uint64)
     assert simulation.scores(networks, none).shape == (1, 0)
     assert simulation.tracks(networks, none).x.shape == (1, 0, simulation.task.steps_of(simulation.profile))
+
+
+def test_an_engine_without_its_methods_is_refused():
+    """At once, with what it lacks, and not when a trial is asked for."""
+    with pytest.raises(UsageError, match=r"^engine: got NoneType, which has no scores, tracks, compile"):
+        Simulation("avoidance", "paper", engine=lambda task, profile, noise: None)

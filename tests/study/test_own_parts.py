@@ -184,6 +184,11 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
             "cells=cells, parents=[[99, -1]] * len(noise))",
             "ask: .*evaluated before, or -1, got 99",
         ),
+        (
+            "return Population.empty(stream, mean,",
+            "Population.empty(stream, mean,",
+            "init: expected a state after 0 evaluations, got NoneType",
+        ),
         (TOLD, "return None", "tell: expected a state after 5 evaluations, got NoneType"),
         (
             TOLD,

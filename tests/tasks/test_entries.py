@@ -75,11 +75,16 @@ SCORES: dict[str, Callable[[rg.Simulation], object]] = {
     "a stream of 65 bits": lambda s: s.start(2**64),
     "a stream in words": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), stream="one"),  # type: ignore[arg-type]
     "a pose in a tuple": lambda s: s.probe((25, 25, 0)),  # type: ignore[arg-type]
+    "a pose of nothing": lambda s: s.probe(rg.Pose(x=None, y=25, heading=0)),  # type: ignore[arg-type]
+    "a pose in words": lambda s: s.start(1) and s.require_free(rg.Pose(x=25, y="up", heading=0)),  # type: ignore[arg-type]
+    "descriptors of nothing": lambda s: rg.describe(None, s.task, s.profile),  # type: ignore[arg-type]
     "no repetition": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), repeat=0),
     "repetitions without end": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), repeat=10**12),
     "seconds in words": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=1, seconds="long"),  # type: ignore[arg-type]
     "seconds without end": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=1, seconds=1e12),
     "a command beyond the robot's": lambda s: SimulatedBody(s).act(rg.Command(left=10**12, right=0)),
+    "a drive in nothing": lambda s: rg.drive_simulated(None, lambda inputs: (1, 1)),  # type: ignore[arg-type]
+    "a network's drive in a task": lambda s: rg.drive_simulated(s.task, rg.NetworkController(GENES[0])),  # type: ignore[arg-type]
     "a body of nothing": lambda s: SimulatedBody(None),  # type: ignore[arg-type]
 }
 
@@ -128,6 +133,10 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a controller of another layout": lambda: rg.NetworkController(GENES[0], rg.Layout(slots=12)),
     "a controller of a list": lambda: rg.NetworkController([1, 2]),
     "inputs beyond the ten": lambda: rg.NetworkController(GENES[0]).decide([11] * 8),
+    "inputs of nothing": lambda: rg.NetworkController(GENES[0]).decide(None),
+    "inputs in words": lambda: rg.NetworkController(GENES[0]).decide("straight"),
+    "degrees of nothing": lambda: rg.Pose.from_degrees(None, 25, 90),
+    "degrees in words": lambda: rg.Pose.from_degrees(25, 25, "north"),
     "inputs that are no numbers": lambda: rg.NetworkController(GENES[0]).decide([float("nan")] * 8),
     "a parent of another layout": lambda: VARIATION.offspring(GENES[0], GENES[0, :20], np.uint64(1)),
     "a parent in a list": lambda: VARIATION.offspring(GENES[0].tolist(), GENES[1], np.uint64(1)),
@@ -153,12 +162,34 @@ OTHERS: dict[str, Callable[[], object]] = {
     "robots of nothing": lambda: rg.Transfer(robots=None),
     "no robots": lambda: rg.Transfer(robots=[]),
     "runs in a number": lambda: rg.Transfer(runs=1),
+    "films in a number": lambda: rg.Transfer(film=1),
+    "films of nothing": lambda: rg.Transfer(film=None),
+    "films in a word": lambda: rg.Transfer(film="1"),
+    "films of words": lambda: rg.Transfer(film=["1"]),
+    "films of three numbers": lambda: rg.Transfer(film=[(1, 1, 1)]),
+    "starts drawn by half a seed": lambda: rg.Transfer(seed=2.5),
+    "starts drawn by a seed below 0": lambda: rg.Transfer(seed=-1),
+    "a transfer's noise in words": lambda: rg.Transfer(twin_noise="double"),
+    "a transfer's noise beyond the largest": lambda: rg.Transfer(twin_noise=11),
+    "a transfer's length in words": lambda: rg.Transfer(seconds="3"),
+    "a line's rate in words": lambda: rg.Transfer(baud="fast"),
+    "a marker in numbers": lambda: rg.Transfer(marker=3),
+    "a camera that watches in words": lambda: rg.Transfer(watch="no"),
+    "trials packed in words": lambda: rg.Transfer(pack="no"),
     "runs in a word": lambda: rg.Transfer(runs="12"),
     "a calibration of nothing": lambda: rg.calibrate(None),
     "a calibration of numbers": lambda: rg.calibrate([3]),
     "a calibration of a generator": lambda: rg.calibrate(Path(name) for name in ["unit-1"]),
     "a genotype's place of nothing": lambda: rg.save_genotype(None, GENES[0]),
+    "a genotype's place with a NUL": lambda: rg.save_genotype("\0", GENES[0]),
     "a study's place in numbers": lambda: rg.evolve("light", out=3),
+    "a study's noise of nothing": lambda: rg.evolve("light", noise=None),
+    "a study's spread in an object": lambda: rg.evolve("light", spread=object()),
+    "a study's configuration in numbers": lambda: rg.evolve("light", config=3),
+    "settings in a list": lambda: rg.evolve("light", settings=["evolution.rows=10"]),
+    "a setting of no kind": lambda: rg.evolve("light", settings={"evolution.rows": np.int64(10)}),
+    "a reproduction's place in numbers": lambda: rg.reproduce(3),
+    "a calibration's place in numbers": lambda: rg.calibrate([], "paper", out=3),
     "transfers of nothing": lambda: rg.load_transfers(None),
     "a transfer of nothing": lambda: rg.run_transfer(None),
     "a report on nothing": lambda: rg.build_report(None),
@@ -170,8 +201,17 @@ OTHERS: dict[str, Callable[[], object]] = {
     "trials that are none": lambda: rg.setting_of([1]),
     "a task that is none": lambda: rg.setting_of([], 3),
     "a setting that is none": lambda: rg.namer("light"),
+    "a body in words": lambda: rg.namer(rg.setting_of([], "light"), "2"),
+    "a body of no size": lambda: rg.namer(rg.setting_of([], "light"), float("nan")),
     "a comparison of numbers": lambda: rg.compare([1], [2], None),
     "a genotype's file in numbers": lambda: rg.load_genotype(3),
+    "no readings as inputs": lambda: rg.load_profile("paper").inputs(None, "proximity", range(8)),
+    "readings that are no numbers": lambda: rg.load_profile("paper").inputs(
+        [float("nan")] * 8, "proximity", range(8)
+    ),
+    "readings in words": lambda: rg.load_profile("paper").inputs(["near"] * 8, "proximity", range(8)),
+    "inputs of one sensor's number": lambda: rg.load_profile("paper").inputs([0] * 8, "proximity", 3),
+    "inputs of a sensor in words": lambda: rg.load_profile("paper").inputs([0] * 8, "proximity", ["left"]),
     "a controller without a layout": lambda: rg.constant(1, 1, None),
     "a vehicle without a layout": lambda: rg.braitenberg("ambient", 8),
     "a variation that is none": lambda: make_algorithm("torus", 3),
@@ -196,6 +236,13 @@ def test_values_go_where_their_names_go(tmp_path: Path):
     assert rg.Simulation("light", "paper", "zero", arena="light-seeking").task.name == task.name
     assert rg.StudyConfig.single(task) == rg.StudyConfig.single("light-seeking")
     assert rg.setting_of([], task) == rg.setting_of([], "light")
+
+
+@pytest.mark.parametrize("what", ["profile", "arena"])
+def test_a_study_takes_a_profile_or_an_arena_by_its_path(tmp_path: Path, what: str):
+    """A Path is read as its text is: this one leads nowhere."""
+    with pytest.raises(RealityGapError, match=r"nowhere\.toml: no such file"):
+        rg.evolve("light", **{what: tmp_path / "nowhere.toml"}, out=tmp_path / "study", workers=1)
 
 
 def test_a_task_of_a_file_is_named_by_its_file():

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from realitygap import NetworkController, Pose, SimulatedBody, Simulation, decode, drive, drive_simulated
 from realitygap.cli import realitygap
-from realitygap.controller.handmade import braitenberg
+from realitygap.controller.handmade import braitenberg, load_network
 from realitygap.controller.layout import Layout
 from realitygap.errors import UsageError
 from realitygap.robots.body import Channel, Odometry
@@ -136,6 +136,42 @@ def test_a_function_drives_both_alike(simulation):
     lived, _ = drive_simulated(simulation, lambda inputs: (6, 5), stream=4, seconds=2)
     made = drive(SimulatedBody(simulation, stream=4), lambda inputs: (6, 5), task="avoidance", seconds=2)
     assert (made.recording.commands == lived.commands).all() and (made.track.x[1:-1] == lived.x[1:]).all()
+
+
+def test_a_word_drives_as_the_commands_does(simulation):
+    """`drive` takes what `--controller` takes: a network's file, a vehicle, two speeds."""
+
+    def commands(given):
+        made = drive(SimulatedBody(simulation, stream=4), given, task="avoidance", seconds=2)
+        return made.recording.commands.tolist()
+
+    layout = Layout()
+    by_hand = load_network(AVOIDER, 8)
+    assert commands(str(AVOIDER)) == commands(NetworkController(by_hand, Layout.of(by_hand, inputs=8)))
+    assert commands("braitenberg") == commands(NetworkController(braitenberg("proximity", layout), layout))
+    assert commands("constant:5,-3") == [[5, -3]] * 20
+    with pytest.raises(UsageError, match="expected constant:L,R, braitenberg, "):
+        commands("nowhere.toml")
+
+
+@pytest.mark.parametrize(
+    ("counts", "says"),
+    [
+        (np.full(8, np.nan), "expected proximity counts from 0 to 1023"),
+        (np.full(8, 5000.0), "expected proximity counts from 0 to 1023"),
+        (np.full(7, 1.0), r"expected 8 proximity readings, as its channels say, got \(7,\)"),
+        (None, "expected 8 proximity readings"),
+    ],
+)
+def test_a_body_of_ones_own_is_held_to_its_word(counts, says):
+    """What it reads is checked as `--robot` checks it: nothing of another range or number is driven by."""
+
+    class Odd(Knowing):
+        def sense(self):
+            return Readings(proximity=counts, ambient=np.empty(0))
+
+    with pytest.raises(UsageError, match=f"Odd: sense: {says}"):
+        drive(Odd([0.0]), NETWORK, task="avoidance", seconds=0.5)
 
 
 @pytest.mark.parametrize("body", [None, SimulatedBody, Simulation("avoidance", "paper")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from itertools import islice
 
@@ -41,6 +42,29 @@ class TestCounted(PoolContract):
 
     def opened(self):
         return Counted(Here())
+
+
+class Leaky(Here):
+    """A thread waits in it for as long as there is a reference to the pool."""
+
+    def __init__(self):
+        super().__init__()
+        self.executor = ThreadPoolExecutor(1)
+
+    def work(self, setup, jobs, tell):
+        self.executor.submit(int).result()
+        super().work(setup, jobs, tell)
+
+
+def test_a_pool_that_leaves_a_thread_behind_is_found_out():
+    """Though the thread ends with the pool itself, which is kept as a user's script would keep it."""
+
+    class Wrong(PoolContract):
+        def opened(self):
+            return Leaky()
+
+    with pytest.raises(AssertionError):
+        Wrong().test_a_closed_pool_leaves_nothing_behind()
 
 
 class Bench:

@@ -23,14 +23,16 @@ from realitygap.calibration.unit_folder import (
     form_of,
     is_recorded,
     kind_of,
+    parts_in,
     parts_of,
     recordings_of,
     settings_of,
 )
-from realitygap.text import as_path, must_be
+from realitygap.text import as_path
+from realitygap.values import as_stream
 from realitygap.work.pool import Pool, Setup, Tell
 from realitygap.work.processes import Processes
-from realitygap.work.workers import Workers, cores, opened
+from realitygap.work.workers import Workers, opened, size_of
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -89,14 +91,13 @@ def calibrated_unit(
         CalibrationError: the folder belongs to another unit or other settings.
         StudyError: its process died repeatedly.
     """
-    for key, value, kind in (("unit", unit, int | str), ("seed", seed, int), ("noise", noise, int | float)):
-        must_be(value, kind, key, "See `realitygap record --help`.")
     from realitygap.calibration.recorder.grid import given
+    from realitygap.robots.address import Address, as_scale
 
-    which = {"unit": unit} if isinstance(unit, int) else _known_of(unit)
-    chosen: dict[str, Any] = {} if parts is None else {"parts": list(parts)}
-    chosen |= given(bearings, distances_cm)
-    settings = {"recipe": RECIPE, **which, "twin_noise": float(noise), "seed": seed, **chosen}
+    which = _known_of(unit) if isinstance(unit, str) else {"unit": Address.parse(f"twin:{unit}").unit}
+    chosen = given(bearings, distances_cm) | ({} if parts is None else {"parts": parts_in(parts)})
+    chosen |= {"twin_noise": as_scale(noise, "noise"), "seed": int(as_stream(seed, "seed"))}
+    settings = {"recipe": RECIPE, **which, **chosen}
     return _calibrated(folder, settings, workers, on_progress, meanwhile)
 
 
@@ -134,11 +135,9 @@ def calibrated_robot(
     """The profile of a robot of your own that places itself, recorded with the sensors that it has.
 
     Args:
-        folder: the robot's own; created if missing.
         robot: its address, `file.py:Class` or `module:Class`.
         base: its approximate profile, by name or file.
-        seed: of its noise, and of what is random in the plans.
-        workers, on_progress: as of `calibrated_unit`.
+        folder, seed, workers, on_progress: as of `calibrated_unit`.
 
     Returns:
         The path of `folder/robot.toml`.
@@ -147,7 +146,7 @@ def calibrated_robot(
         UsageError: no such robot, or its sensors differ from the base's.
         CalibrationError: the folder belongs to another robot or other settings.
     """
-    settings = {"base": base, "seed": seed, **_known_of(robot)}
+    settings = {"base": str(as_path(base, "base")), "seed": int(as_stream(seed, "seed")), **_known_of(robot)}
     return _calibrated(folder, settings, workers, on_progress)
 
 
@@ -155,7 +154,7 @@ def _known_of(robot: str) -> dict[str, Any]:
     """A robot by its address, the parts that it can record, and where, if not at the usual places."""
     from realitygap.robots.address import Address
 
-    with closing(Address.parse(robot).open()) as body:
+    with closing(Address.parse(str(robot)).open()) as body:
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
         grid = getattr(body, "infrared_grid", None)
     places = {"bearings": grid[0], "distances_cm": list(grid[1])} if grid else {}
@@ -208,7 +207,7 @@ def _recorders(workers: Workers) -> AbstractContextManager[Pool]:
     """Always other processes: this one may have several threads, from which small matrices gain nothing."""
     if isinstance(workers, Pool):
         return opened(workers)
-    return closing(Processes(cores() if workers is None else max(1, workers), one_thread=True))
+    return closing(Processes(size_of(workers), one_thread=True))
 
 
 class Bench:

@@ -1,5 +1,6 @@
 """The folder of a calibrated unit: its owner, its recordings and their parts."""
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from realitygap.toml import read_toml, to_toml
 
 __all__ = [
     "MEASURING", "PARTS", "PROFILE", "RECORDINGS", "SETTINGS", "claim", "form_of", "is_recorded",
-    "kind_of", "parts_of", "recordings_of", "settings_of",
+    "kind_of", "parts_in", "parts_of", "recordings_of", "settings_of",
 ]  # fmt: skip
 
 PROFILE, SETTINGS, RECORDINGS = "robot.toml", "unit.toml", "recordings"
@@ -52,6 +53,18 @@ def form_of(folder: Path) -> str:
 def settings_of(folder: Path) -> dict[str, Any]:
     """The settings that the folder was made with."""
     return read_toml(folder / SETTINGS, CalibrationError, CURE)
+
+
+def parts_in(given: Sequence[str]) -> list[str]:
+    """Some of PARTS.
+
+    Raises:
+        CalibrationError: none, one twice, or something else.
+    """
+    listed = list(given) if isinstance(given, Iterable) and not isinstance(given, str) else []
+    if not listed or len(set(map(str, listed))) < len(listed) or any(one not in PARTS for one in listed):
+        raise CalibrationError(f"parts: expected a list of some of {', '.join(PARTS)}, got {given!r}.")
+    return listed
 
 
 def claim(folder: Path, settings: dict[str, Any]) -> None:

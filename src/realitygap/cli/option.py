@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from realitygap.cli.kinds import NOISE, PICTURE, SECONDS, SEED, SHARD, Finite, NumberOrPool, Whole
-from realitygap.robots.address import BAUD_RATES
+from realitygap.robots.address import BAUD_RATES, LARGEST_SCALE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,8 +26,6 @@ __all__ = [
 ]  # fmt: skip
 
 BAUDS = tuple(map(str, BAUD_RATES))
-LARGEST_SCALE = 10.0
-"""A twin that is noisier than that can hardly be steered."""
 
 Numbers = tuple[float, float, float]
 """A pose as it is typed: x and y in cm, heading in degrees."""

@@ -156,11 +156,15 @@ class NetworkController:
         Raises:
             UsageError: another number of inputs than the network has sensor neurons, or one beyond ±10.
         """
-        if len(inputs) != self.layout.inputs:
-            raise UsageError(f"inputs: expected the {self.layout.inputs} of this network, got {len(inputs)}.")
-        if not all(-TOP <= value <= TOP and value == int(value) for value in inputs):
-            raise UsageError(f"inputs: expected whole numbers from -{TOP} to {TOP}, got {list(inputs)}.")
-        held = [int(value) for value in inputs]
+        try:
+            held = [int(value) for value in inputs if -TOP <= value <= TOP and value == int(value)]
+            wrong = len(held) < len(inputs)
+        except TypeError:
+            wrong = True
+        if wrong:
+            raise UsageError(f"inputs: expected whole numbers from -{TOP} to {TOP}, got {inputs!r}.")
+        if len(held) != self.layout.inputs:
+            raise UsageError(f"inputs: expected the {self.layout.inputs} of this network, got {len(held)}.")
         self._past[0] = held + self._past[0][len(held) :]
         empty = held + [0] * (self.layout.slots - len(held))
         for _ in range(UPDATES):

@@ -13,6 +13,7 @@ from realitygap.correspondence.trials import STEP_S, Trial, resampled
 from realitygap.kernels.params import Path
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
+from realitygap.text import must_be
 from realitygap.track import Track
 from realitygap.values import Floats
 from realitygap.world.arena import Arena
@@ -63,6 +64,7 @@ def describe(
     Raises:
         TrackError: trials shorter than two seconds.
     """
+    must_be(path, Path, "path", "Simulation.tracks makes one.")
     task, profile, steps = load_task(task), load_profile(profile), path.x.shape[-1]
     rows = (np.reshape(one, (-1, steps)) for one in (path.x, path.y, path.heading))
     t, radius_cm = np.arange(steps, dtype=np.float64) * profile.period_s, profile.body.radius_cm

@@ -175,6 +175,9 @@ def namer(setting: Setting, radius_cm: float = RADIUS_CM) -> Namer:
         TrackError: an unknown setting: names need walls and lamps.
     """
     must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
+    must_be(radius_cm, float | int, "radius_cm", "Give the body's, as profile.body.radius_cm has it.")
+    if not 0 < radius_cm < np.inf:
+        raise TrackError(f"radius_cm: expected a positive number, got {radius_cm!r}.")
     task = setting.exemplars
     if task is None:
         raise TrackError(

@@ -12,7 +12,9 @@ from realitygap.text import must_be
 from realitygap.track import Track, Trajectory
 from realitygap.values import Floats
 
-__all__ = ["RADIUS_CM", "SHORTEST_S", "STEP_S", "Trial", "require_trials", "resampled", "trial_of"]
+__all__ = [
+    "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "Trial", "require_trials", "resampled", "trial_of",
+]  # fmt: skip
 
 RADIUS_CM = 2.9
 """A Khepera's body (§3.1), as for the scale's exemplars."""

@@ -61,7 +61,10 @@ class WeightedController:
             UsageError: another number of inputs, an output that is not finite, or a user's function
                 that fails.
         """
-        fed = np.array(inputs, np.float64) / LIMIT
+        try:
+            fed = np.array(inputs, np.float64) / LIMIT
+        except (TypeError, ValueError):
+            fed = np.empty(0)
         if fed.shape != (self.form.inputs,):
             raise UsageError(f"inputs: expected {self.form.inputs} numbers, got {inputs!r}.")
         try:

@@ -48,6 +48,8 @@ REACH = 4.0
 FRESH = 2**62
 """Seeds from here on are those of retests."""
 MEASURES = ("speed", "turning")
+MOST_TRIALS, MOST_THREADS = 10**5, 1024
+"""Limits on the trials of one solution, whose paths are held at once, and on threads."""
 
 
 class Batch(NamedTuple):
@@ -104,7 +106,8 @@ class Problem:
         workers: int | None = None,
     ) -> None:
         self.simulation = Simulation(load_task(task).under(spread), profile, noise, arena)
-        self.workers = (os.cpu_count() or 1) if workers is None else as_count(workers, "workers")
+        threads = (os.cpu_count() or 1) if workers is None else workers
+        self.workers = as_count(threads, "workers", most=MOST_THREADS)
         self._cores = self.simulation._cores
         inputs = len(self._cores.trial.channels)
         self.layout = Layout(inputs=inputs) if controller == "delay-network" else None
@@ -119,9 +122,10 @@ class Problem:
 
     def x0(self, seed: int = 0) -> Floats:
         """[dim] where a search may start: zero weights, or a random genotype of the paper's kind."""
+        stream = as_stream(seed, "seed")
         if self.layout is None:
             return np.zeros(self.dim)
-        return Variation(layout=self.layout).random(np.uint64(seed)).reshape(-1).astype(np.float64)
+        return Variation(layout=self.layout).random(stream).reshape(-1).astype(np.float64)
 
     def decode(self, solutions: Any) -> Any:
         """Weights [B, dim] within the bounds; of "delay-network" genotypes int8[B, slots, fields].
@@ -164,7 +168,8 @@ class Problem:
             UsageError: an array that does not fit, an invalid seed, or outputs that are not finite.
         """
         decoded = self.decode(solutions)
-        count = self.simulation.task.trials if trials is None else as_count(trials, "trials")
+        wanted = self.simulation.task.trials if trials is None else trials
+        count = as_count(wanted, "trials", most=MOST_TRIALS)
         streams = batch_streams(int(as_stream(seed, "seed")), count)
         made = decode(decoded, self.layout) if self.layout is not None else decoded
         worlds = self._cores.worlds(streams)

@@ -23,7 +23,7 @@ from realitygap.errors import UsageError
 if TYPE_CHECKING:
     from realitygap.robots.body import Body
 
-__all__ = ["BAUD_RATES", "FORMS", "ROBOT", "Address", "StandIn"]
+__all__ = ["BAUD_RATES", "FORMS", "LARGEST_SCALE", "ROBOT", "Address", "StandIn", "as_scale"]
 
 FORMS = (
     "twin, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, "
@@ -46,6 +46,8 @@ OWN = "realitygap.robots.own:opened"
 BAUD = 38400
 BAUD_RATES = (9600, 19200, 38400, 57600, 115200)
 """Of a serial line."""
+LARGEST_SCALE = 10.0
+"""A twin that is noisier than that can hardly be steered."""
 LARGEST_UNIT = 2**63 - 1
 STAND_INS = ("twin", "stranger", "enki")
 """Simulated robots, which come in units."""
@@ -55,6 +57,17 @@ MODELS = ("khepera", "epuck", "thymio2")
 
 ROBOT = "robot"
 """Real robots, not stand-ins."""
+
+
+def as_scale(value: object, name: str) -> float:
+    """A noise scale of a twin or of Enki.
+
+    Raises:
+        UsageError: anything else, under the name it was given by.
+    """
+    if isinstance(value, bool) or not isinstance(value, float | int) or not 0 <= value <= LARGEST_SCALE:
+        raise UsageError(f"{name}: expected a number from 0 to {LARGEST_SCALE:g}, got {value!r}.")
+    return float(value)
 
 
 class StandIn(NamedTuple):

@@ -18,6 +18,7 @@ from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
 from realitygap.simulation.simulation import Simulation
+from realitygap.text import must_be
 from realitygap.track import Trajectory
 from realitygap.values import Command, Pose, Readings, fed
 
@@ -27,6 +28,7 @@ PULSES_PER_STEP = 10
 """Pulses that a wheel turns by in a step at one Khepera unit (a pulse per 10 ms)."""
 MOST = 127
 """Largest command, Khepera units: beyond it none is heard."""
+MADE_BY = "Simulation(task, profile) makes one."
 STAND_STEPS = 20
 """Steps that the wheels may take to come to rest."""
 
@@ -55,8 +57,7 @@ class SimulatedBody:
     def __init__(
         self, simulation: Simulation, *, stream: int = 0, kinds: tuple[str, ...] | None = None
     ) -> None:
-        if not isinstance(simulation, Simulation):
-            raise UsageError(f"simulation: expected a Simulation, got {simulation!r}.")
+        must_be(simulation, Simulation, "simulation", MADE_BY)
         given: object = simulation.task.kinds if kinds is None else kinds
         kinds = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else ()
         if not kinds or not all(kind in KINDS for kind in kinds):
@@ -213,6 +214,7 @@ def drive_simulated(
     Raises:
         UsageError: a pose that is not free, a wrong length, a controller or a command that is none.
     """
+    must_be(simulation, Simulation, "simulation", MADE_BY)
     if isinstance(controller, NetworkController):
         networks = decode(controller.genes, controller.layout)
         return simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)

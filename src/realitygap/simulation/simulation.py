@@ -83,6 +83,9 @@ class Simulation:
         self._cores = Cores(self.task, self.profile, self.noise)
         make = engine_named(engine)
         self.engine = self._cores if make is Cores else make(self.task, self.profile, self.noise)
+        lacking = [way for way in ("scores", "tracks", "compile") if not hasattr(self.engine, way)]
+        if lacking:
+            raise UsageError(f"engine: got {shown(self.engine)}, which has no {', '.join(lacking)}.")
 
     @property
     def layout(self) -> Layout:
@@ -239,9 +242,12 @@ class Simulation:
         if not isinstance(pose, Pose):
             cure = "Pose.from_degrees(25, 25, 90) makes one."
             raise UsageError(f"pose: expected a Pose, got {shown(pose)}. {cure}")
-        place = tuple(map(float, (pose.x, pose.y, pose.heading)))  # whole numbers would be compiled for apart
+        try:
+            place = tuple(map(float, (pose.x, pose.y, pose.heading)))  # others would be compiled for apart
+        except (TypeError, ValueError):
+            place = (math.nan,)
         if not all(map(math.isfinite, place)):
-            raise UsageError(f"pose: expected finite numbers, got {pose.x} {pose.y} {pose.heading_deg}.")
+            raise UsageError(f"pose: expected finite numbers, got {pose}.")
         if not batch.is_clear(self._cores.robot, self._cores.arena, *place):
             radius = self.profile.body.radius_cm
             arena = self.task.arena

@@ -107,12 +107,20 @@ class Bench:
 
     def breed(self) -> State:
         """A state of the algorithm after breeding offspring."""
-        state: State = self.algorithm.init(np.uint64(0))
+        state = self.init(np.uint64(0))
         trial_streams(np.uint64(0), 0, 1, 1)
         while state.evaluations < self.algorithm.cells + 2:
             batch = self.ask(state, self.algorithm.cells)
             self.encoding.decode(batch.genes)
             state = self.tell(state, batch, np.zeros(len(batch.genes)))
+        return state
+
+    def init(self, stream: np.uint64) -> State:
+        """The algorithm's first state, checked."""
+        state: State = self.algorithm.init(stream)
+        came = getattr(state, "evaluations", type(state).__name__)
+        if came != 0:
+            raise UsageError(f"init: expected a state after 0 evaluations, got {came}.")
         return state
 
     def ask(self, state: State, n: int) -> Batch:
@@ -134,7 +142,7 @@ class Bench:
         """Refuse an algorithm that depends on more than its state: its runs could not be resumed."""
         algorithm, n = self.algorithm, self.algorithm.cells
         once = self.ask(state, n)
-        self.ask(algorithm.init(np.uint64(1)), n)  # another run of the same algorithm
+        self.ask(self.init(np.uint64(1)), n)  # another run of the same algorithm
         kept = state.to_bytes()
         if not isinstance(kept, bytes):
             raise UsageError(f"to_bytes: expected bytes, got {type(kept).__name__}.")
@@ -148,8 +156,7 @@ class Bench:
 
 def begin(bench: Bench, plan: Plan) -> State:
     """The state before a run's first evaluation."""
-    state: State = bench.algorithm.init(np.uint64(substream(plan.stream, BREEDING)))
-    return state
+    return bench.init(np.uint64(substream(plan.stream, BREEDING)))
 
 
 def advance(

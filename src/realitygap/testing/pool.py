@@ -127,9 +127,10 @@ class PoolContract:
         """No process and no thread; closing once more does nothing."""
         if not Path("/proc/self/stat").exists():
             raise SkipTest("looks at processes in /proc")
-        left = []
+        left, pools = [], []
         for _ in range(2):  # Python's own helpers start with the first
             pool = self.opened()
+            pools.append(pool)  # what only ends with its pool is left behind, too
             _heard(pool, map(_Job, range(4)))
             pool.close()
             pool.close()

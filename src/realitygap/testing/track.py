@@ -5,6 +5,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from realitygap.correspondence.trials import SLOWEST_HZ
 from realitygap.track import Track, read_track
 
 __all__ = ["TrackContract"]
@@ -27,8 +28,9 @@ class TrackContract:
         raise NotImplementedError("override track()")
 
     def test_time_runs_forward(self) -> None:
-        """A row a time, s, for a second at least."""
+        """A row a time, s, for a second at least; so many a second that turns show: not ms, nor frames."""
         track = self.track()
+        assert np.median(np.diff(track.t)) <= 1 / SLOWEST_HZ
         assert np.isfinite(track.t).all() and (np.diff(track.t) > 0).all() and np.ptp(track.t) >= 1.0 - 1e-9
 
     def test_a_lost_robot_is_nowhere(self) -> None:

@@ -1,18 +1,21 @@
 """Runs any controller on any body at a task: the track, and the task's score."""
 
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from realitygap import temporary, whole
-from realitygap.controller.own import as_controller
+from realitygap.controller.layout import Layout
+from realitygap.controller.own import as_controller, named_controller
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body
 from realitygap.robots.loop import Controller
+from realitygap.robots.own import OwnBody
 from realitygap.robots.recording import Recording
 from realitygap.simulation.body import SimulatedBody, drive_simulated
 from realitygap.simulation.simulation import Simulation
@@ -64,7 +67,8 @@ def drive(
     Args:
         body: the robot: a SimulatedBody, or any with the protocol of `robots/body.py`.
         controller: a NetworkController, a function decide(inputs) → (left, right), a class or an object
-            that has one, or `file.py:name`; −10 … 10 in and out.
+            that has one, or what `--controller` takes: `file.py:name`, a network's file, "braitenberg",
+            "constant:5,5"; −10 … 10 in and out.
         task: which sensors are fed, how long, and the score.
         profile: its input ranges and wheels; by default a simulated body's own, else "paper".
         start: where the body is placed, or stands already; by default where it reports itself.
@@ -82,14 +86,28 @@ def drive(
     task, profile = load_task(task), load_profile(own if profile is None else profile)
     start = getattr(body, "pose", None) if start is None else start
     if not isinstance(start, Pose):
-        raise UsageError(f"start: expected a Pose, as this body does not know its place, got {start!r}.")
+        expected = "a Pose, such as Pose.from_degrees(25, 25, 90)"
+        raise UsageError(f"start: expected {expected}, unless the body knows its place, got {start!r}.")
+    if isinstance(controller, str):
+        layout = Layout(inputs=len(task.of(profile).sensors))
+        controller = named_controller(controller, task.feeds, layout)
     controller = as_controller(controller)
+    body = _held_to_its_word(body)
     check_fit(body, profile, task.kinds, OTHER_ROBOT)
     body.reset(start)
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
     track = made.known if made.poses else made.counted(start, profile.wheels.track_cm)
     return Drove(track=track, score=score(track, task, profile), recording=made.recording)
+
+
+def _held_to_its_word(body: Body) -> Body:
+    """A body of the user's own as `--robot` opens it: its readings are checked, its errors told by line."""
+    home = type(body).__module__
+    if isinstance(body, SimulatedBody) or home.startswith("realitygap."):
+        return body
+    place = getattr(sys.modules.get(home), "__file__", None) or home
+    return cast("Body", OwnBody(body, place))
 
 
 @dataclass(frozen=True, kw_only=True)

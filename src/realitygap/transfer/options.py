@@ -11,11 +11,18 @@ from realitygap.errors import UsageError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.marker import Marker, load_marker
-from realitygap.robots.address import Address
-from realitygap.study.settings import whole
+from realitygap.robots.address import Address, as_scale
+from realitygap.study.settings import LARGEST, whole
+from realitygap.text import must_be
 from realitygap.user_code import place_of
 
 __all__ = ["Named", "Transfer"]
+
+
+def _films(one: object) -> bool:
+    """Whether this is a run's id, or an id and a start."""
+    pair = one if isinstance(one, tuple) and len(one) == 2 else (one,)
+    return all(isinstance(number, int) and not isinstance(number, bool) for number in pair)
 
 
 @dataclass(frozen=True)
@@ -101,7 +108,7 @@ class Transfer:
         for name, given in {"runs": self.runs, "robots": self.robots}.items():
             if isinstance(given, str) or not isinstance(given, Iterable):
                 raise UsageError(f"{name}: expected a list, got {given!r}. Write [{given!r}].")
-        whole("starts", self.starts, 1, 10**6)
+        self._check_values()
         if self.controller is not None and self.individual != "champion":
             raise UsageError("individual: expected none with a controller of your own. Leave it out.")
         real = any(robot.unit is None for robot in self.bodies)
@@ -155,6 +162,24 @@ class Transfer:
     def films(self, run: int, start: int) -> bool:
         """Whether the trial of the run with this id from this start is filmed."""
         return self.film if isinstance(self.film, bool) else run in self.film or (run, start) in self.film
+
+    def _check_values(self) -> None:
+        """Refuse what is no number, switch, marker or list of what to film."""
+        whole("starts", self.starts, 1, 10**6)
+        if self.seed is not None:
+            whole("seed", self.seed, 0, LARGEST)
+        if self.twin_noise is not None:
+            as_scale(self.twin_noise, "twin_noise")
+        must_be(self.seconds, float | int | None, "seconds", "Give a number, or None for the task's own.")
+        must_be(self.baud, int | None, "baud", "Give a number, or None to try all.")
+        must_be(self.marker, Marker | str | None, "marker", 'Give its text, such as "aruco:4x4_50:7".')
+        must_be(self.watch, bool, "watch", "Give True or False.")
+        must_be(self.pack, bool | None, "pack", "Give True, False or None.")
+        film: object = self.film
+        listed = isinstance(film, Collection) and not isinstance(film, str | bytes)
+        if not isinstance(film, bool) and not (listed and all(map(_films, film))):  # type: ignore[call-overload]
+            expected = "True, False, or a list of ids of runs and of pairs (id, start)"
+            raise UsageError(f"film: expected {expected}, got {film!r}.")
 
     def _check_view(self, twins: bool) -> None:
         """Refuse an unknown renderer, one with nothing to film, or one that cannot show the marker."""

@@ -9,7 +9,7 @@ from realitygap.user_code import blamed_on, named_object, place_of
 from realitygap.work.pool import Counted, Here, Pool
 from realitygap.work.processes import Processes, refuse_unguarded_script
 
-__all__ = ["MOST", "Workers", "cores", "far", "named_pool", "near", "opened"]
+__all__ = ["MOST", "Workers", "cores", "far", "named_pool", "near", "opened", "size_of"]
 
 MOST = 1024
 """Processes."""
@@ -39,12 +39,22 @@ def opened(workers: Workers, *, one_thread: bool = False) -> Iterator[Pool]:
     if isinstance(workers, Pool):
         yield workers if type(workers) in (Here, Processes, Counted) else Counted(workers)
         return
+    size = size_of(workers)
+    with closing(Here() if size == 1 else Processes(size, one_thread=one_thread)) as pool:
+        yield pool
+
+
+def size_of(workers: int | None) -> int:
+    """How many processes.
+
+    Raises:
+        ConfigError: neither a number nor a pool.
+    """
     size = cores() if workers is None else workers
     if isinstance(size, bool) or not isinstance(size, int) or not 1 <= size <= MOST:
         expected = f"a whole number from 1 to {MOST}, or a pool (work, close; see realitygap.work.pool)"
         raise ConfigError(f"workers: expected {expected}, got {workers!r}.")
-    with closing(Here() if size == 1 else Processes(size, one_thread=one_thread)) as pool:
-        yield pool
+    return size
 
 
 def far(pool: object) -> bool:

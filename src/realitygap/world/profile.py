@@ -1,7 +1,7 @@
 """A robot's constants (§3.1 to §3.3): a frozen value, read from TOML."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
@@ -230,10 +230,15 @@ class Profile(Value):
         """
         bands = self.bands(feeds)
         there = len(bands)
-        require(len(readings) == there, "readings", f"one of each {feeds} sensor ({there})", len(readings))
-        inside = all(0 <= sensor < there for sensor in sensors)
+        came = len(readings) if hasattr(readings, "__len__") else readings
+        require(came == there, "readings", f"one of each {feeds} sensor ({there})", came)
+        inside = isinstance(sensors, Iterable) and all(sensor in range(there) for sensor in sensors)
         require(inside, "sensors", f"numbers from 0 to {there - 1}", sensors)
-        pairs = [(float(readings[sensor]), *bands[sensor]) for sensor in sensors]
+        try:
+            pairs = [(float(readings[sensor]), *bands[sensor]) for sensor in sensors]
+        except (TypeError, ValueError):
+            pairs = [(math.nan, 0.0, 0.0)]
+        require(all(math.isfinite(one[0]) for one in pairs), "readings", "finite numbers", readings)
         shares = ((reading - low) / (high - low) for reading, low, high in pairs)
         scaled = (math.floor(share * (2.0 * TOP_INPUT) - TOP_INPUT + 0.5) for share in shares)
         return [max(-TOP_INPUT, min(TOP_INPUT, value)) for value in scaled]

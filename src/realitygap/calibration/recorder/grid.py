@@ -53,7 +53,10 @@ def given(bearings: int | None, distances_cm: Sequence[float] | None) -> dict[st
     Raises:
         RecordingError: no grid can have them.
     """
-    usual, distances = Grid(), None if distances_cm is None else list(map(float, distances_cm))
+    try:
+        usual, distances = Grid(), None if distances_cm is None else list(map(float, distances_cm))
+    except (TypeError, ValueError):
+        raise RecordingError(f"distances: expected a list of numbers, cm, got {distances_cm!r}.") from None
     Grid(
         bearings=usual.bearings if bearings is None else bearings,
         distances_cm=usual.distances_cm if distances is None else tuple(distances),
