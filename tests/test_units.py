@@ -33,6 +33,7 @@ CONVERT = {
     # libraries that ask for degrees
     "report/robots.py": (1, "matplotlib's wedges"),
     "report/watch.py": (1, "SVG's turns"),
+    "film/fit.py": (1, "what a picture shows from corner to corner, for a warning"),
     "film/sheet.py": (1, "the line to a robot's front, on a printed page"),
     "report/arenas.py": (1, "points round a compass"),
     "report/calibration_figures.py": (2, "a figure's axis in degrees"),
