@@ -142,6 +142,25 @@ def test_a_large_batch_is_carried_out_in_parts(monkeypatch):
 
 
 @HERE
+@pytest.mark.parametrize("way", ["scores", "tracks"])
+def test_too_little_memory_is_told(monkeypatch, way):
+    """Whatever the driver calls it; other failures stay what they are."""
+    task = load_task("avoidance").of(PAPER)
+    made, nets = engine.Cuda(task, PAPER, 1.0), decode(braitenberg(task.feeds, Layout()), Layout())
+
+    def fail(*_given: Any) -> None:
+        raise RuntimeError(why)
+
+    monkeypatch.setattr(engine, "_launch", fail)
+    for why, error in (
+        ("[2] Call to cuLaunchKernel results in CUDA_ERROR_OUT_OF_MEMORY", UsageError),
+        ("", RuntimeError),
+    ):
+        with pytest.raises(error, match="with memory for its threads" if why else "^$"):
+            getattr(made, way)(nets, batch_streams(1, 2)[np.newaxis])
+
+
+@HERE
 def test_network_and_random_numbers_have_the_processors_bits():
     """Integer updates, and bits, shares and whole numbers drawn of a stream."""
     kernel, given = exact_parts()

@@ -6,7 +6,7 @@ Extra `cuda` (`pip install "realitygap[cuda]"`). With NUMBA_ENABLE_CUDASIM=1 the
 import importlib.util
 import warnings
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from functools import cached_property
 from threading import Lock
 from typing import Any, NamedTuple
@@ -81,7 +81,7 @@ class Cuda:
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """As `Engine` has it."""
-        with _SIMULATOR:
+        with _SIMULATOR, _enough():
             scores = [self._taken(batch) for batch in self._launched(networks, streams)]
         found = np.concatenate(scores) if scores else np.empty(0)
         self.cores.require_finite(found)
@@ -89,7 +89,7 @@ class Cuda:
 
     def tracks(self, networks: Networks, streams: Streams) -> Path:
         """As `Engine` has it."""
-        with _SIMULATOR:
+        with _SIMULATOR, _enough():
             found = [
                 self._fetched(batch.paths)[: len(batch.which)] for batch in self._launched(networks, streams)
             ]
@@ -210,6 +210,20 @@ def require_gpu() -> None:
             raise UsageError(f"engine cuda: expected NVIDIA's compiler NVVM, found none. {INSTALL} {CURE}")
         expected = "an NVIDIA GPU with its driver, as nvidia-smi shows it"
         raise UsageError(f"engine cuda: expected {expected}, found none: {' '.join(why.split())} {CURE}")
+
+
+@contextmanager
+def _enough() -> Iterator[None]:
+    """Tell of too little memory: threads' own arrays grow with a layout's slots and links."""
+    try:
+        yield
+    except Exception as error:
+        if "OUT_OF_MEMORY" not in str(error):
+            raise
+        raise UsageError(
+            f"engine cuda: expected a GPU with memory for its threads' networks and {MOST_BYTES >> 30} GB of "
+            f"paths, got too little. Take fewer slots or links. {CURE}"
+        ) from None
 
 
 _ONE_AT_A_TIME = Lock()
