@@ -176,15 +176,20 @@ def test_ambient_sensors_read_as_the_processors(warp, each):
 
 @pytest.mark.parametrize("each", [32, 4, 1])
 def test_normal_numbers_are_the_processors(warp, each):
-    """Of three steps of trials on streams of their own."""
-    trials, draw = Trials("obstacle-avoidance", "paper", each), cuda_sensors.shared_noise(lambda made: made)
-    works, streams = (
-        [trials.scratch(which) for which in range(each)],
-        np.arange(40, 40 + each).astype(np.uint64),
-    )
-    shared = [work._replace(noise=np.zeros_like(work.noise)) for work in works]
+    """Of three steps; each thread has its own, since readings by a table scale them in place."""
+    trials = Trials("obstacle-avoidance", "khepera", each)
+    draw = cuda_sensors.shared_noise(lambda made: made, 16, 1)
+    works = [trials.scratch(lane % each) for lane in range(LANES)]
+    alone, streams = trials.scratch(0), np.arange(40, 40 + each).astype(np.uint64)
+
+    def step(lane: int, k: int) -> None:
+        draw(1.0, streams[lane % each], k, 8, works[lane])
+        seen[lane] = works[lane].noise
+        works[lane].noise[:] *= lane + 2.0
+
     for k in range(3):
-        warp.run(lambda lane, k=k: draw(1.0, streams[lane % each], k, 8, shared[lane % each]))
-        for which, work in enumerate(works):
-            drawn(1.0, streams[which], k, 8, work)
-            assert np.array_equal(shared[which].noise, work.noise) and work.noise.any()
+        seen = np.zeros((LANES, 16))
+        warp.run(lambda lane, k=k: step(lane, k))
+        for lane in range(LANES):
+            drawn(1.0, streams[lane % each], k, 8, alone)
+            assert np.array_equal(seen[lane], alone.noise) and alone.noise.any()

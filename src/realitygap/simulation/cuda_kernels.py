@@ -199,7 +199,8 @@ def trials(plan: Plan) -> Kernel:
     if SIMULATED:
         return Kernel(cuda.jit(_simulate), plan.block, steps=True)
     warps, draw_start = plan.block // WARP, device(trial.draw_start)
-    shared: Swaps = ((trial.draw_noise, shared_noise(device)),)
+    drawn = next(shape[0] for name, shape, _ in plan.own if name == "noise")
+    shared: Swaps = ((trial.draw_noise, shared_noise(device, drawn, warps)),)
     if plan.sensors:
         shared += ((infrared.infrared, shared_infrared(device, plan.sensors, warps)),)
     if plan.lit:
@@ -254,9 +255,6 @@ def _written(plan: Plan, go: Any) -> Any:
     """
     robot, arena, task, scratch = plan.near
     own = {name: f"cuda.local.array({shape}, numba.{kind})" for name, shape, kind in plan.own}
-    drawn = next(shape[0] for name, shape, _ in plan.own if name == "noise")
-    rows = f"cuda.shared.array(({plan.block // WARP}, {drawn}, {WARP}), numba.float64)"
-    own["noise"] = f"{rows}[cuda.threadIdx.x // {WARP}, :, cuda.threadIdx.x % {WARP} % batch.each]"
     own["settled"] = f"cuda.local.array({EACH + 1}, numba.int64)"
     parts = (("world.robot", Robot, robot), ("world.arena", Arena, arena), ("world.task", Trial, task))
     near = ", ".join(_made_of(made, whole, _copies(whole, sizes)) for whole, made, sizes in parts)

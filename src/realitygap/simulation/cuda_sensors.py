@@ -30,19 +30,29 @@ Device = Callable[[Any], Any]
 _ONE, _NONE = np.int64(1), np.int64(0)
 
 
-def shared_noise(device: Device) -> Callable[..., None]:
-    """As `trial.draw_noise`; threads of the same trial share work.noise."""
-    pair = device(rng.normal_pair)
+def shared_noise(device: Device, drawn: int, warps: int) -> Callable[..., None]:
+    """As `trial.draw_noise`; threads of the same trial share the work, and each has the numbers, since it
+    scales them in place where noise follows a table.
+
+    Args:
+        device: as of `Device`.
+        drawn: normal numbers of a step.
+        warps: of a block.
+    """
+    pair, half = device(rng.normal_pair), drawn // 2
 
     def draw(level, stream, k, _sensors, work):
         if level > 0.0:
-            each, half = work.settled[EACH], work.noise.shape[0] // 2
+            lane, warp, each = cuda.threadIdx.x % WARP, cuda.threadIdx.x // WARP, work.settled[EACH]
+            shared = cuda.shared.array((warps, drawn, WARP), numba.float64)[warp, :, lane % each]
             cuda.syncwarp()
-            i = cuda.threadIdx.x % WARP // each
+            i = lane // each
             while i < half:
-                work.noise[i], work.noise[half + i] = pair(stream, half * (k + 1) + i)
+                shared[i], shared[half + i] = pair(stream, half * (k + 1) + i)
                 i += WARP // each
             cuda.syncwarp()
+            for n in range(drawn):
+                work.noise[n] = shared[n]
 
     return draw
 
@@ -68,6 +78,7 @@ def shared_infrared(device: Device, sensors: int, warps: int) -> Callable[..., N
         listed = cuda.shared.array((warps, pairs), numba.int16)[warp]
         returned = cuda.shared.array((warps, pairs), numba.float64)[warp]
         noticed = notice(robot, arena, work, lane // each, WARP // each)
+        cuda.syncwarp()  # all have read what they saw a step ago
         poses[0, which], poses[1, which] = work.pose[0], work.pose[1]
         poses[2, which], poses[3, which] = work.pose[3], work.pose[4]
         count, before = 0, (1 << lane) - 1
