@@ -11,15 +11,15 @@ from functools import cache
 from types import FunctionType
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numba import cuda
 from numba.core.dispatcher import Dispatcher
 
 from realitygap.kernels import ambient, geometry, infrared, light, light_beyond, outline, trial
 from realitygap.kernels.batch import run_trials
-from realitygap.kernels.params import RAYS, Arena, Networks, Path, Robot, Trial, World
-from realitygap.kernels.work import Work, new_work
+from realitygap.kernels.params import RAYS, Networks, Path
+from realitygap.kernels.work import new_work
+from realitygap.simulation.cuda_arrays import Sizes, way_in
 from realitygap.simulation.cuda_code import SIMULATED, Kernel, kept
 from realitygap.simulation.cuda_sensors import (
     EACH,
@@ -49,8 +49,6 @@ SMALL = {
 }  # fmt: skip
 """Types of what is small: the nearest cache has room for few numbers of each thread."""
 Swaps = tuple[tuple[Dispatcher, Callable[..., Any]], ...]
-Sizes = tuple[tuple[str, tuple[int, ...], str], ...]
-"""Name, shape and type of each of some arrays."""
 
 
 class Plan(NamedTuple):
@@ -217,7 +215,7 @@ def trials(plan: Plan) -> Kernel:
         draw_start(world.task, stream, mine.start)
         one_trial(world, nets, batch.which[i], stream, mine, Path(p[0], p[1], p[2], p[3], p[4], p[5]))
 
-    made = cuda.jit(_written(plan, cuda.jit(device=True)(carry_out)), max_registers=REGISTERS)
+    made = cuda.jit(way_in(plan.own, plan.near, cuda.jit(device=True)(carry_out)), max_registers=REGISTERS)
     named = [(one.py_func.__name__, getattr(other, "__name__", "")) for one, other in plan.swaps]
     code = kept(made, plan._replace(swaps=()), REGISTERS, named)
     rolled = plan.sensors > 0 or not plan.lit  # else there is too much code
@@ -246,64 +244,3 @@ def scoring(score: Any) -> Kernel:
             batch.taken[t, 1] = total
 
     return Kernel(kept(cuda.jit(take), whose), WARP, steps=False)
-
-
-def _written(plan: Plan, go: Any) -> Any:
-    """The kernel's way in, of a text: compiled code cannot map over a tuple's fields.
-
-    A thread's arrays have to be made here: those that a function makes end with it.
-    """
-    robot, arena, task, scratch = plan.near
-    own = {name: f"cuda.local.array({shape}, numba.{kind})" for name, shape, kind in plan.own}
-    own["settled"] = f"cuda.local.array({EACH + 1}, numba.int64)"
-    parts = (("world.robot", Robot, robot), ("world.arena", Arena, arena), ("world.task", Trial, task))
-    near = ", ".join(_made_of(made, whole, _copies(whole, sizes)) for whole, made, sizes in parts)
-    mine = _made_of(Work, "work", own | _copies("work", scratch))
-    text = (
-        f"def carry_out(world, nets, work, batch):\n    go(World({near}, world.level), nets, {mine}, batch)"
-    )
-    scope: dict[str, Any] = {one.__name__: one for one in (Work, World, Robot, Arena, Trial)}
-    scope |= {"cuda": cuda, "numba": numba, "go": go, "copy1": _copy1, "copy2": _copy2, "copy3": _copy3}
-    exec(text, scope)
-    return scope["carry_out"]
-
-
-def _made_of(made: type, whole: str, others: dict[str, str]) -> str:
-    """A tuple as another one is, but for some fields."""
-    fields = made._fields  # type: ignore[attr-defined]
-    return f"{made.__name__}({', '.join(others.get(field, f'{whole}.{field}') for field in fields)})"
-
-
-def _copies(whole: str, sizes: Sizes) -> dict[str, str]:
-    """Of arrays of a tuple copies, whose shapes are known when they are compiled for, or the shape alone."""
-    found = {}
-    for name, shape, kind in sizes:
-        if 0 in shape:
-            least, cut = tuple(max(n, 1) for n in shape), ", ".join(f":{n}" for n in shape)
-            found[name] = f"cuda.local.array({least}, numba.{kind})[{cut}]"
-        else:
-            found[name] = f"copy{len(shape)}(cuda.shared.array({shape}, numba.{kind}), {whole}.{name})"
-    return found
-
-
-@cuda.jit(device=True)
-def _copy1(to: Any, array: Any) -> Any:
-    """A block's copy of an array, made by its first thread."""
-    if cuda.threadIdx.x == 0:
-        for i in range(to.shape[0]):
-            to[i] = array[i]
-    return to
-
-
-@cuda.jit(device=True)
-def _copy2(to: Any, array: Any) -> Any:
-    for i in range(to.shape[0]):
-        _copy1(to[i], array[i])
-    return to
-
-
-@cuda.jit(device=True)
-def _copy3(to: Any, array: Any) -> Any:
-    for i in range(to.shape[0]):
-        _copy2(to[i], array[i])
-    return to
