@@ -87,6 +87,7 @@ def evolve(
     from realitygap.work.shard import Shard
     from realitygap.world.noise import noise_level
 
+    _require_engine(engine)
     name, share = reference(task), None if shard is None else Shard.parse(shard)
     folder = folder_of(name) if out is None else as_path(out, "out")
     folder = folder if share is None else share.folder(folder)
@@ -183,6 +184,7 @@ def reproduce(
     """
     from realitygap.cli.reproduce import carried_out, requested_by
 
+    _require_engine(engine)
     options = {"profile": _name(profile), "runs": runs, "evaluations": evaluations, "seed": seed}
     options["starts"] = starts
     folder = as_path(out, "out")
@@ -264,6 +266,14 @@ def calibrate(
 
 def _name(given: Place | None) -> str | None:
     return fspath(given) if isinstance(given, PathLike) else given
+
+
+def _require_engine(name: str) -> None:
+    """Refuse an engine that is not there, before anything is done with it."""
+    from realitygap.simulation.simulation import engine_named
+
+    must_be(name, str, "engine", "Give cores or cuda.")
+    engine_named(name)
 
 
 def _several(given: Any, what: str, cure: str) -> Iterable[Any]:

@@ -110,7 +110,7 @@ class Problem:
         self.workers = as_count(threads, "workers", most=MOST_THREADS)
         self._cores = self.simulation._cores
         inputs = len(self._cores.trial.channels)
-        self.layout = Layout(inputs=inputs) if controller == "delay-network" else None
+        self.layout = Layout(inputs=inputs) if str(controller) == "delay-network" else None
         if self.layout is not None:
             self.bounds = _gene_bounds(self.layout)
         else:

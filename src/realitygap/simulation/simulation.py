@@ -39,14 +39,14 @@ def engine_named(name: str | MakeEngine) -> MakeEngine:
     """
     if callable(name):
         return name
-    if name == "cuda":
-        from realitygap.simulation.cuda import Cuda, require_gpu
-
-        require_gpu()
-        return Cuda
-    if name != "cores":
+    if not isinstance(name, str) or name not in ("cores", "cuda"):
         raise UsageError(f"engine: expected cores or cuda, got {name!r}.")
-    return Cores
+    if name == "cores":
+        return Cores
+    from realitygap.simulation.cuda import Cuda, require_gpu
+
+    require_gpu()
+    return Cuda
 
 
 class Simulation:
