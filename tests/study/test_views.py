@@ -64,6 +64,8 @@ def test_an_older_database_is_asked_in_the_same_way(finished, tmp_path):
         ("SELECT colour FROM runs", "sql: no such column: colour.*SELECT from runs, evaluations, tests"),
         ("DELETE FROM run", "sql: attempt to write a readonly database"),
         ("SELECT 1 AS a, 2 AS a", "two columns have one name"),
+        ("", "sql: expected a SELECT from runs.*got ''"),
+        ("-- all of them", "sql: expected a SELECT from runs.*got '-- all of them'"),
     ],
 )
 def test_sql_that_cannot_be_is_refused(finished, sql, words):
@@ -134,3 +136,10 @@ def test_a_study_refuses_what_is_no_statement_or_genotype(finished, ask):
     """In the package's own words."""
     with pytest.raises(UsageError, match=r"^(sql: expected a str|genotype: expected a ndarray), got "):
         ask(finished)
+
+
+def test_a_run_in_an_array_is_no_run(finished):
+    """It is refused like another name that no run has; a number of NumPy's is one."""
+    assert finished.run(np.int64(1)).id == 1
+    with pytest.raises(StudyError, match=r"expected a run, 1 to .*got array"):
+        finished.run(np.zeros(3))

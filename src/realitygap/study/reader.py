@@ -161,6 +161,8 @@ class Reader:
                 raise StudyError(
                     f"sql: {error}. Expected a SELECT from {', '.join(NAMES)} or a table of the study."
                 ) from None
+        if not names:
+            raise StudyError(f"sql: expected a SELECT from {', '.join(NAMES)}, got {sql!r}.")
         if len(set(names)) != len(names):
             raise StudyError(f"sql: two columns have one name: {', '.join(names)}. Rename one (AS).")
         columns = zip(*found, strict=True) if found else [()] * len(names)

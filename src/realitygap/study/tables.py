@@ -1,5 +1,6 @@
 """The tables of a study's database as NumPy columns: evaluations, genotypes, tests."""
 
+from collections.abc import Hashable
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
@@ -102,7 +103,7 @@ class Tables:
 
     def _id(self, run: int | str) -> int:
         for row in self._rows:
-            if run in (row["id"], row["name"], str(row["id"])):
+            if isinstance(run, Hashable) and run in (row["id"], row["name"], str(row["id"])):
                 return int(row["id"])
         raise StudyError(
             f"{self.folder}: expected a run, 1 to {len(self._rows)} or a name such as "
