@@ -289,6 +289,9 @@ def test_what_cannot_be_done_is_refused(study):
         transfer(study, robots=port, carry=lambda one, pose: None, film=True)
     with pytest.raises(UsageError, match="carry"):
         transfer(study, robots=port)
+    for film in ([9], [(1, 2)], [1, 2]):
+        with pytest.raises(UsageError, match=r"film: expected runs that drive \(1\), starts 1 to 1, got"):
+            transfer(study, [1], film=film)
     (study.folder / "transfer").rmdir()
     (study.folder / "transfer").write_text("in the way")
     with pytest.raises(StudyError, match="rights"):

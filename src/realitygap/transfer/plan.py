@@ -147,9 +147,11 @@ def situations(study: Study, options: Transfer) -> Iterator[Situation]:
     """All requested trials, robot by robot.
 
     Raises:
-        UsageError: a study of another robot, or runs and individuals that do not exist.
+        UsageError: a study of another robot, or runs and individuals that do not exist or are to be filmed
+            but do not drive.
     """
     runs = chosen_runs(study, options)
+    _check_films({run.id for run in runs}, options)
     if options.named is not None:
         for task in {run.task: None for run in runs}:
             controller_for(study, task, options.named)  # refuses an invalid one before anything is done
@@ -158,6 +160,17 @@ def situations(study: Study, options: Transfer) -> Iterator[Situation]:
         for run in runs:
             for start in range(1, options.starts + 1):
                 yield _situation(study, options, robot, known, run, start)
+
+
+def _check_films(driven: set[int], options: Transfer) -> None:
+    """Refuse films of trials that are not made."""
+    for one in () if isinstance(options.film, bool) else options.film:
+        run, start = one if isinstance(one, tuple) else (one, 1)
+        if run not in driven or not 1 <= start <= options.starts:
+            expected = (
+                f"runs that drive ({', '.join(map(str, sorted(driven)))}), starts 1 to {options.starts}"
+            )
+            raise UsageError(f"film: expected {expected}, got {one}.")
 
 
 def _situation(
