@@ -107,6 +107,8 @@ class Real:
     def reset(self, pose=None): pass
     sense, act, stop, close = Three.sense, Three.act, Three.stop, Three.close
 class Empty: pass
+class Endless(Three):
+    stop = None
 class Odd(Three):
     channels = ("proximity",)
 class Shy(Three):
@@ -191,6 +193,7 @@ def test_it_is_checked_as_any_robot(file: Path) -> None:
         ("Astray", r"pose: expected a Pose of finite numbers, got Pose\(x=1.0, y=2.0, heading=nan\)"),
         ("Chatty", "facts: expected a dict of base, pulses_per_mm, robot, units, got {'colour': 'red'}"),
         ("Empty", "expected channels, period_s, counts_turns, reset, sense, act, stop, close"),
+        ("Endless", "stop: expected a method, got None"),
         ("Odd", "channels: expected a tuple of Channel"),
         ("Shy", r"mine.py, line \d+: Shy\(\) fails with RuntimeError: no robot here"),
         ("Shaky", r"mine.py, line \d+: Shaky.period_s fails with KeyError: 'no'"),

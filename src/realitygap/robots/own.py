@@ -126,6 +126,8 @@ class OwnBody(Blamed):
         missing = [member for member in MEMBERS if not self._has(member)]
         if missing:
             raise self._wrong(f"expected {', '.join(missing)}, which it lacks")
+        if mute := [way for way in MEMBERS[3:] if not callable(self._told(way))]:
+            raise self._wrong(f"{', '.join(mute)}: expected a method, got {self._told(mute[0])!r}")
         self.channels = self._channels()
         period = self._told("period_s")
         if isinstance(period, bool) or not isinstance(period, int | float) or not 0.02 <= period <= 0.2:
