@@ -118,7 +118,6 @@ def contrast_table(
         contrasts: the rows.
         coarse: levels whose comparisons decide, which are marked.
     """
-    sets, robot = [s.seed_set for s in contrasts[0].sets], contrasts[0].level
     rows: list[Row] = []
     for c in contrasts:
         delta, gap = effect_spans(c.effect)
@@ -126,14 +125,14 @@ def contrast_table(
             f"{c.other:g}" + (" *" if c.other in coarse else ""),
             *(Number(span=Span(mean)) for mean in c.means),
             *(Number(span=span, signed=True) for span in (gap, delta)),
-            *(Number(span=Span(s.effect.delta), signed=True) for s in c.sets),
+            *(Number(span=Span(effect.delta), signed=True) for effect in c.sets.values()),
             probability(c.effect.p), probability(c.p_holm), c.found,
         ))  # fmt: skip
     return NoiseTable(
         name=name, title=title,
         head=(
-            "against level", f"mean at {robot:g}", "mean there", "difference", "Cliff's delta",
-            *(f"delta, set {s}" for s in sets), "p", "p (Holm)", "found",
+            "against level", f"mean at {contrasts[0].level:g}", "mean there", "difference", "Cliff's delta",
+            *(f"delta, set {s}" for s in contrasts[0].sets), "p", "p (Holm)", "found",
         ),
         rows=tuple(rows),
     )  # fmt: skip
