@@ -92,5 +92,4 @@ def _arena(name: str) -> tuple[Arena, Pose | None]:
         if name.endswith(".py"):
             raise
         return load_arena(name), None
-    arena = task.arena if not isinstance(task.arena, str) else load_arena(task.arena)
-    return arena, Pose.from_degrees(task.start.x_cm, task.start.y_cm, sum(task.start.heading_deg) / 2)
+    return task.arena, Pose.from_degrees(task.start.x_cm, task.start.y_cm, sum(task.start.heading_deg) / 2)
