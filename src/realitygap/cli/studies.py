@@ -101,15 +101,7 @@ def carry_out(
 def reported(
     folder: Path, study: Study, workers: Workers, progress: ProgressLine, more: Mapping[str, Any]
 ) -> Carried:
-    """Score a study's runs and make its page; `more` are further parts of the JSON.
-
-    Args:
-        folder: the study's.
-        study: as it is now.
-        workers: processes; one a core if None.
-        progress: called with the progress.
-        more: further parts of the JSON.
-    """
+    """Score a study's runs and make its page; `more` are further parts of the JSON."""
     from realitygap.report.build import build_report
     from realitygap.report.scores import study_tables
     from realitygap.transfer.score_rows import marks_of

@@ -79,14 +79,7 @@ class Figures(dict[str, Picture]):
         self.workers = workers
 
     def add(self, name: str, draw: Callable[[], Figure], words: Words, label: str = "") -> Picture:
-        """Add a figure, to be drawn with the others: see Picture.
-
-        Args:
-            name: of its files.
-            draw: draws it, perhaps in another process.
-            words: its text alternative and its caption.
-            label: what the paper calls it.
-        """
+        """Add a figure, to be drawn with the others; arguments as of `Picture`."""
         self[name] = Picture(name=name, draw=draw, words=words, label=label)
         return self[name]
 
