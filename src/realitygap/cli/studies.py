@@ -111,8 +111,8 @@ def reported(
     return Carried(folder, study, page, study_tables(study), more, progress.took())
 
 
-def show_shard(folder: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
-    """Say where a shard is, and how all of them are put together."""
+def show_shard(folder: Path, more: Mapping[str, Any], *lines: str, json_output: bool) -> None:
+    """Print what a shard did, where it is, and how all of them are put together."""
     from realitygap.work.shard import read_mark, whole_of
 
     mark = read_mark(folder)
@@ -120,7 +120,7 @@ def show_shard(folder: Path, more: Mapping[str, Any], *, json_output: bool) -> N
     each = whole_of(folder)
     facts = {"study": str(folder), "shard": str(mark.shard), **more}
     merging = f"realitygap merge {shlex.quote(str(folder.with_name(each.name)))}-shard-*-of-{mark.shard.of}"
-    tell(json_output, facts, f"\nshard {mark.shard} in {folder}\nwhen all are done: {merging}")
+    tell(json_output, facts, *lines, f"\nshard {mark.shard} in {folder}\nwhen all are done: {merging}")
 
 
 def show_study(carried: Carried, *, json_output: bool) -> None:
