@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.experiments.noise.contrasts import Effect, holm, paired, unpaired
+from realitygap.experiments.noise.contrasts import Effect, holm, paired
 from realitygap.experiments.noise.crossed import Crossed
 from realitygap.values import Floats
 
@@ -228,11 +228,4 @@ def _by_evolved(
 ) -> _Compared:
     """Controllers evolved at the robot's level against those evolved at another."""
     mine, theirs = rows[data.evolved[rows] == data.robot], rows[data.evolved[rows] == other]
-    strata = list(zip(data.task.tolist(), data.home.tolist(), strict=True))
-    effect = unpaired(
-        values[mine],
-        values[theirs],
-        strata=([strata[i] for i in mine], [strata[i] for i in theirs]),
-        weights=None if weights is None else (weights[:, mine], weights[:, theirs]),
-    )
-    return effect, values[mine], values[theirs]
+    return data.between(values, mine, theirs, weights), values[mine], values[theirs]

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from realitygap.experiments.noise.claims import Contrast, Finding
-from realitygap.experiments.noise.contrasts import Effect
-from realitygap.report.noise.facts import PAPER, NoiseFacts, Span
+from realitygap.report.noise.facts import PAPER, NoiseFacts, Span, effect_spans
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit, real_misfits
 from realitygap.text import to_csv
 
 __all__ = [
-    "NoiseTable", "Number", "Row", "calibration_table", "claim_table", "contrast_table", "effect_spans",
+    "NoiseTable", "Number", "Row", "calibration_table", "claim_table", "contrast_table",
     "fitness_table", "in_unit", "names_table", "noise_tables", "paper_table", "peaks_table", "probability",
 ]  # fmt: skip
 
@@ -136,13 +135,6 @@ def contrast_table(
         ),
         rows=tuple(rows),
     )  # fmt: skip
-
-
-def effect_spans(effect: Effect) -> tuple[Span, Span]:
-    """Cliff's delta and the difference of means, each with its interval."""
-    none = (math.nan, math.nan)
-    delta = Span(effect.delta, *(effect.delta_interval or none))
-    return delta, Span(effect.difference, *(effect.difference_interval or none))
 
 
 def probability(p: float) -> str:
