@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jinja2 import Environment, FileSystemLoader
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from realitygap import whole
@@ -155,8 +156,6 @@ def write_page(
     Raises:
         OSError: something cannot be written.
     """
-    from markupsafe import Markup
-
     for name, text in (tables or {}).items():
         whole.write(target.parent / "tables" / f"{name}.csv", text)
     drawn = draw_all(figures, None if tables is None else target.parent / "figures", step)
