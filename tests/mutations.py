@@ -219,9 +219,9 @@ MUTATIONS = (
              '"still": ((way == 0) & (np.abs(_smooth(turn)) < STILL_DEG_S)).mean(axis=1)',
              '"still": (way == 0).mean(axis=1)', DESCRIPTORS),
     # statistics
-    Mutation("experiments/noise/claims.py", "strata without the home unit",
-             "strata = list(zip(data.task.tolist(), data.home.tolist(), strict=True))",
-             "strata = data.task.tolist()", CLAIMS),
+    Mutation("experiments/noise/crossed.py", "strata without the home unit",
+             "strata = list(zip(self.task.tolist(), self.home.tolist(), strict=True))",
+             "strata = self.task.tolist()", CLAIMS),
     Mutation("experiments/noise/crossed.py", "the bootstrap pools seed sets",
              "self.task.tolist(), self.seed_set.tolist(), self.evolved.tolist()",
              "self.task.tolist(), self.evolved.tolist()", CLAIMS),

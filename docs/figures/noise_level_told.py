@@ -12,10 +12,10 @@ import numpy as np
 from realitygap.experiments.noise.claims import Contrast, Finding, Split, judge_claims
 from realitygap.experiments.noise.contrasts import unpaired
 from realitygap.experiments.noise.crossed import Crossed
-from realitygap.report.noise.facts import BOTH, FAILED, PAPER, SATURATED, Scope, Span
+from realitygap.report.noise.facts import BOTH, FAILED, PAPER, SATURATED, Scope, Span, effect_spans
 from realitygap.report.noise.report import NoiseReport
 from realitygap.report.noise.results import read_results
-from realitygap.report.noise.tables import Number, effect_spans
+from realitygap.report.noise.tables import Number
 
 AVOIDANCE, LIGHT = "obstacle-avoidance", "light-seeking"
 NONE = "none of these"

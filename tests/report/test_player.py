@@ -17,7 +17,7 @@ from realitygap.controller.network import NetworkController
 from realitygap.report import player
 from realitygap.report.build import scripts
 from realitygap.report.gather import Paths, parts_of
-from realitygap.report.player_tracks import LOST, Inside, activity, pack, track
+from realitygap.report.player_tracks import LOST, activity, pack, track
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.recording import Recording
 from realitygap.study.load import Study
@@ -118,7 +118,7 @@ def test_what_was_not_kept_is_not_made_up(played: Study, tmp_path: Path) -> None
 def test_rows_of_another_length_are_left_out() -> None:
     """Readings that do not belong to the path's steps are not shown beside them."""
     rows = {"readings": np.zeros((2, 8)), "commands": np.zeros((3, 2))}
-    told = track("simulated", "1", np.zeros((4, 3)), 0.01, Inside(**rows))
+    told = track("simulated", "1", np.zeros((4, 3)), 0.01, **rows)
     assert told["readings"] is None and told["commands"] is not None
 
 
@@ -129,7 +129,7 @@ def test_a_page_of_thirty_runs_is_small(played: Study) -> None:
         "commands": np.full((200, 2), -10),
         "outputs": np.full((200, 30), -10),
     }
-    one = track("twin unit 1", "0.5", np.full((201, 3), 30.0), 0.01, Inside(**full))
+    one = track("twin unit 1", "0.5", np.full((201, 3), 30.0), 0.01, **full)
     assert 4 * len(json.dumps(one)) < 100_000
 
 

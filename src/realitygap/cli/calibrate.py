@@ -96,23 +96,21 @@ def calibrate(
     from realitygap.calibration.calibrate import calibrate as fit
     from realitygap.world.profile import load_profile
 
-    if page is None and not no_report:
-        page = _beside(out)
+    page = None if no_report else page or _beside(out)
     read = load_all(recordings, objects)
     start = load_profile(base or base_of(read))
     with ProgressLine() as line:
         report = partial(line.calibrating, "fit")
         made = fit(read, start, form=form, light=light, workers=workers, on_progress=report).named(out.stem)
     write_profile(made, out)
-    where = None
-    if page is not None and not no_report:
+    if page is not None:
         from realitygap.report.calibration import write_calibration_page
 
-        where = write_calibration_page(made, page)
+        write_calibration_page(made, page)
     if json_output:
-        print_json({"profile": str(out), "report": str(where) if where else None, **_facts(made)})
+        print_json({"profile": str(out), "report": str(page) if page else None, **_facts(made)})
     else:
-        _tell(made, out, where)
+        _tell(made, out, page)
     warn(made.warnings)
 
 

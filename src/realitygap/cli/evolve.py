@@ -98,14 +98,8 @@ def folder_of(task: str) -> Path:
 
 
 def begun_config(folder: Path, task: str, config: Path | None, resume: bool) -> StudyConfig:
-    """What a study starts from: a file, the study that is there, or one condition of the task.
-
-    Args:
-        folder: the study's.
-        task: a name or a file, as typed.
-        config: a file of --config, if any.
-        resume: whether to continue what is there.
-    """
+    """What a study starts from: --config's file, the study in its folder if it is resumed, or one condition
+    of the task as typed."""
     from realitygap.study.config import StudyConfig
     from realitygap.study.folder import exists, own_config
 
@@ -117,16 +111,8 @@ def begun_config(folder: Path, task: str, config: Path | None, resume: bool) -> 
 def changed_config(
     begun: StudyConfig, task: str, noise: tuple[float, ...], settings: Iterable[str], given: Mapping[str, Any]
 ) -> StudyConfig:
-    """The task alone at these levels of noise, with settings as in --set, and other values:
-    `spreads`, `arena`, and fields of a configuration.
-
-    Args:
-        begun: the configuration that these change.
-        task: a name or a file, as typed.
-        noise: levels.
-        settings: KEY=VALUE each.
-        given: fields by name.
-    """
+    """A configuration changed to the task alone, as typed, at these levels of noise, with settings as in
+    --set, KEY=VALUE each, and what else was given: `spreads`, `arena`, fields of a configuration by name."""
     from dataclasses import replace
 
     from realitygap.tasks import load_task

@@ -200,14 +200,8 @@ def noise(
 
 
 def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
-    """Make the report of a study of noise, and print its result; for an arm of the plan its tables only.
-
-    Args:
-        out: its folder.
-        results: its tables.
-        more: further parts of the JSON.
-        json_output: print JSON.
-    """
+    """Make the report of a study of noise in its folder, and print its result, with `more` parts of the JSON;
+    of an arm of the plan only say where its tables are."""
     from realitygap.experiments.noise.config import NoiseConfig
     from realitygap.report.noise.report import build_noise_report, noise_summary
 

@@ -11,7 +11,7 @@ from click.core import ParameterSource
 from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust
 from realitygap.cli.kinds import Whole
-from realitygap.cli.output import print_json, tell
+from realitygap.cli.output import tell
 
 if TYPE_CHECKING:
     from realitygap.study.load import Run, Study
@@ -118,13 +118,8 @@ def _log(
 
     one = lived(run, *which)
     path = write_log(one, kind, out)
-    facts = {
-        "study": str(run.study.folder),
-        "run": run.id,
-        "format": kind,
-        "file": str(path),
-        "trial": one.name,
-    }
+    facts = {"study": str(run.study.folder), "run": run.id, "format": kind, "file": str(path)}
+    facts["trial"] = one.name
     tell(json_output, facts, f"wrote {path}: {path.stat().st_size:,} bytes")
 
 
@@ -150,16 +145,16 @@ def _source(
     made = write_source(board, language, out)
     source = next((path for path in made if path.suffix == ".c"), None)
     code = sizes(source) if source is not None else {}
-    if json_output:
-        print_json({
-            "study": str(study.folder), "run": one.id, "individual": who, "name": board.name,
-            "language": language, "files": [str(path) for path in made], "state_bytes": board.state_bytes,
-            "code_bytes": code,
-        })  # fmt: skip
-        return
-    for path in made:
-        click.echo(f"wrote {path}")
+    facts = {
+        "study": str(study.folder), "run": one.id, "individual": who, "name": board.name,
+        "language": language, "files": [str(path) for path in made], "state_bytes": board.state_bytes,
+        "code_bytes": code,
+    }  # fmt: skip
     neurons, links = len(board.thresholds), len(board.sources)
-    click.echo(f"{neurons} neurons, {links} links; {board.state_bytes} bytes of state")
-    for chip, size in code.items():
-        click.echo(f"{chip}: {size} bytes of code and tables")
+    tell(
+        json_output,
+        facts,
+        *(f"wrote {path}" for path in made),
+        f"{neurons} neurons, {links} links; {board.state_bytes} bytes of state",
+        *(f"{chip}: {size} bytes of code and tables" for chip, size in code.items()),
+    )

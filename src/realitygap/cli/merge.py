@@ -12,10 +12,10 @@ from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust, note_versions
 from realitygap.cli.experiment import show_noise
 from realitygap.cli.failure import resumable
-from realitygap.cli.output import print_json
+from realitygap.cli.output import tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import reported, show_study
-from realitygap.cli.transfer import print_transfers
+from realitygap.cli.transfer import told_transfers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -89,8 +89,5 @@ def _merge_transfer(shards: Mapping[Shard, Path], study: Path, *, json_output: b
     made = merge_trials(shards, study)
     tables = (read_trial(one.folder / TRIAL).get("versions", {}) for one in made)
     note_versions({name: [value] for name, value in table.items()} for table in tables)
-    if json_output:
-        print_json({"study": str(study), "transfers": [one.to_dict() for one in made]})
-        return
-    print_transfers(made)
-    click.echo(f"\ntransfers {study / 'transfer'}")
+    facts = {"study": str(study), "transfers": [one.to_dict() for one in made]}
+    tell(json_output, facts, *told_transfers(made), f"\ntransfers {study / 'transfer'}")

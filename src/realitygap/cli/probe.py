@@ -6,7 +6,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.kinds import Whole
-from realitygap.cli.output import print_json, table
+from realitygap.cli.output import table, tell
 from realitygap.cli.scene import facts, placed
 
 __all__ = ["probe"]
@@ -33,15 +33,13 @@ def probe(seed: int, repeat: int, json_output: bool, **where: Any) -> None:
     """
     simulation, pose = placed(**where)
     proximity, ambient = simulation.probe(pose, stream=seed, repeat=repeat)
-    if json_output:
-        print_json({**facts(simulation, seed), "proximity": proximity, "ambient": ambient})
-        return
-    for title, readings in (("proximity", proximity), ("ambient", ambient)):
-        if not readings.shape[1]:
-            continue
-        click.echo(f"{title}, counts")
-        rows = [[k, *(_count(reading) for reading in row)] for k, row in enumerate(readings.tolist())]
-        click.echo(table(["reading", *(f"s{i}" for i in range(readings.shape[1]))], rows))
+    found, lines = {"proximity": proximity, "ambient": ambient}, []
+    for title, readings in found.items():
+        if readings.shape[1]:
+            rows = [[k, *map(_count, row)] for k, row in enumerate(readings.tolist())]
+            head = ["reading", *(f"s{i}" for i in range(readings.shape[1]))]
+            lines += [f"{title}, counts", table(head, rows)]
+    tell(json_output, {**facts(simulation, seed), **found}, *lines)
 
 
 def _count(reading: float) -> float | int:

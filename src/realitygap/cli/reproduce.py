@@ -96,17 +96,8 @@ def carried_out(
     resume: bool,
     watch: bool = False,
 ) -> Carried:
-    """Calibrate, evolve, let the champions drive the twin if `transfer` is set, report.
-
-    Args:
-        out: the study's folder.
-        requested: the settings.
-        transfer: let the champions drive the twin.
-        workers: processes; one a core if None.
-        engine: what evolution's trials run on.
-        resume: continue what is there.
-        watch: keep a page up to date that shows how evolution goes.
-    """
+    """Calibrate, evolve, let the champions drive the twin if `transfer` is set, report; other arguments as of
+    `studies.carry_out`."""
     from realitygap.experiments.reproduction import configured, transferred
     from realitygap.work.workers import opened
 

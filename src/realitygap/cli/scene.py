@@ -26,14 +26,8 @@ EVERY = 10
 def placed(
     *, task: str, profile: str, noise: float, pose: Numbers, arena: str | None = None
 ) -> tuple[Simulation, Pose]:
-    """The simulation that a person names, and the robot's pose there; `arena` instead of the task's own.
-
-    Args:
-        task: a name or a file.
-        profile: a name or a file.
-        noise: the level.
-        pose: x, y (cm) and heading (degrees).
-        arena: a name or a file.
+    """The simulation that a person names, and the robot's pose there; task, profile and an arena instead of
+    the task's own by name or file.
 
     Raises:
         BadParameter: the robot cannot stand at the pose.

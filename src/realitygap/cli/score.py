@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import option
-from realitygap.cli.output import Figure, print_json, table, warn
+from realitygap.cli.output import Figure, table, tell, warn
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from realitygap.correspondence.score import Comparison
     from realitygap.transfer.order import Order
     from realitygap.transfer.without_camera import WithoutCamera
@@ -80,10 +82,7 @@ def score(
     setting = setting_of(every, load_task(task) if task else None)
     made = compare(sets[0], sets[1], setting, ceiling=others)
     warnings = doubts_of(every)
-    if json_output:
-        print_json({"a": a, "b": b, **made.to_dict(), "warnings": warnings})
-    else:
-        _print(made)
+    tell(json_output, {"a": a, "b": b, **made.to_dict(), "warnings": warnings}, *_told(made))
     warn(warnings)
 
 
@@ -101,13 +100,10 @@ def _score_without_camera(folder: str, others: dict[str, str | None], trust: boo
     ask_trust(folder, trust)
     with ProgressLine() as progress:
         found = without_camera(folder, on_progress=progress.marks)
-    if json_output:
-        print_json({"study": folder, **found.to_dict()})
-    else:
-        _print_lived(found)
+    tell(json_output, {"study": folder, **found.to_dict()}, *_told_lived(found))
 
 
-def _print_lived(found: WithoutCamera) -> None:
+def _told_lived(found: WithoutCamera) -> Iterator[str]:
     """A line a controller, then how the measures' orders agree."""
     rows = [
         [
@@ -117,48 +113,48 @@ def _print_lived(found: WithoutCamera) -> None:
         ]
         for one in found.controllers
     ]  # fmt: skip
-    click.echo(table(("run", "on", "individual", "trials", "readings", "commands", "speeds", "all",
-                 "camera's score", "replay cm"), rows))  # fmt: skip
+    yield table(("run", "on", "individual", "trials", "readings", "commands", "speeds", "all",
+                 "camera's score", "replay cm"), rows)  # fmt: skip
     left_out = sum(one.left_out for one in found.controllers)
     if left_out:
-        click.echo(f"left out: {left_out} trials without a recording, or whose simulation differs today")
+        yield f"left out: {left_out} trials without a recording, or whose simulation differs today"
     for order in found.orders:
-        _print_order(order)
+        yield from _told_order(order)
 
 
-def _print_order(one: Order) -> None:
+def _told_order(one: Order) -> Iterator[str]:
     """How the measures' orders of a task's controllers agree."""
     said = {key: Figure(value, "+.2f") for key, value in asdict(one).items() if isinstance(value, float)}
     span = f" (95 %: {said['low']} to {said['high']})" if one.low == one.low else ""
     verdict = f"{one.verdict} for it" if one.rho == one.rho else "the camera saw fewer than three of them"
-    click.echo(f"\n{one.task}, {one.individual} on {one.kind}: {one.controllers} controllers")
-    click.echo(f"order without camera and by camera: rho {said['rho']}{span}: {verdict}")
-    click.echo(
+    yield f"\n{one.task}, {one.individual} on {one.kind}: {one.controllers} controllers"
+    yield f"order without camera and by camera: rho {said['rho']}{span}: {verdict}"
+    yield (
         f"  readings alone {said['readings']}, commands {said['commands']}, speeds {said['speeds']}, "
         f"error of replayed commands {said['replay']}"
     )
-    click.echo(
+    yield (
         f"sim-vs-real correlation of fitness: r {said['fitness']} "
         f"(95 %: {said['fitness_low']} to {said['fitness_high']})"
     )
-    click.echo(
+    yield (
         f"order by situated fitness: rho {said['simulated']} with fitness in simulation, "
         f"{said['pseudo']} in pseudo-realities"
     )
 
 
-def _print(made: Comparison) -> None:
+def _told(made: Comparison) -> Iterator[str]:
     shown = "" if made.interval is None else f"   (95 %: {made.interval[0]:.1f} to {made.interval[1]:.1f})"
-    click.echo(f"correspondence score {made.score:.1f} of 10{shown}")
-    click.echo(f"  behaviour {made.behaviour:.1f}, layout {made.layout:.1f}")
-    click.echo(f"differences: {made.differences}")
+    yield f"correspondence score {made.score:.1f} of 10{shown}"
+    yield f"  behaviour {made.behaviour:.1f}, layout {made.layout:.1f}"
+    yield f"differences: {made.differences}"
     response = "" if made.responsiveness is None else f", responsiveness {made.responsiveness:+z.2f}"
-    click.echo(f"  noisiness {made.noisiness:+z.2f}{response} (log2 of B to A), looping {made.looping:+z.2f}")
+    yield f"  noisiness {made.noisiness:+z.2f}{response} (log2 of B to A), looping {made.looping:+z.2f}"
     if made.matched:
         when = "never part" if made.parting_s is None else f"part by {made.parting_s:.1f} s"
-        click.echo(f"trials are paired by start; half {when}; transferability {made.transferability:z.2f}")
-    click.echo(f"can they be told apart? nearest neighbours, p = {made.p:.3f} (a test, not a scale)")
-    click.echo(f"{made.trials[0]} and {made.trials[1]} trials; task: {made.setting}")
-    click.echo(f"10 is: {made.scale.floor_from}; 0 is: {made.scale.ceiling_from}")
+        yield f"trials are paired by start; half {when}; transferability {made.transferability:z.2f}"
+    yield f"can they be told apart? nearest neighbours, p = {made.p:.3f} (a test, not a scale)"
+    yield f"{made.trials[0]} and {made.trials[1]} trials; task: {made.setting}"
+    yield f"10 is: {made.scale.floor_from}; 0 is: {made.scale.ceiling_from}"
     for note in made.notes:
-        click.echo(f"note: {note}")
+        yield f"note: {note}"

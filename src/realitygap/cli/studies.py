@@ -101,15 +101,7 @@ def carry_out(
 def reported(
     folder: Path, study: Study, workers: Workers, progress: ProgressLine, more: Mapping[str, Any]
 ) -> Carried:
-    """Score a study's runs and make its page; `more` are further parts of the JSON.
-
-    Args:
-        folder: the study's.
-        study: as it is now.
-        workers: processes; one a core if None.
-        progress: called with the progress.
-        more: further parts of the JSON.
-    """
+    """Score a study's runs and make its page; `more` are further parts of the JSON."""
     from realitygap.report.build import build_report
     from realitygap.report.scores import study_tables
     from realitygap.transfer.score_rows import marks_of
@@ -119,8 +111,8 @@ def reported(
     return Carried(folder, study, page, study_tables(study), more, progress.took())
 
 
-def show_shard(folder: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
-    """Say where a shard is, and how all of them are put together."""
+def show_shard(folder: Path, more: Mapping[str, Any], *lines: str, json_output: bool) -> None:
+    """Print what a shard did, where it is, and how all of them are put together."""
     from realitygap.work.shard import read_mark, whole_of
 
     mark = read_mark(folder)
@@ -128,7 +120,7 @@ def show_shard(folder: Path, more: Mapping[str, Any], *, json_output: bool) -> N
     each = whole_of(folder)
     facts = {"study": str(folder), "shard": str(mark.shard), **more}
     merging = f"realitygap merge {shlex.quote(str(folder.with_name(each.name)))}-shard-*-of-{mark.shard.of}"
-    tell(json_output, facts, f"\nshard {mark.shard} in {folder}\nwhen all are done: {merging}")
+    tell(json_output, facts, *lines, f"\nshard {mark.shard} in {folder}\nwhen all are done: {merging}")
 
 
 def show_study(carried: Carried, *, json_output: bool) -> None:

@@ -14,19 +14,21 @@ from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust, consider
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import Whole
-from realitygap.cli.output import print_json, shown, table
+from realitygap.cli.output import shown, table, tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import show_shard
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from realitygap.transfer.plan import Situation
     from realitygap.transfer.run import Transferred
     from realitygap.values import Pose
     from realitygap.work.shard import Shard
     from realitygap.work.workers import Workers
 
-__all__ = ["print_transfers", "transfer"]
+__all__ = ["told_transfers", "transfer"]
 
 NEAR_CM, NEAR_DEG = 3.0, 20.0
 """If a robot is seen farther than this from its start, the person is asked."""
@@ -138,20 +140,16 @@ def transfer(
             )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
         raise StoppedError(_stopped(stop, str(home / FOLDER))) from None
+    facts, lines = {"transfers": [one.to_dict() for one in made]}, told_transfers(made)
     if shard is not None:
-        if not json_output:
-            print_transfers(made)
-        show_shard(home, {"transfers": [one.to_dict() for one in made]}, json_output=json_output)
+        show_shard(home, facts, *lines, json_output=json_output)
         return
-    if json_output:
-        print_json({"study": study, "transfers": [one.to_dict() for one in made]})
-        return
-    print_transfers(made)
-    click.echo(f"\ntransfers {made[0].folder.parents[2]}")
+    where = (f"\ntransfers {one.folder.parents[2]}" for one in made[:1])
+    tell(json_output, {"study": study, **facts}, *lines, *where)
 
 
-def print_transfers(made: list[Transferred]) -> None:
-    """One line per trial."""
+def told_transfers(made: list[Transferred]) -> Iterator[str]:
+    """A table with a line per trial, then what went wrong."""
     rows = [
         [
             one.robot, one.name, one.start, shown(one.fitness_simulated), shown(one.fitness_situated),
@@ -159,13 +157,13 @@ def print_transfers(made: list[Transferred]) -> None:
         ]
         for one in made
     ]  # fmt: skip
-    click.echo(table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows))
+    yield table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows)
     for one in made:
         if one.missed_steps:
             told = f"{one.missed_steps} steps had no answer in time; the last readings were used instead"
-            click.echo(f"{one.robot}, start {one.start}: {told}")
+            yield f"{one.robot}, start {one.start}: {told}"
         if one.trouble:
-            click.echo(f"{one.robot}, {one.name}, start {one.start}: {one.trouble}")
+            yield f"{one.robot}, {one.name}, start {one.start}: {one.trouble}"
 
 
 def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:

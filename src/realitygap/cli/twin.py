@@ -8,7 +8,7 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.kinds import MOST, Whole
-from realitygap.cli.output import print_json
+from realitygap.cli.output import tell
 
 if TYPE_CHECKING:
     from realitygap.values import Pose
@@ -65,12 +65,9 @@ def serve(
     for number in (signal.SIGTERM, signal.SIGHUP):  # its folder is removed however it is ended
         signal.signal(number, signal.default_int_handler)
     with Server(Settings(**settings)) as server:
-        if json_output:
-            print_json({"device": server.device, "clock_channel": server.channel, **settings})
-        else:
-            click.echo(f"device: {server.device}")
-            click.echo(f"second channel: {server.channel}")
-            click.echo("{baud} baud, {clock} clock, unit {unit}; Ctrl-C ends it".format(**words))
+        facts = {"device": server.device, "clock_channel": server.channel, **settings}
+        told = "{baud} baud, {clock} clock, unit {unit}; Ctrl-C ends it".format(**words)
+        tell(json_output, facts, f"device: {server.device}", f"second channel: {server.channel}", told)
         try:
             server.serve()
         except KeyboardInterrupt:
@@ -92,5 +89,4 @@ def _arena(name: str) -> tuple[Arena, Pose | None]:
         if name.endswith(".py"):
             raise
         return load_arena(name), None
-    arena = task.arena if not isinstance(task.arena, str) else load_arena(task.arena)
-    return arena, Pose.from_degrees(task.start.x_cm, task.start.y_cm, sum(task.start.heading_deg) / 2)
+    return task.arena, Pose.from_degrees(task.start.x_cm, task.start.y_cm, sum(task.start.heading_deg) / 2)

@@ -7,6 +7,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from realitygap import temporary
 from realitygap.experiments.reproduction import again
 from realitygap.report import words
@@ -42,8 +44,6 @@ def build_report(
         StudyError: the folder holds no study that can be read.
         OSError: the report cannot be written.
     """
-    from markupsafe import Markup
-
     study = load_study(study_path)
     folder, parts = report_folder(study.folder), parts_of(study)
     maker, shown = _gathered(study, parts, folder, Figures(workers))

@@ -1,27 +1,23 @@
 """The section of a study's page on the calibration behind its simulation (§3.2.1)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from realitygap.calibration.judge import LIMITS, Judgement, judge
+from realitygap.calibration.recordings.files import load_recording
+from realitygap.errors import UsageError
 from realitygap.report.lead import twin_unit
 from realitygap.report.noise.results import real_misfits
 from realitygap.report.page import Figures, Words
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
 from realitygap.study.load import Study
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from realitygap.calibration.judge import Judgement
-    from realitygap.world.profile import Profile
+from realitygap.world.profile import Profile
 
 __all__ = ["calibrated_part"]
 
@@ -38,8 +34,6 @@ def calibrated_part(study: Study, figures: Figures) -> dict[str, object] | None:
 
     None if the robot's profile was not fitted to recordings.
     """
-    from realitygap.calibration.judge import LIMITS
-
     where = study.profile.provenance
     if not where.fits:
         return None
@@ -103,10 +97,6 @@ def _said(study: Study, kept: bool) -> str:
 
 def _judged(study: Study) -> list[Judgement]:
     """The study's profile judged by its own recordings, if it has them."""
-    from realitygap.calibration.judge import judge
-    from realitygap.calibration.recordings.files import load_recording
-    from realitygap.errors import UsageError
-
     home = study.folder / "calibration"
     own = (study.folder / "profile.toml").read_bytes()
     for unit in sorted(home.glob("*/robot.toml")):
@@ -122,8 +112,6 @@ def _judged(study: Study) -> list[Judgement]:
 
 def _ratios(one: Judgement) -> list[str]:
     """A recording's model error over noise, sensor by sensor."""
-    from realitygap.calibration.judge import LIMITS
-
     limit = LIMITS[one.kind]
     name = Path(one.source).name.replace("-", ", ")
     return [name, *(f"{m.lit_ratio:.2f}{' ▲' if m.lit_ratio > limit else ''}" for m in one.per_sensor)]
@@ -131,8 +119,6 @@ def _ratios(one: Judgement) -> list[str]:
 
 def _errors_figure(found: Sequence[Judgement]) -> Figure:
     """A panel a channel: error over noise for each sensor, and the wheels' error over their speed."""
-    from realitygap.calibration.judge import LIMITS
-
     kinds = [kind for kind in CHANNELS if any(one.kind == kind for one in found)]
     figure = new_figure(PAGE, 2.4, layout="constrained")
     for kind, ax in zip(kinds, figure.subplots(1, len(kinds), squeeze=False)[0], strict=True):

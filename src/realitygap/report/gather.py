@@ -1,25 +1,21 @@
 """Collects a report's data from a study: conditions, curves, tables, chosen runs, their paths."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from realitygap.controller.layout import Genes, Layout
+from realitygap.controller.network import decode
 from realitygap.kernels.rng import substream
 from realitygap.report.paths import PathPanel
 from realitygap.report.statistics import mean_of, running_best
 from realitygap.report.tables import NoiseClass, Row, TaskPart
+from realitygap.simulation.simulation import Simulation
 from realitygap.streams import PICTURES
 from realitygap.study.load import Run, Study
 from realitygap.tasks.task import Task
 from realitygap.transfer.chosen import median_run
 from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
-
-if TYPE_CHECKING:
-    from realitygap.simulation.simulation import Simulation
 
 __all__ = ["PER_CONDITION", "Paths", "best_so_far", "chosen", "individual", "parts_of", "path_of"]
 
@@ -90,9 +86,6 @@ class Paths:
             row: the run.
             title: may contain {score}.
         """
-        from realitygap.controller.network import decode
-        from realitygap.simulation.simulation import Simulation
-
         task = part.task
         key = (task.name, condition.level)
         if key not in self._simulations:

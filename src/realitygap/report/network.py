@@ -158,15 +158,7 @@ def _label(ax: Axes, link: Link, spot: np.ndarray, unit: float) -> None:
 def network_figure(
     genes: np.ndarray, profile: Profile, *, feeds: str, sensors: Sequence[int], title: str = ""
 ) -> Figure:
-    """A network's picture with its legend.
-
-    Args:
-        genes: [slots, 2 + 4 · links] of the network.
-        profile: the robot.
-        feeds: "proximity", "ambient" or "proximity+ambient".
-        sensors: which of their readings feeds each input.
-        title: a line above.
-    """
+    """A network's picture with its legend, and a title above; other arguments as of `draw_network`."""
     hidden = int(np.asarray(genes)[len(sensors) + OUTPUTS :, 0].sum())
     wide = width_inches(hidden)
     tall = wide + 0.5

@@ -123,17 +123,7 @@ def replayed(
     seconds: float | None,
     profile: Profile | str | None,
 ) -> Shown:
-    """The player with one simulated trial, as by `Run.replay`.
-
-    Args:
-        run: whose controller.
-        who: champion, fittest or an individual's number.
-        noise: its level or name; None for the run's own.
-        pose: where it starts; None: drawn with the seed.
-        seed: of the noise.
-        seconds: None for the task's own time.
-        profile: None for the run's own.
-    """
+    """The player with one simulated trial of a run's controller; arguments as of `Run.replay`."""
     name, genes = run.individual(who)
     robot, level = profile or run.study.profile, run.noise if noise is None else noise
     simulation = Simulation(run.study.task(run.task), robot, level)

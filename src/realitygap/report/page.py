@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jinja2 import Environment, FileSystemLoader
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from realitygap import whole
@@ -79,14 +80,7 @@ class Figures(dict[str, Picture]):
         self.workers = workers
 
     def add(self, name: str, draw: Callable[[], Figure], words: Words, label: str = "") -> Picture:
-        """Add a figure, to be drawn with the others: see Picture.
-
-        Args:
-            name: of its files.
-            draw: draws it, perhaps in another process.
-            words: its text alternative and its caption.
-            label: what the paper calls it.
-        """
+        """Add a figure, to be drawn with the others; arguments as of `Picture`."""
         self[name] = Picture(name=name, draw=draw, words=words, label=label)
         return self[name]
 
@@ -162,8 +156,6 @@ def write_page(
     Raises:
         OSError: something cannot be written.
     """
-    from markupsafe import Markup
-
     for name, text in (tables or {}).items():
         whole.write(target.parent / "tables" / f"{name}.csv", text)
     drawn = draw_all(figures, None if tables is None else target.parent / "figures", step)

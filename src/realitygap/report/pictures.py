@@ -112,14 +112,7 @@ def save_animation(
 
 
 def frames(task: Task, profile: Profile, trajectory: Trajectory, title: str = "") -> Iterator[np.ndarray]:
-    """Pictures [height, width, 3] of 8 bits, one a step; width and height are even.
-
-    Args:
-        task: whose arena it is.
-        profile: the robot.
-        trajectory: the trial.
-        title: above the picture.
-    """
+    """Pictures [height, width, 3] of 8 bits, one a step, both even; arguments as of `save_animation`."""
     arena, robot = task.arena.to_kernel(), profile.to_kernel()
     with styled():
         figure, room, bars, text = _stage(task, profile, trajectory, title)

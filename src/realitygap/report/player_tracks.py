@@ -5,7 +5,7 @@ Numbers are packed as little-endian int16 or int8 in base64: a tenth of the size
 
 import base64
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,10 +15,12 @@ from realitygap.controller.network import NetworkController
 from realitygap.track import Track
 from realitygap.values import Floats
 
-__all__ = ["LOST", "Inside", "activity", "pack", "poses_of", "track"]
+__all__ = ["LOST", "activity", "pack", "poses_of", "track"]
 
 LOST = -32768
 """A missing number: the camera lost the robot."""
+INSIDE = {"readings": "<i2", "commands": "i1", "outputs": "i1"}
+"""What is known of a robot's inside, and how it is packed."""
 TURN = 100.0
 """Headings are packed in hundredths of a degree."""
 DIGITS = 9
@@ -63,24 +65,9 @@ def activity(
     return shown
 
 
-class Inside(NamedTuple):
-    """Internal data of a robot, a row a step, as far as known.
-
-    Attributes:
-        readings: [n, S] counts of the sensors that the task feeds.
-        commands: [n, 2] in the robot's own units.
-        outputs: [n, N] of the network's neurons.
-    """
-
-    readings: NDArray[np.float64] | None = None
-    commands: NDArray[np.int64] | None = None
-    outputs: NDArray[np.int64] | None = None
-
-
-NOTHING = Inside()
-
-
-def track(who: str, score: str, poses: Floats, unit_cm: float, inside: Inside = NOTHING) -> dict[str, object]:
+def track(
+    who: str, score: str, poses: Floats, unit_cm: float, **inside: NDArray[Any] | None
+) -> dict[str, object]:
     """One drive for the page; rows of internal data belong to the first n poses.
 
     Args:
@@ -88,13 +75,14 @@ def track(who: str, score: str, poses: Floats, unit_cm: float, inside: Inside = 
         score: as in the tables.
         poses: [n + 1, 3] cm, cm, degrees.
         unit_cm: unit of packed positions.
-        inside: internal data.
+        inside: as far as known, `readings` [n, S], counts of the sensors that the task feeds; `commands`
+            [n, 2] in the robot's own units; `outputs` [n, N] of the network's neurons.
     """
     steps = len(poses) - 1
     packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
     rows = {
-        name: pack(values, "<i2" if name == "readings" else "i1")
-        if values is not None and len(values) == steps > 0 else None
-        for name, values in inside._asdict().items()
+        name: pack(values, kind)
+        if (values := inside.get(name)) is not None and len(values) == steps > 0 else None
+        for name, kind in INSIDE.items()
     }  # fmt: skip
     return {"who": who, "score": score, "steps": steps, **packed, **rows}

@@ -14,9 +14,8 @@ import numpy as np
 
 from realitygap import whole
 from realitygap.errors import RealityGapError
-from realitygap.report.gather import parts_of
+from realitygap.report.gather import best_so_far, parts_of
 from realitygap.report.page import noise_key, rendered
-from realitygap.report.statistics import running_best
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import TaskPart
 from realitygap.simulation.simulation import Simulation
@@ -79,9 +78,10 @@ class Watch:
         """A task's curves and its best robot."""
         styles, scale = noise_styles(part.names), part.task.fitness_scale
         curves = [
-            (styles[one.level].colour, running_best(study.evaluations(row.run.id)["fitness"]) / scale)
-            for one in part.conditions for row in one.begun
-        ]  # fmt: skip
+            (styles[level].colour, best / scale)
+            for level, runs in best_so_far(study, part).items()
+            for best in runs
+        ]
         most = max((float(best[-1]) for _, best in curves), default=0.0) or 1.0
         total = study.config.evaluations
         every = [row.run for one in part.conditions for row in one.begun]

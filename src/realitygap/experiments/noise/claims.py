@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.experiments.noise.contrasts import Effect, holm, paired, unpaired
+from realitygap.experiments.noise.contrasts import Effect, holm, paired
 from realitygap.experiments.noise.crossed import Crossed
 from realitygap.values import Floats
 
 __all__ = [
-    "ALPHA", "CLAIMS", "VERDICTS", "Claim", "Contrast", "Finding", "SetEffect", "Split", "coarse_levels",
+    "ALPHA", "CLAIMS", "VERDICTS", "Claim", "Contrast", "Finding", "Split", "coarse_levels",
     "judge_claims", "judge_home", "split_diagonal",
 ]  # fmt: skip
 
@@ -56,18 +56,11 @@ RESAMPLES = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
-class SetEffect:
-    """The effect in one seed set alone."""
-
-    seed_set: int
-    effect: Effect
-
-
-@dataclass(frozen=True, kw_only=True)
 class Contrast:
     """The robot's level against another, for one claim; `found` is above, below or open.
 
-    `first`, `second`: numbers of controllers on either side (the same ones for claim a).
+    `first`, `second`: numbers of controllers on either side (the same ones for claim a); `sets`: the effect
+    in each seed set alone.
     """
 
     level: float
@@ -76,7 +69,7 @@ class Contrast:
     second: int
     means: tuple[float, float]
     effect: Effect
-    sets: tuple[SetEffect, ...]
+    sets: Mapping[int, Effect]
     p_holm: float = 1.0
     found: str = "open"
 
@@ -198,7 +191,7 @@ def verdict(contrasts: Sequence[Contrast], coarse: Sequence[float]) -> str:
 
 
 def _found(contrast: Contrast, p: float) -> Contrast:
-    deltas = [s.effect.delta for s in contrast.sets]
+    deltas = [effect.delta for effect in contrast.sets.values()]
     signs = {float(np.sign(delta)) if math.isfinite(delta) else 0.0 for delta in deltas}  # nan: none there
     word = "open" if p >= ALPHA or len(signs) > 1 else {1.0: "above", -1.0: "below"}.get(signs.pop(), "open")
     return replace(contrast, p_holm=p, found=word)
@@ -209,10 +202,8 @@ def _contrast(
 ) -> Contrast:
     every = np.arange(len(data))
     whole, first, second = compare(data, values, other, every, weights)
-    alone = [(s, np.flatnonzero(data.seed_set == s)) for s in data.sets]
-    sets = tuple(
-        SetEffect(seed_set=s, effect=compare(data, values, other, rows, None)[0]) for s, rows in alone
-    )
+    alone = {s: np.flatnonzero(data.seed_set == s) for s in data.sets}
+    sets = {s: compare(data, values, other, rows, None)[0] for s, rows in alone.items()}
     means = float(first.mean()), float(second.mean())
     return Contrast(
         level=data.robot, other=other, first=len(first), second=len(second), means=means, effect=whole,
@@ -237,11 +228,4 @@ def _by_evolved(
 ) -> _Compared:
     """Controllers evolved at the robot's level against those evolved at another."""
     mine, theirs = rows[data.evolved[rows] == data.robot], rows[data.evolved[rows] == other]
-    strata = list(zip(data.task.tolist(), data.home.tolist(), strict=True))
-    effect = unpaired(
-        values[mine],
-        values[theirs],
-        strata=([strata[i] for i in mine], [strata[i] for i in theirs]),
-        weights=None if weights is None else (weights[:, mine], weights[:, theirs]),
-    )
-    return effect, values[mine], values[theirs]
+    return data.between(values, mine, theirs, weights), values[mine], values[theirs]

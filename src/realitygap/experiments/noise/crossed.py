@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
+from realitygap.experiments.noise.contrasts import Effect, unpaired
 from realitygap.values import Floats
 
 __all__ = ["FEWEST", "Crossed", "robot_level"]
@@ -117,6 +118,19 @@ class Crossed:
         keys = list(zip(self.task.tolist(), self.seed_set.tolist(), self.evolved.tolist(), strict=True))
         for key in dict.fromkeys(keys):
             yield np.array([i for i, other in enumerate(keys) if other == key], np.int64)
+
+    def between(
+        self, values: Floats, first: NDArray[np.int64], second: NDArray[np.int64], weights: Floats | None
+    ) -> Effect:
+        """Effect of values [n] between two groups of controllers, by their rows, within task and calibration
+        unit; `weights` as of `resamples`, or None."""
+        strata = list(zip(self.task.tolist(), self.home.tolist(), strict=True))
+        return unpaired(
+            values[first],
+            values[second],
+            strata=([strata[i] for i in first], [strata[i] for i in second]),
+            weights=None if weights is None else (weights[:, first], weights[:, second]),
+        )
 
     def resamples(self, count: int, *, seed: int = 0) -> Weights | None:
         """Number of times each controller is drawn in each resample [count, n]; None if cells are too small.

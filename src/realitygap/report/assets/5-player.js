@@ -177,16 +177,18 @@ function makeChoice(data, changed) {
   const inside = [() => data.tasks, (task) => task.noises, (noise) => noise.runs, (run) => run.trials];
   const title = (one) => one.title || one.name;
 
-  function chosen() {
+  // What is chosen in the first so many lists.
+  function chosen(many = lists.length) {
     const picked = [];
-    inside.forEach((open, level) => picked.push(open(picked[level - 1])[lists[level].selectedIndex]));
+    for (let level = 0; level < many; level++)
+      picked.push(inside[level](picked[level - 1])[lists[level].selectedIndex]);
     return picked;
   }
 
   // Fills the lists from `level` on, each with what stood there before if it is there still.
   function fill(level) {
     for (let i = level; i < lists.length; i++) {
-      const above = i === 0 ? null : chosenUpTo(i);
+      const above = chosen(i).at(-1);
       const options = inside[i](above);
       const before = lists[i].value;
       lists[i].replaceChildren(...options.map((one) => made("option", {}, null, title(one))));
@@ -194,12 +196,6 @@ function makeChoice(data, changed) {
       lists[i].selectedIndex = kept >= 0 && i < 2 ? kept : i === 2 ? above.shown : 0;
     }
     byId("player-trial-label").hidden = lists[3].length < 2;
-  }
-
-  function chosenUpTo(level) {
-    let one = null;
-    for (let i = 0; i < level; i++) one = inside[i](one)[lists[i].selectedIndex];
-    return one;
   }
 
   // Chooses what a link names; says whether the page holds it.

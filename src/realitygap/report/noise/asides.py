@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from realitygap.experiments.noise.claims import Contrast, Split
-from realitygap.report.noise.facts import FAILED, SATURATED, Fall, NoiseFacts, Scope, Span
+from realitygap.report.noise.facts import FAILED, SATURATED, Fall, NoiseFacts, Scope, Span, effect_spans
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit, real_misfits
-from realitygap.report.noise.tables import NoiseTable, Number, Row, contrast_table, effect_spans, in_unit
+from realitygap.report.noise.tables import NoiseTable, Number, Row, contrast_table, in_unit
 
 __all__ = [
     "CHANNELS", "aside_tables", "calibration_table", "effect_words", "ends_words", "falls_words",

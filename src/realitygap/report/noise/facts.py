@@ -13,7 +13,7 @@ from realitygap.correspondence.scale import EDGE
 from realitygap.correspondence.statistics import Correlation, correlation
 from realitygap.experiments.noise import claims
 from realitygap.experiments.noise.claims import RESAMPLES, Contrast, Finding, Split
-from realitygap.experiments.noise.contrasts import crossing, interval, peak, unpaired
+from realitygap.experiments.noise.contrasts import Effect, crossing, interval, peak
 from realitygap.experiments.noise.crossed import FEWEST, Crossed
 from realitygap.report.scores import PAPER_ROWS
 from realitygap.tasks import load_task
@@ -21,7 +21,7 @@ from realitygap.values import Floats
 
 __all__ = [
     "BOTH", "FAILED", "PAPER", "SATURATED", "Curve", "Fall", "FitnessRow", "NoiseFacts", "Scope", "Span",
-    "gather_facts", "heat", "points",
+    "effect_spans", "gather_facts", "heat", "points",
 ]  # fmt: skip
 
 Find = Callable[[Floats, Floats], Floats]
@@ -66,7 +66,8 @@ class Curve:
 class FitnessRow:
     """One task's controllers evolved at one level; fitness in the task's own unit, unscaled.
 
-    `delta`: Cliff's, of situated fitness against the robot's level; None at that level itself.
+    `delta`: Cliff's, of situated fitness against the robot's level, within calibration units; None at that
+    level itself.
     """
 
     task: str
@@ -175,6 +176,12 @@ def points(data: Crossed, key: str) -> tuple[Floats, Floats]:
     return data.evolved, data.own() if key == "c" else data.at(data.robot)
 
 
+def effect_spans(effect: Effect) -> tuple[Span, Span]:
+    """Cliff's delta and the difference of means, each with its interval."""
+    delta = Span(effect.delta, *(effect.delta_interval or ()))
+    return delta, Span(effect.difference, *(effect.difference_interval or ()))
+
+
 def heat(data: Crossed) -> Floats:
     """Mean scores [evolved, compared]."""
     return np.array([data.score[data.evolved == level].mean(axis=0) for level in data.levels])
@@ -229,11 +236,12 @@ def _fitness(task: str, data: Crossed, resamples: int) -> Sequence[FitnessRow]:
         at = np.flatnonzero(data.evolved == level)
         fitness = (data.simulated, data.situated, data.simulated - data.situated)
         spans = [_mean(values, at, weights) for values in fitness]
+        apart = None if level == data.robot else data.between(data.situated, at, own, weights)
         pair = None if len(at) < 3 else correlation(*(f[at] for f in fitness[:2]), resamples=1000)
         rows.append(
             FitnessRow(
                 task=task, level=level, count=len(at), simulated=spans[0], situated=spans[1], drop=spans[2],
-                delta=None if level == data.robot else _delta(data, at, own, weights),
+                delta=apart and effect_spans(apart)[0],
                 correlation=pair,
             )
         )  # fmt: skip
@@ -265,14 +273,3 @@ def _mean(values: Floats, rows: NDArray[np.int64], weights: Floats | None) -> Sp
         return Span(mean)
     w = weights[:, rows]
     return Span(mean, *interval(w @ values[rows] / w.sum(axis=1)))
-
-
-def _delta(data: Crossed, at: NDArray[np.int64], own: NDArray[np.int64], weights: Floats | None) -> Span:
-    """Cliff's delta of situated fitness: this level against the robot's, within calibration units."""
-    effect = unpaired(
-        data.situated[at],
-        data.situated[own],
-        strata=(data.home[at].tolist(), data.home[own].tolist()),
-        weights=None if weights is None else (weights[:, at], weights[:, own]),
-    )
-    return Span(effect.delta, *(effect.delta_interval or (math.nan, math.nan)))

@@ -201,7 +201,7 @@ def _fall(fall: Fall) -> Facts:
 def _contrast(c: Contrast) -> Facts:
     return {
         "level": c.level, "against": c.other, "means": c.means, **c.effect._asdict(), "p_holm": c.p_holm,
-        "found": c.found, "delta_by_seed_set": {s.seed_set: s.effect.delta for s in c.sets},
+        "found": c.found, "delta_by_seed_set": {s: effect.delta for s, effect in c.sets.items()},
     }  # fmt: skip
 
 

@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.misfit import LIMITS
 from realitygap.errors import StudyError
 from realitygap.experiments.noise.crossed import Crossed, robot_level
 from realitygap.table import Table, read_table
 from realitygap.toml import read_toml
+from realitygap.world.profile import load_profile
 
 __all__ = ["Misfit", "NoiseResults", "read_calibration", "read_results", "real_misfits"]
 
@@ -224,9 +226,6 @@ def real_misfits(*, judged: bool = True) -> tuple[Misfit, ...]:
 
     Over all readings if not `judged`, for comparison with older calibrations.
     """
-    from realitygap.calibration.judge import LIMITS
-    from realitygap.world.profile import load_profile
-
     fits = load_profile("khepera").provenance.fits
     known = [
         Misfit(0, fit.channel, fit.model_error, fit.noise, fit.ratio, LIMITS[fit.channel], fit.ratio_over_all)
@@ -242,8 +241,6 @@ def _over_all(m: Misfit) -> Misfit:
 
 def read_calibration(file: Path) -> Iterator[Misfit]:
     """Rows with a ratio; channels without one (wheels) are left out."""
-    from realitygap.calibration.judge import LIMITS
-
     table = _table(file)
     error, noise, ratio = (table.numbers(name, empty=True) for name in ("model_error", "noise", "ratio"))
     name = "ratio_over_all"

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from realitygap.experiments.noise.claims import Contrast, Finding
-from realitygap.experiments.noise.contrasts import Effect
-from realitygap.report.noise.facts import PAPER, NoiseFacts, Span
+from realitygap.report.noise.facts import PAPER, NoiseFacts, Span, effect_spans
 from realitygap.report.noise.figures import titled
 from realitygap.report.noise.results import Misfit, real_misfits
 from realitygap.text import to_csv
 
 __all__ = [
-    "NoiseTable", "Number", "Row", "calibration_table", "claim_table", "contrast_table", "effect_spans",
+    "NoiseTable", "Number", "Row", "calibration_table", "claim_table", "contrast_table",
     "fitness_table", "in_unit", "names_table", "noise_tables", "paper_table", "peaks_table", "probability",
 ]  # fmt: skip
 
@@ -118,7 +117,6 @@ def contrast_table(
         contrasts: the rows.
         coarse: levels whose comparisons decide, which are marked.
     """
-    sets, robot = [s.seed_set for s in contrasts[0].sets], contrasts[0].level
     rows: list[Row] = []
     for c in contrasts:
         delta, gap = effect_spans(c.effect)
@@ -126,24 +124,17 @@ def contrast_table(
             f"{c.other:g}" + (" *" if c.other in coarse else ""),
             *(Number(span=Span(mean)) for mean in c.means),
             *(Number(span=span, signed=True) for span in (gap, delta)),
-            *(Number(span=Span(s.effect.delta), signed=True) for s in c.sets),
+            *(Number(span=Span(effect.delta), signed=True) for effect in c.sets.values()),
             probability(c.effect.p), probability(c.p_holm), c.found,
         ))  # fmt: skip
     return NoiseTable(
         name=name, title=title,
         head=(
-            "against level", f"mean at {robot:g}", "mean there", "difference", "Cliff's delta",
-            *(f"delta, set {s}" for s in sets), "p", "p (Holm)", "found",
+            "against level", f"mean at {contrasts[0].level:g}", "mean there", "difference", "Cliff's delta",
+            *(f"delta, set {s}" for s in contrasts[0].sets), "p", "p (Holm)", "found",
         ),
         rows=tuple(rows),
     )  # fmt: skip
-
-
-def effect_spans(effect: Effect) -> tuple[Span, Span]:
-    """Cliff's delta and the difference of means, each with its interval."""
-    none = (math.nan, math.nan)
-    delta = Span(effect.delta, *(effect.delta_interval or none))
-    return delta, Span(effect.difference, *(effect.difference_interval or none))
 
 
 def probability(p: float) -> str:

@@ -144,7 +144,7 @@ def _claim(facts: NoiseFacts, finding: Finding) -> list[str]:
 
 def _disagreements(facts: NoiseFacts, finding: Finding) -> list[str]:
     said = []
-    split = [c for c in finding.contrasts if len({s.effect.delta > 0 for s in c.sets}) > 1]
+    split = [c for c in finding.contrasts if len({effect.delta > 0 for effect in c.sets.values()}) > 1]
     if split:
         said.append(f"The seed sets disagree about {_levels(split)}.")
     if len(finding.contrasts[0].sets) == 1 and finding.verdict != "not supported":
