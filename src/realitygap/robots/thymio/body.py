@@ -63,9 +63,8 @@ class ThymioBody:
                 f"it has no {', '.join(missing) or PROXIMITY + ' of seven'}"
             )
         self._stop = line.setting(TARGETS[0], 0) + line.setting(TARGETS[1], 0)
-        self._guard = None if line.clock.waits else Guard(line.fileno(), self._stop)
-        if self._guard is not None:
-            line.before = self._guard.beat
+        self._guard = Guard(line.fileno(), self._stop, waits=line.clock.waits)
+        line.before = self._guard.beat
         self._given = Command(left=0, right=0)
         self._readings: Readings | None = None
         self.speeds: tuple[int, int] | None = None
@@ -111,8 +110,7 @@ class ThymioBody:
                 f"command: expected targets from {-FASTEST} to {FASTEST}, as a Thymio's motors have, got "
                 f"{command.left} and {command.right}; the profile's top_command says how far they go"
             )
-        if self._guard is not None:
-            self._guard.watch()
+        self._guard.watch()
         self._given = command
         self._tell()
 
@@ -141,8 +139,7 @@ class ThymioBody:
                     f"the robot did not confirm that it stopped ({failure}); it may still be moving: "
                     "lift it or switch it off"
                 )
-        if self._guard is not None:
-            self._guard.rest()
+        self._guard.rest()
 
     def close(self) -> None:
         """Stop, then close the line, in any case."""
@@ -156,9 +153,7 @@ class ThymioBody:
         self.line.before = lambda: None
         self.line.close()
         self.clock.close()
-        if self._guard is not None:
-            self._guard.release()
-            self._guard = None
+        self._guard.release()
 
     def inspect(self) -> dict[str, Any]:
         """Count the requests repeated so far."""
