@@ -8,6 +8,7 @@ from realitygap.errors import LineError, RealityGapError, RobotError, UsageError
 from realitygap.robots.body import Channel
 from realitygap.robots.clock import RealClock
 from realitygap.robots.guard import Guard
+from realitygap.robots.line.line import nothing
 from realitygap.robots.thymio.line import AsebaLine
 from realitygap.robots.thymio.line import opened as opened_port
 from realitygap.values import Command, Pose, Readings
@@ -59,7 +60,7 @@ class ThymioBody:
         missing = [name for name in NEEDED if name not in line.variables]
         if missing or line.variables[PROXIMITY][1] != SENSORS:
             raise RobotError(
-                f"the robot on {line.place} is not a Thymio II: expected {', '.join(NEEDED)}, "
+                f"the robot on {line.device} is not a Thymio II: expected {', '.join(NEEDED)}, "
                 f"it has no {', '.join(missing) or PROXIMITY + ' of seven'}"
             )
         self._stop = line.setting(TARGETS[0], 0) + line.setting(TARGETS[1], 0)
@@ -70,7 +71,7 @@ class ThymioBody:
         self.speeds: tuple[int, int] | None = None
         self.read_at = self.clock.now()
         told = self._fetched([name for name in TOLD if name in line.variables], GIVE_UP_S)
-        self.facts: dict[str, Any] = {**FACTS, "port": line.place} | {
+        self.facts: dict[str, Any] = {**FACTS, "port": line.device} | {
             name.strip("_"): values[0] if len(values) == 1 else values for name, values in told.items()
         }
 
@@ -150,7 +151,7 @@ class ThymioBody:
 
     def abandon(self) -> None:
         """Close the line without a word to the robot."""
-        self.line.before = lambda: None
+        self.line.before = nothing
         self.line.close()
         self.clock.close()
         self._guard.release()
@@ -167,7 +168,7 @@ class ThymioBody:
     def _fetched(self, names: Any, within_s: float) -> dict[str, list[int]]:
         said = self.line.fetch(names, self.clock.now() + within_s)
         if said is None:
-            raise LineError(f"the robot on {self.line.place} has said nothing for {within_s:g} s")
+            raise LineError(f"the robot on {self.line.device} has said nothing for {within_s:g} s")
         return said
 
 
