@@ -130,7 +130,7 @@ def test_a_controller_that_hangs_is_no_danger(
 def test_no_robot_is_driven_without_a_guard(bench: Bench) -> None:
     """A guard that is killed ends the drive, and the robot stands."""
     khepera = bench.khepera(bench.twin(clock="real").device)
-    assert khepera._guard is not None
+    assert khepera._guard._process is not None
     controller = Once(khepera._guard._process.kill)
     with pytest.raises(FrozenError, match="the guard's process has ended"):
         drive(KheperaBody(khepera), controller, seconds=2, clock=khepera.clock, inputs=bands)
@@ -149,7 +149,7 @@ def test_a_robot_whose_time_waits_needs_no_guard(bench: Bench) -> None:
                 time.sleep(pause_s * (self.steps == 5))
                 return super().decide(inputs)  # type: ignore[arg-type]
 
-        assert khepera._guard is None
+        assert khepera._guard._process is None
         made.append(drive(KheperaBody(khepera), Slow(), seconds=1, clock=khepera.clock, inputs=bands))
     for name in ("t", "late", "proximity", "commands", "counters"):
         assert np.array_equal(getattr(made[0], name), getattr(made[1], name))

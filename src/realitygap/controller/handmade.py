@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from realitygap.controller.genotype import load_genotype
 from realitygap.controller.layout import (
     MAX_DELAY,
@@ -29,6 +27,7 @@ from realitygap.controller.layout import (
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml
+from realitygap.values import as_count
 
 __all__ = ["braitenberg", "constant", "controller_genes", "load_network"]
 
@@ -44,7 +43,7 @@ def load_network(path: str | Path, inputs: int) -> Genes:
     table = read_toml(path, GenotypeError, "Give the path of a network's TOML file.")
     try:
         return _genes(table, inputs)
-    except GenotypeError as error:
+    except UsageError as error:
         raise GenotypeError(f"{path}: {error}") from None
 
 
@@ -61,7 +60,8 @@ def _genes(table: Mapping[str, Any], inputs: int) -> Genes:
     slots = {name: inputs + i for i, name in enumerate(parts)}
     links = [_links(name, part, inputs, slots) for name, part in parts.items()]
     thresholds = (
-        _whole(f"{name}.threshold", part.get("threshold", 0), MAX_THRESHOLD) for name, part in parts.items()
+        as_count(part.get("threshold", 0), f"{name}.threshold", -MAX_THRESHOLD, MAX_THRESHOLD)
+        for name, part in parts.items()
     )
     return genes_of(inputs, thresholds, links)[0]
 
@@ -80,8 +80,8 @@ def _links(name: str, part: Mapping[str, Any], inputs: int, slots: Mapping[str, 
         if not number and not (isinstance(source, str) and source in slots):
             expected = f"an input, 0 to {inputs - 1}, or a neuron: {', '.join(slots)}"
             raise GenotypeError(f"{where}.from: expected {expected}; got {source!r}.")
-        weight = _whole(f"{where}.weight", one.get("weight"), MAX_WEIGHT)
-        delay = _whole(f"{where}.delay", one.get("delay", 0), MAX_DELAY, 0)
+        weight = as_count(one.get("weight"), f"{where}.weight", -MAX_WEIGHT, MAX_WEIGHT)
+        delay = as_count(one.get("delay", 0), f"{where}.delay", 0, MAX_DELAY)
         made.append([source if number else slots[source], weight, delay])
     return made
 
@@ -89,13 +89,6 @@ def _links(name: str, part: Mapping[str, Any], inputs: int, slots: Mapping[str, 
 def _table(name: str, value: object) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise GenotypeError(f"{name}: expected a table, got {value!r}.")
-    return value
-
-
-def _whole(name: str, value: object, most: int, least: int | None = None) -> int:
-    low = -most if least is None else least
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= most:
-        raise GenotypeError(f"{name}: expected a whole number from {low} to {most}, got {value!r}.")
     return value
 
 
@@ -118,13 +111,8 @@ def constant(left: int, right: int, layout: Layout) -> Genes:
     check_layout(layout)
     genes = bare(layout)
     for name, slot, value in (("left", layout.inputs, left), ("right", layout.inputs + 1, right)):
-        whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-        if not whole or not -MAX_THRESHOLD <= value <= MAX_THRESHOLD:
-            raise UsageError(
-                f"the {name} command of a constant controller: expected a whole number from "
-                f"-{MAX_THRESHOLD} to {MAX_THRESHOLD}, got {value!r}."
-            )
-        write_neuron(genes, slot, -value, ())
+        command = f"the {name} command of a constant controller"
+        write_neuron(genes, slot, -as_count(value, command, -MAX_THRESHOLD, MAX_THRESHOLD), ())
     return genes
 
 

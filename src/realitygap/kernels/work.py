@@ -133,15 +133,9 @@ def new_aside(robot: Robot, task: Trial) -> Aside:
 
 def spread_fan(robot: Robot) -> F:
     """The proximity sensors' fans, a row per component, so that all sensors are processed side by side."""
-    sensors = robot.proximity_place.shape[0]
-    fan = np.zeros((8, sensors))
-    for k in range(sensors):
-        for axis in range(2):
-            fan[axis, k] = robot.proximity_place[k, axis]
-            fan[2 + axis, k] = robot.proximity_ray[k, axis, RAYS]
-            fan[4 + axis, k] = robot.proximity_ray[k, axis, 0]
-            fan[6 + axis, k] = robot.proximity_ray[k, axis, RAYS - 1]
-    return fan
+    rays = robot.proximity_ray
+    parts = (robot.proximity_place, rays[:, :, RAYS], rays[:, :, 0], rays[:, :, RAYS - 1])
+    return np.array([part.T for part in parts]).reshape(8, -1)
 
 
 def all_fans(robot: Robot) -> F:
@@ -170,13 +164,10 @@ def new_work(robot: Robot, task: Trial, nets: Networks, bounded: bool = False) -
     """Scratch arrays for trials of `task` by `robot` under any of `nets`; `bounded`: light by bounds."""
     near, light = len(robot.proximity_place), len(robot.ambient_place)
     sensors = (near, light, near + light)[task.feed]
-    inputs = task.channels.shape[0]
-    neurons = nets.thresholds.shape[1]
-    links = nets.links.shape[1]
-    lit = all_fans(robot)
-    rays = max(whole_vectors(lit.shape[1] - LANES), LANES) + whole_vectors(len(robot.ambient_place))
+    inputs, neurons, links = len(task.channels), nets.thresholds.shape[1], nets.links.shape[1]
+    fan, lit = spread_fan(robot), all_fans(robot)
+    rays = max(whole_vectors(lit.shape[1] - LANES), LANES) + whole_vectors(light)
     wide = rays + LANES
-    seen, fan = robot.proximity_place.shape[0], spread_fan(robot)
     return Work(
         ray_x=np.zeros(wide), ray_y=np.zeros(wide), inverse=np.ones(wide),
         terms=np.zeros(wide), light=np.zeros(rays), far=np.zeros(wide), hidden=np.zeros(wide),
@@ -189,7 +180,7 @@ def new_work(robot: Robot, task: Trial, nets: Networks, bounded: bool = False) -
         link_weight=np.zeros(links, np.int32),
         sensor_link=np.zeros((4, links + 1), np.int64), settled=np.zeros(1, np.int64),
         inputs=np.zeros(inputs, np.int32), change=np.zeros(inputs, np.int32),
-        fan=fan, all_fans=lit, span=np.array([farthest_notice(robot, fan)]), noticed=np.zeros(seen, np.int64),
-        listed=np.zeros(max(seen, robot.ambient_place.shape[0]), np.uint64),
+        fan=fan, all_fans=lit, span=np.array([farthest_notice(robot, fan)]), noticed=np.zeros(near, np.int64),
+        listed=np.zeros(max(near, light), np.uint64),
         bounds=new_bounds(robot, lit, bounded),
     )  # fmt: skip

@@ -32,10 +32,16 @@ DRIVES, STANDS, LEAVES, STOPPED = b"+", b"-", b".", b"!"
 
 
 class Guard:
-    """Watches over this process, for the line with descriptor `fd`; `stop` makes its robot stop."""
+    """Watches over this process, for the line with descriptor `fd`; `stop` makes its robot stop.
 
-    def __init__(self, fd: int, stop: bytes) -> None:
+    Where time `waits` for this process no robot drives on without it: then nobody watches.
+    """
+
+    def __init__(self, fd: int, stop: bytes, *, waits: bool = False) -> None:
         self._last: float | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        if waits:
+            return
         self._socket, theirs = socket.socketpair()
         self._socket.setblocking(False)
         with theirs:
@@ -48,7 +54,7 @@ class Guard:
 
     def watch(self) -> None:
         """From now on the wheels may turn: a silence stops them."""
-        if self._last is None:
+        if self._last is None and self._process is not None:
             self._last = time.monotonic()
             self._say(DRIVES)
 
@@ -83,9 +89,11 @@ class Guard:
 
     def release(self) -> None:
         """Dismiss the guard: the robot has stopped, or is no longer ours."""
-        self._say(LEAVES)
-        self._socket.close()
-        child.end(self._process, LEAVE_S)
+        if self._process is not None:
+            self._say(LEAVES)
+            self._socket.close()
+            child.end(self._process, LEAVE_S)
+            self._process = self._last = None
 
     def _say(self, word: bytes) -> None:
         with contextlib.suppress(OSError):

@@ -146,12 +146,15 @@ class Arena(Value):
 
     def to_kernel(self) -> params.Arena:
         """The arena as the kernels' arrays."""
-        lamps = self.lamps
+        lamps, walls = self.lamps, np.array(self.walls).reshape(-1, 4)
+        discs = tuple((c.x_cm, c.y_cm, c.radius_cm) for c in self.cylinders)
+        along = walls[:, 2:] - walls[:, :2]
+        length = np.sqrt((along**2).sum(axis=1, keepdims=True))
         return params.Arena(
             size=np.array(self.size_cm),
-            segments=np.array(self.walls).reshape(-1, 4),
-            segment_along=np.array([_along(wall) for wall in self.walls]).reshape(-1, 3),
-            cylinders=np.array([(c.x_cm, c.y_cm, c.radius_cm) for c in self.cylinders]).reshape(-1, 3),
+            segments=walls,
+            segment_along=np.hstack([along / length, length]),
+            cylinders=np.array(discs).reshape(-1, 3),
             lamp_points=np.array([lamp.points() for lamp in lamps]).reshape(-1, params.LAMP_POINTS, 2),
             lamp_weights=np.array([[k * lamp.brightness for k in lamp.weights] for lamp in lamps]).reshape(
                 -1, params.LAMP_POINTS
@@ -160,7 +163,7 @@ class Arena(Value):
             lamp_centre=np.array([(lamp.x_cm, lamp.y_cm) for lamp in lamps]).reshape(-1, 2),
             sliding=self.sliding,
             reflectance=np.array(self.reflectances() if self.tinted else []),
-            **nearest(self.size_cm, tuple((c.x_cm, c.y_cm, c.radius_cm) for c in self.cylinders), self.walls),
+            **nearest(self.size_cm, discs, self.walls),
         )
 
     def plain(self) -> dict[str, Any]:
@@ -200,13 +203,6 @@ def require_reflectance(value: float) -> None:
         ConfigError: names the key.
     """
     require(0 <= value <= WHITEST, "reflectance", f"a number from 0 to {WHITEST:g}", value)
-
-
-def _along(wall: tuple[float, float, float, float]) -> tuple[float, ...]:
-    """A wall's direction and its length, cm."""
-    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
-    length = math.sqrt(dx * dx + dy * dy)
-    return dx / length, dy / length, length
 
 
 def _distance(x: float, y: float, wall: tuple[float, float, float, float]) -> float:

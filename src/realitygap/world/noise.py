@@ -38,7 +38,4 @@ def noise_level(value: str | float) -> float:
 
 def noise_name(level: float) -> str:
     """The name of a noise level: the paper's, or the number itself."""
-    for name, value in NOISE_LEVELS.items():
-        if level == value:
-            return name
-    return f"{level:g}"
+    return next((name for name, value in NOISE_LEVELS.items() if value == level), f"{level:g}")

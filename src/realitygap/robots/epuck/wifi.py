@@ -6,15 +6,13 @@ byte that says of what kind, then its bytes. Numbers have 16 bits, the low byte 
 wiki and Asercom2.c, Webots' e-puck remote control.
 """
 
-import os
 import socket
 import struct
 from collections.abc import Sequence
 
 from realitygap.errors import LineError, UsageError
-from realitygap.robots.clock import RealClock
 from realitygap.robots.epuck.protocol import EPUCK
-from realitygap.robots.line.line import GIVE_UP_S, QUIET_S, Answer, Line
+from realitygap.robots.line.line import QUIET_S, Answer, Line, why_not_opened
 from realitygap.robots.line.protocol import GarbledError, Request, answer
 
 __all__ = ["PORT", "PacketLine"]
@@ -33,15 +31,15 @@ PALE = 15
 
 
 class PacketLine(Line):
-    """One robot's line, at HOST or HOST:PORT; arguments as of `Line`.
+    """One robot's line, at HOST or HOST:PORT.
 
     Raises:
         UsageError: nothing there takes the connection.
     """
 
-    def __init__(self, device: str, *, clock: RealClock | None = None, give_up_s: float = GIVE_UP_S) -> None:
+    def __init__(self, device: str) -> None:
         self._speeds, self._lights, self._broken = (0, 0), bytearray(14), False
-        super().__init__(device, EPUCK, baud=None, clock=clock, give_up_s=give_up_s)
+        super().__init__(device, EPUCK, baud=None)
 
     def _opened(self) -> socket.socket:
         host, _, port = self.device.partition(":")
@@ -50,12 +48,10 @@ class PacketLine(Line):
                 raise ValueError(f"expected a port from 1 to 65535, got {port!r}")
             made = socket.create_connection((host, int(port or PORT)), CONNECT_S)
         except (OSError, ValueError) as error:
-            number = getattr(error, "errno", None) or 0  # below 0: of a name that nobody knows
-            reason = os.strerror(number) if number > 0 else str(error)
             raise UsageError(
-                f"the e-puck2 at {self.device!r} cannot be reached: {reason}; check that it is switched on "
-                "with its WiFi firmware and its selector at 15, its address (HOST or HOST:PORT), and that "
-                "this computer is on the same network"
+                f"the e-puck2 at {self.device!r} cannot be reached: {why_not_opened(error)}; check that it "
+                "is switched on with its WiFi firmware and its selector at 15, its address (HOST or "
+                "HOST:PORT), and that this computer is on the same network"
             ) from None
         made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         made.setblocking(False)

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,8 @@ class TwinBody(KheperaBody):
             self.twin.renew(**settings)
         clock = VirtualClock(self.twin.channel)
         self._line.callback(clock.close)
-        self._take(Khepera.connect(self.twin.device, baud=self.baud, clock=clock), self.twin.place)
+        self.driver = Khepera.connect(self.twin.device, baud=self.baud, clock=clock)
+        self._carry = self.twin.place
         self._line.callback(self.driver.abandon)
         self._rests = True
         if pose is not None:
@@ -150,6 +152,5 @@ def opened(
     return TwinBody(int(unit), noise=noise, baud=baud or 38400, kinds=kinds, stranger=stranger)
 
 
-def opened_stranger(unit: str, **settings: Any) -> TwinBody:
-    """A unit of the strangers, as `opened` has a twin's."""
-    return opened(unit, stranger=True, **settings)
+opened_stranger = partial(opened, stranger=True)
+"""A unit of the strangers, as `opened` has a twin's."""

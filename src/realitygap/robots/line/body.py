@@ -100,11 +100,8 @@ class LineBody:
         kinds: tuple[str, ...] = ("proximity",),
         carry: Callable[[Pose], None] | None = None,
     ) -> None:
-        self._take(driver, carry)
-        self.attend(kinds, turns=True)
-
-    def _take(self, driver: Driver, carry: Callable[[Pose], None] | None) -> None:
         self.driver, self._carry, self.baud = driver, carry, driver.line.baud
+        self.attend(kinds, turns=True)
 
     @property
     def clock(self) -> RealClock:

@@ -33,9 +33,8 @@ class Driver(Closing, ABC):
         self.line = line
         self.versions = dict(zip(self.dialect.facts, versions, strict=True))
         self.banner = tuple(banner)
-        self._guard = None if line.clock.waits else Guard(line.fileno(), line.halt)
-        if self._guard is not None:
-            line.before = self._guard.beat
+        self._guard = Guard(line.fileno(), line.halt, waits=line.clock.waits)
+        line.before = self._guard.beat
 
     @classmethod
     def connect(
@@ -126,8 +125,7 @@ class Driver(Closing, ABC):
 
         The next command then raises a `FrozenError`. Under a clock that waits nothing is needed.
         """
-        if self._guard is not None:
-            self._guard.watch()
+        self._guard.watch()
 
     def stop(self) -> None:
         """Stop the robot, and check that it has stopped.
@@ -148,8 +146,7 @@ class Driver(Closing, ABC):
                 self.line.hear(ANSWER_S)  # its answer, so that it is not taken for the next one's
                 self.line.ask(STOP, give_up_s=self.line.give_up_s / 2)
                 if self._stands():
-                    if self._guard is not None:
-                        self._guard.rest()
+                    self._guard.rest()
                     return
                 failure = RobotError("its wheels still turn")
             except RobotError as error:
@@ -170,9 +167,7 @@ class Driver(Closing, ABC):
         """Close the line and the guard without a word to the robot."""
         self.line.before = nothing
         self.line.close()
-        if self._guard is not None:
-            self._guard.release()
-            self._guard = None
+        self._guard.release()
 
     def read(self, letter: str) -> tuple[int, ...]:
         """The numbers that answer a question, such as N: proximity, O: ambient light (counts)."""

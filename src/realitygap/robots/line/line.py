@@ -19,7 +19,7 @@ from realitygap.robots.line.protocol import Dialect, GarbledError, RefusedError,
 if TYPE_CHECKING:
     import serial
 
-__all__ = ["GIVE_UP_S", "STOP", "Answer", "Line", "nothing"]
+__all__ = ["GIVE_UP_S", "STOP", "Answer", "Line", "Wire", "nothing", "why_not_opened"]
 
 Answer = tuple[int, ...] | tuple[str, ...]
 
@@ -48,9 +48,58 @@ def nothing() -> None:
     """Nothing."""
 
 
-class Line:
-    """One robot's line; `faults` counts the answers that did not come or were not understood, `odd` is the
-    last of these; `before` is called before each word that is sent.
+def why_not_opened(error: Exception) -> str:
+    """What the system says of a port or an address."""
+    number = getattr(error, "errno", None) or 0  # below 0: of a name that nobody knows
+    return os.strerror(number) if number > 0 else str(error)
+
+
+class Wire:
+    """An open port, whatever is spoken on it; `faults` counts the answers that did not come in time or were
+    not understood; `before` is called before each word that is sent."""
+
+    _port: Any
+
+    def __init__(self, device: str, clock: RealClock) -> None:
+        self.device, self.clock, self.faults = device, clock, 0
+        self.before: Callable[[], None] = nothing
+        self._heard = b""
+
+    def fileno(self) -> int:
+        """The port's file descriptor."""
+        return int(self._port.fileno())
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            self._port.close()
+
+    def tell(self, data: bytes) -> None:
+        """Send bytes without waiting.
+
+        Raises:
+            LineError: the line is lost.
+        """
+        self.before()
+        sent = 0
+        while sent < len(data):
+            try:
+                sent += os.write(self.fileno(), data[sent:])
+            except BlockingIOError:
+                raise LineError(f"the line is lost: {self.device} takes no more bytes") from None
+            except (OSError, ValueError) as error:
+                raise LineError(f"the line is lost: {self.device}: {error}") from None
+            except TypeError:  # the port is closed: it has no descriptor
+                raise LineError(f"the line is lost: {self.device} is closed") from None
+        self.clock.wrote(sent)
+
+    def forget(self) -> None:
+        """Drop the input so far."""
+        self._heard = b""
+        self.clock.forget(self.fileno())
+
+
+class Line(Wire):
+    """One robot's line of letters; `odd` is the last answer that was not understood.
 
     Args:
         device: path of the serial device.
@@ -69,26 +118,13 @@ class Line:
         clock: RealClock | None = None,
         give_up_s: float = GIVE_UP_S,
     ) -> None:
-        self.device, self.dialect = device, dialect
-        self.baud = baud
-        self.clock: RealClock = clock or RealClock()
-        self.give_up_s = give_up_s
-        self.faults = 0
+        super().__init__(device, clock or RealClock())
+        self.dialect, self.baud, self.give_up_s = dialect, baud, give_up_s
         self.odd = ""
         self.together = True
-        self.before: Callable[[], None] = nothing
         self._promised: tuple[Request, ...] = ()
         self._batch_failures = 0
-        self._heard = b""
-        self._port: Any = self._opened()
-
-    def fileno(self) -> int:
-        """The port's file descriptor."""
-        return int(self._port.fileno())
-
-    def close(self) -> None:
-        with contextlib.suppress(OSError):
-            self._port.close()
+        self._port = self._opened()
 
     def ask(self, *requests: Request, give_up_s: float | None = None) -> list[Answer]:
         """The answers to some commands, sent together where the robot takes them so.
@@ -143,25 +179,6 @@ class Line:
         passed = f"{self.clock.now() - start:.1f} s, asked {tries} times"
         raise LineError(f"no answer understood on {self.device} for {passed}; the last: {failure}")
 
-    def tell(self, data: bytes) -> None:
-        """Send bytes without waiting.
-
-        Raises:
-            LineError: the line is lost.
-        """
-        self.before()
-        sent = 0
-        while sent < len(data):
-            try:
-                sent += os.write(self.fileno(), data[sent:])
-            except BlockingIOError:
-                raise LineError(f"the line is lost: {self.device} takes no more bytes") from None
-            except (OSError, ValueError) as error:
-                raise LineError(f"the line is lost: {self.device}: {error}") from None
-            except TypeError:  # the port is closed: it has no descriptor
-                raise LineError(f"the line is lost: {self.device} is closed") from None
-        self.clock.wrote(sent)
-
     def hear(self, within_s: float) -> str | None:
         """The next line that is not empty, without its end; None if there is none in time."""
         return self._next_line(self.clock.now() + within_s, 1)
@@ -179,11 +196,6 @@ class Line:
     def halt(self) -> bytes:
         """What stops the robot, whatever it was told before."""
         return self.dialect.wake + STOP.data
-
-    def forget(self) -> None:
-        """Drop the input so far."""
-        self._heard = b""
-        self.clock.forget(self.fileno())
 
     def _first_try(self, requests: Sequence[Request]) -> list[Answer]:
         together = self.together and len(requests) > 1
@@ -272,8 +284,7 @@ class Line:
         try:
             return serial.Serial(self.device, self.baud, **settings)
         except (serial.SerialException, OSError) as error:
-            reason = os.strerror(error.errno) if error.errno else str(error)
             raise UsageError(
-                f"the port {self.device!r} cannot be opened: {reason}; check the cable, the name, your right "
-                f"to use it (group dialout), and that no other program has it"
+                f"the port {self.device!r} cannot be opened: {why_not_opened(error)}; check the cable, the "
+                "name, your right to use it (group dialout), and that no other program has it"
             ) from None

@@ -8,6 +8,7 @@ from realitygap.errors import LineError, RealityGapError, RobotError, UsageError
 from realitygap.robots.body import Channel
 from realitygap.robots.clock import RealClock
 from realitygap.robots.guard import Guard
+from realitygap.robots.line.line import nothing
 from realitygap.robots.thymio.line import AsebaLine
 from realitygap.robots.thymio.line import opened as opened_port
 from realitygap.values import Command, Pose, Readings
@@ -59,19 +60,18 @@ class ThymioBody:
         missing = [name for name in NEEDED if name not in line.variables]
         if missing or line.variables[PROXIMITY][1] != SENSORS:
             raise RobotError(
-                f"the robot on {line.place} is not a Thymio II: expected {', '.join(NEEDED)}, "
+                f"the robot on {line.device} is not a Thymio II: expected {', '.join(NEEDED)}, "
                 f"it has no {', '.join(missing) or PROXIMITY + ' of seven'}"
             )
         self._stop = line.setting(TARGETS[0], 0) + line.setting(TARGETS[1], 0)
-        self._guard = None if line.clock.waits else Guard(line.fileno(), self._stop)
-        if self._guard is not None:
-            line.before = self._guard.beat
+        self._guard = Guard(line.fileno(), self._stop, waits=line.clock.waits)
+        line.before = self._guard.beat
         self._given = Command(left=0, right=0)
         self._readings: Readings | None = None
         self.speeds: tuple[int, int] | None = None
         self.read_at = self.clock.now()
         told = self._fetched([name for name in TOLD if name in line.variables], GIVE_UP_S)
-        self.facts: dict[str, Any] = {**FACTS, "port": line.place} | {
+        self.facts: dict[str, Any] = {**FACTS, "port": line.device} | {
             name.strip("_"): values[0] if len(values) == 1 else values for name, values in told.items()
         }
 
@@ -111,8 +111,7 @@ class ThymioBody:
                 f"command: expected targets from {-FASTEST} to {FASTEST}, as a Thymio's motors have, got "
                 f"{command.left} and {command.right}; the profile's top_command says how far they go"
             )
-        if self._guard is not None:
-            self._guard.watch()
+        self._guard.watch()
         self._given = command
         self._tell()
 
@@ -141,8 +140,7 @@ class ThymioBody:
                     f"the robot did not confirm that it stopped ({failure}); it may still be moving: "
                     "lift it or switch it off"
                 )
-        if self._guard is not None:
-            self._guard.rest()
+        self._guard.rest()
 
     def close(self) -> None:
         """Stop, then close the line, in any case."""
@@ -153,12 +151,10 @@ class ThymioBody:
 
     def abandon(self) -> None:
         """Close the line without a word to the robot."""
-        self.line.before = lambda: None
+        self.line.before = nothing
         self.line.close()
         self.clock.close()
-        if self._guard is not None:
-            self._guard.release()
-            self._guard = None
+        self._guard.release()
 
     def inspect(self) -> dict[str, Any]:
         """Count the requests repeated so far."""
@@ -172,7 +168,7 @@ class ThymioBody:
     def _fetched(self, names: Any, within_s: float) -> dict[str, list[int]]:
         said = self.line.fetch(names, self.clock.now() + within_s)
         if said is None:
-            raise LineError(f"the robot on {self.line.place} has said nothing for {within_s:g} s")
+            raise LineError(f"the robot on {self.line.device} has said nothing for {within_s:g} s")
         return said
 
 

@@ -11,13 +11,14 @@ import os
 import select
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from realitygap.errors import LineError, UsageError
 from realitygap.lazy import needed
+from realitygap.robots.line.line import Wire, why_not_opened
 
 if TYPE_CHECKING:
     from realitygap.robots.clock import RealClock
@@ -59,18 +60,15 @@ def opened(place: str) -> Any:
 
         return serial.Serial(place, BAUD, timeout=0, write_timeout=0.5, exclusive=True)
     except (OSError, OverflowError) as error:  # a SerialException is one
-        number = getattr(error, "errno", None) or 0  # below 0: of a name that nobody knows
-        reason = os.strerror(number) if number > 0 else str(error)
         raise UsageError(
-            f"{place!r} cannot be opened: {reason}; check the cable or dongle, the name (/dev/ttyACM0, or "
-            "HOST:PORT of a simulator), your right to use it (group dialout), and that no other program "
-            "has it"
+            f"{place!r} cannot be opened: {why_not_opened(error)}; check the cable or dongle, the name "
+            "(/dev/ttyACM0, or HOST:PORT of a simulator), your right to use it (group dialout), and that no "
+            "other program has it"
         ) from None
 
 
-class AsebaLine:
-    """The line to one Thymio; `faults` counts the answers that did not come in time, or made no sense;
-    `before` is called before each word that is sent.
+class AsebaLine(Wire):
+    """The line to one Thymio.
 
     Args:
         port: what `opened` gives; closed with the line.
@@ -83,17 +81,12 @@ class AsebaLine:
     """
 
     def __init__(self, port: Any, place: str, clock: RealClock) -> None:
-        self.place, _, node = place.partition("@")
-        self.clock, self.faults = clock, 0
-        self.before: Callable[[], None] = lambda: None
-        self._port, self._heard, self._turn = port, b"", 0
+        device, _, node = place.partition("@")
+        super().__init__(device, clock)
+        self._port, self._turn = port, 0
         self._aseba = needed("thymiodirect.message", "thymio").Message
         self.node = self._greeted(node)
         self.variables = self._described()
-
-    def fileno(self) -> int:
-        """The line's file descriptor."""
-        return int(self._port.fileno())
 
     def close(self) -> None:
         with contextlib.suppress(OSError):
@@ -102,27 +95,11 @@ class AsebaLine:
                 self._port.settimeout(0.3)
                 while self._port.recv(4096):
                     pass
-        with contextlib.suppress(OSError):
-            self._port.close()
+        super().close()
 
     def setting(self, name: str, value: int) -> bytes:
         """The message that sets a variable."""
         return self._message("SET_VARIABLES", self.node, self.variables[name][0], value & 0xFFFF)
-
-    def tell(self, data: bytes) -> None:
-        """Send bytes without waiting.
-
-        Raises:
-            LineError: the line is lost.
-        """
-        self.before()
-        try:
-            sent = 0
-            while sent < len(data):
-                sent += os.write(self.fileno(), data[sent:])
-        except (OSError, ValueError, TypeError) as error:
-            raise LineError(f"the line is lost: {self.place}: {error}") from None
-        self.clock.wrote(len(data))
 
     def fetch(self, names: Sequence[str], until: float) -> dict[str, list[int]] | None:
         """The values of some variables, requested until they come; None if they do not in time.
@@ -150,11 +127,6 @@ class AsebaLine:
                 return None
             self.forget()
 
-    def forget(self) -> None:
-        """Drop the input so far, so that the next begins with a message."""
-        self._heard = b""
-        self.clock.forget(self.fileno())
-
     def _greeted(self, node: str) -> int:
         """The number of the robot that is driven."""
         wanted = int(node) if node.isdecimal() else None
@@ -170,15 +142,15 @@ class AsebaLine:
         told = ", ".join(map(str, sorted(found))) or "none"
         if not found:
             raise LineError(
-                f"no Thymio answers on {self.place}; check that it is switched on, its cable or dongle, and "
+                f"no Thymio answers on {self.device}; check that it is switched on, its cable or dongle, and "
                 "that no other program (Thymio Suite) has it"
             )
         if node and wanted not in found:
-            raise LineError(f"no robot {node!r} answers on {self.place} (those that do: {told})")
+            raise LineError(f"no robot {node!r} answers on {self.device} (those that do: {told})")
         if len(found) > 1 and wanted is None:
             raise UsageError(
-                f"robot: expected one Thymio on {self.place}, got robots {told}; say which, as in "
-                f"thymio:{self.place}@{min(found)}"
+                f"robot: expected one Thymio on {self.device}, got robots {told}; say which, as in "
+                f"thymio:{self.device}@{min(found)}"
             )
         return min(found) if wanted is None else wanted
 
@@ -203,7 +175,7 @@ class AsebaLine:
             self.faults += 1
             self.forget()
         raise LineError(
-            f"the robot on {self.place} did not name all of its variables, asked {GREETINGS} times"
+            f"the robot on {self.device} did not name all of its variables, asked {GREETINGS} times"
         )
 
     def _next(self, until: float) -> Any:
