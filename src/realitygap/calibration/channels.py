@@ -14,13 +14,12 @@ from realitygap.calibration.forms import Tick, fit_forms, mended, with_columns
 from realitygap.calibration.forward import lit_readings
 from realitygap.calibration.infrared import INFRARED_FORMS
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
-from realitygap.calibration.light_forms import AMBIENT_COUNTS, LightCurves, light_problems
+from realitygap.calibration.light_forms import LightCurves, light_problems
 from realitygap.calibration.lookup import fit_lookup
-from realitygap.calibration.misfit import Yardstick
 from realitygap.calibration.noise import noise_tables
 from realitygap.calibration.optics import backgrounds, in_mean
 from realitygap.calibration.recordings.recording import SensorRecording
-from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, REFLECTANCE, Rows
+from realitygap.calibration.rows import FOLDS, REFLECTANCE, Rows
 from realitygap.calibration.searches import searched
 from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError, ConfigError
@@ -168,10 +167,10 @@ def fit_light(
             "ambient recordings: some are in an arena, some before a lamp of unknown brightness: calibrate "
             "from one kind."
         )
-    printed, noise = form if form in LIGHT_FORMS else "extended", AMBIENT_COUNTS * rows.unit
+    printed = form if form in LIGHT_FORMS else "extended"
     try:
         problems = light_problems(rows, base, printed, room=room, beside=beside)
-        fits, held_out, parts = fit_forms(rows, problems, printed, noise, tick)
+        fits, held_out, parts = fit_forms(rows, problems, printed, tick)
     except ConfigError as error:  # the fit passed through an impossible robot
         named, why = ", ".join(r.source for r in recordings), str(error).rstrip(".")
         expected = f"these are no readings of ambient light: {why}. Is its kind right?"
@@ -183,7 +182,7 @@ def fit_light(
     if not room:
         profile = as_bright_as_the_paper(profile)
     if form != printed:
-        curves = LightCurves(rows, start, values, noise)
+        curves = LightCurves(rows, start, values)
         fits[MEASURED] = replace(fits[printed], model=curves.model())
         off[MEASURED] = curves.held_out(parts)
         better = rows.rmse(off[MEASURED]) * PLAIN < rows.rmse(held_out)
@@ -204,13 +203,9 @@ def _channel(
     read = rows.live_recordings(), rows.split(beside), rows.top, profile.infrared.dead
     noise = misfit.measure_noise(*read)
     uneven = misfit.uneven_noise(*read) if kind == "infrared" else []
-    main = next((e.deviation for e in noise if e.channel in ("proximity", "ambient")), 0.0)
-    deviation = main or (profile.noise.proximity if kind == "infrared" else profile.noise.ambient)
-    deviation = deviation or rows.unit * (PROXIMITY_COUNTS if kind == "infrared" else AMBIENT_COUNTS)
-    dead = profile.infrared.dead if kind == "infrared" else 0.0
-    beside_noise = Yardstick(kind=kind, top=rows.top, deviation=deviation, measured=main > 0, dead=dead)
+    usual = misfit.yardstick(kind, noise, profile.noise.to_dict(), profile)
     sensors, judged = (
-        tuple(m for m in misfit.misfits(live, model, rows.place, beside_noise) if m.sensor not in rows.dead)
+        tuple(m for m in misfit.misfits(live, model, rows.place, usual) if m.sensor not in rows.dead)
         for model in (fit.model, held_out[form])
     )
     by_form = {name: rows.rmse(one.model) for name, one in fits.items()}
@@ -222,9 +217,9 @@ def _channel(
     made = ChannelFit(
         kind=kind, form=form, profile=profile, fit=fit, by_form=by_form,
         held_out={name: rows.rmse(model) for name, model in held_out.items()}, judged=judged,
-        misplaced=misfit.misplaced(rows, profile, fit.values, deviation) if modelled else np.nan,
-        noise=tuple(noise), deviation=deviation, measured=main > 0, sensors=sensors, dead=rows.dead,
-        source=source, warnings=rows.warnings,
+        misplaced=misfit.misplaced(rows, profile, fit.values, usual.deviation) if modelled else np.nan,
+        noise=tuple(noise), deviation=usual.deviation, measured=usual.measured, sensors=sensors,
+        dead=rows.dead, source=source, warnings=rows.warnings,
         distance_cm=rows.distance, bearing_deg=rows.bearing, name=rows.name, counts=live,
         model=fit.model, span=span,
     )  # fmt: skip

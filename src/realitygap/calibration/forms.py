@@ -100,7 +100,7 @@ def with_columns(sensors: Sequence[S], columns: Mapping[str, Sequence[Any]]) -> 
 
 
 def fit_forms(
-    rows: Rows, problems: Mapping[str, Problem], form: str, noise: float, tick: Tick
+    rows: Rows, problems: Mapping[str, Problem], form: str, tick: Tick
 ) -> tuple[dict[str, Fit], Floats, list[tuple[NDArray[np.bool_], Values]]]:
     """Every form's fit; the requested form's readings [n, S] on held-out places; and for each fold its rows
     [n] with the values fitted without them.
@@ -109,27 +109,26 @@ def fit_forms(
         rows: all readings.
         problems: by form, the simplest first.
         form: the requested one.
-        noise: counts.
         tick: called after each fit.
     """
     fits: dict[str, Fit] = {}
     for name, problem in problems.items():
-        fits[name] = solve_form(rows, problem, noise, intervals=name == form)
+        fits[name] = solve_form(rows, problem, intervals=name == form)
         simpler = list(fits.values())[:-1]
         if simpler and _lost(rows, fits[name], simpler[-1]):
             # A sensor's readings became 0, with no gradient back: restart from the simpler form's result.
             start = {f.key: NEUTRAL.get(f.key, f.start) for f in problem.frees} | simpler[-1].values
-            again = solve_form(rows, problem, noise, start=start, intervals=name == form)
+            again = solve_form(rows, problem, start=start, intervals=name == form)
             if rows.rmse(again.model) < rows.rmse(fits[name].model):
                 fits[name] = again
         tick()
     problem, begin = problems[form], fits[form].values
     if problem.steep:
-        fits[form] = _searched(problem, rows.measured(noise), begin, draws=DRAWS, last=True)
+        fits[form] = _searched(problem, rows.measured(), begin, draws=DRAWS, last=True)
     held_out = fits[form].model.copy()
     parts: list[tuple[NDArray[np.bool_], Values]] = []
     for out in rows.held_out(tick):
-        seen = rows.without(out).measured(noise)
+        seen = rows.without(out).measured()
         some = solve(problem.frees, problem.model, seen, start=begin, intervals=False)
         if problem.steep:  # not from a search that used these places
             some = _searched(problem, seen, some.values, draws=DRAWS_HELD_OUT, last=False)
@@ -145,19 +144,16 @@ def _lost(rows: Rows, fit: Fit, simpler: Fit) -> bool:
     return bool((now > 1.3 * before).any())
 
 
-def solve_form(
-    rows: Rows, problem: Problem, noise: float, *, start: Values | None = None, intervals: bool
-) -> Fit:
+def solve_form(rows: Rows, problem: Problem, *, start: Values | None = None, intervals: bool) -> Fit:
     """Fit a form by least squares.
 
     Args:
         rows: all readings.
         problem: the form.
-        noise: counts.
         start: where to begin; None: as the problem has it.
         intervals: whether to estimate 95 % intervals.
     """
-    measured, begin = rows.measured(noise), start or problem.begin
+    measured, begin = rows.measured(), start or problem.begin
     values: Values = begin or {f.key: f.start for f in problem.frees}
     for reach in (FINE_DEG if begin else SCANS_DEG) if problem.steep else ():
         nearer = scan(problem.model, values, measured, reach)

@@ -10,7 +10,7 @@ from realitygap.calibration import forms
 from realitygap.calibration.forms import Problem
 from realitygap.calibration.forward import Scene, proximity
 from realitygap.calibration.recordings.recording import count_unit
-from realitygap.calibration.rows import PROXIMITY_COUNTS, Rows
+from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values
 from realitygap.values import Floats
 from realitygap.world.profile import Profile, load_profile
@@ -38,8 +38,7 @@ def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], st
         _problem("extended", rows, replace(base, infrared=replace(base.infrared, matt=matt)))
         for matt in (0.0, 1.0)
     ]
-    noise = PROXIMITY_COUNTS * rows.unit
-    glossy, matt = (forms.solve_form(rows, problem, noise, intervals=False) for problem in tried)
+    glossy, matt = (forms.solve_form(rows, problem, intervals=False) for problem in tried)
     for_matt = preference(rows, matt, over=glossy)
     against = for_matt <= AGAINST
     problem, begin, chosen = (tried[0], glossy, "are not") if against else (tried[1], matt, "are")
@@ -56,8 +55,7 @@ def preference(rows: Rows, one: Fit, *, over: Fit) -> float:
 
     Vuong's statistic (1989) with a standard error robust against errors shared by neighbouring places.
     """
-    noise = PROXIMITY_COUNTS * rows.unit
-    z = [np.where(rows.use, fit.model - rows.counts, 0.0) / noise for fit in (one, over)]
+    z = [np.where(rows.use, fit.model - rows.counts, 0.0) / rows.noise for fit in (one, over)]
     left = [np.sqrt(1.0 + (off / ROBUST_AT) ** 2).sum(axis=1) for off in z]
     gain = np.bincount(np.unique(rows.block, return_inverse=True)[1], left[1] - left[0])
     return float(gain.sum() / max(np.sqrt((gain**2).sum()), 1e-12))

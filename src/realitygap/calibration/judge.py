@@ -10,16 +10,13 @@ from realitygap.calibration import checks, forward, misfit
 from realitygap.calibration.channel_fit import unmeasured
 from realitygap.calibration.descent import BY_HAND, LIGHT, SHIFT
 from realitygap.calibration.forward import Scene
-from realitygap.calibration.light_forms import AMBIENT_COUNTS
-from realitygap.calibration.misfit import LIMITS, Misfit, Yardstick
+from realitygap.calibration.misfit import LIMITS, Misfit
 from realitygap.calibration.recordings.recording import (
     FOLLOWED_STEPS,
     Recording,
     SensorRecording,
     WheelRecording,
-    count_unit,
 )
-from realitygap.calibration.rows import PROXIMITY_COUNTS
 from realitygap.calibration.solve import Free, Measured, Values, solve
 from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
 from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds
@@ -139,18 +136,9 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     estimates = misfit.measure_noise([lively], [model], part.top, profile.infrared.dead)
     stated = misfit.stated_noise(lively, model, profile)
     noise = {e.channel: (e.deviation, stated[e.channel]) for e in estimates}
-    main = "proximity" if recording.kind == "infrared" else "ambient"
-    measured = noise.get(main, (0.0, 0.0))[0]
-    usual = PROXIMITY_COUNTS if main == "proximity" else AMBIENT_COUNTS
-    deviation = measured or stated[main] or usual * count_unit(part.top)
-    of_noise = Yardstick(
-        kind=recording.kind,
-        top=part.top,
-        deviation=deviation,
-        measured=measured > 0,
-        dead=profile.infrared.dead if main == "proximity" else 0.0,
-    )
-    warnings += () if measured else (f"{recording.source}: {unmeasured(deviation)}",)
+    of_noise = misfit.yardstick(recording.kind, estimates, stated, profile)
+    deviation = of_noise.deviation
+    warnings += () if of_noise.measured else (f"{recording.source}: {unmeasured(deviation)}",)
     off = (model - recording.counts)[:, live]
     change = np.full(known.shape, np.nan)
     if recording.kind == "infrared" and not profile.infrared.table:

@@ -15,10 +15,8 @@ from realitygap.values import Floats
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensors import RAY_NUMBERS, Ambient
 
-__all__ = ["AMBIENT_COUNTS", "LightCurves", "light_problems"]
+__all__ = ["LightCurves", "light_problems"]
 
-AMBIENT_COUNTS = 4.5
-"""Initial noise for weighing residuals: counts of the paper's robot."""
 FIRST_RAYS = 30.0
 """Number of rays while the kind of reflection is chosen: ten see a shadow in steps of 18°."""
 FEWEST_RAYS, PROMISING = 20, 3
@@ -69,7 +67,7 @@ def _problem(
 
 def _best(rows: Rows, problems: Sequence[Problem]) -> Problem:
     """The problem with the smallest residual, restarted from its result."""
-    fits = [solve_form(rows, problem, AMBIENT_COUNTS * rows.unit, intervals=False) for problem in problems]
+    fits = [solve_form(rows, problem, intervals=False) for problem in problems]
     left = [rows.rmse(fit.model) for fit in fits]
     k = left.index(min(left))
     return replace(problems[k], begin=fits[k].values)
@@ -115,16 +113,15 @@ class LightCurves:
         rows: all readings.
         base: the profile that the extended form started from.
         values: the extended form's result.
-        noise: of a reading, counts.
     """
 
-    def __init__(self, rows: Rows, base: Profile, values: Values, noise: float) -> None:
+    def __init__(self, rows: Rows, base: Profile, values: Values) -> None:
         self._rows, self._base = rows, base
         light = self._light(values)
         bright = light[rows.use & (light > 0)]
         self._knee = float(np.median(bright)) if len(bright) else 1.0
         top = rows.top
-        seen = Seen(counts=top - rows.counts, use=rows.use, top=top, most=top, noise=noise)
+        seen = Seen(counts=top - rows.counts, use=rows.use, top=top, most=top, noise=rows.noise)
         self._seen = smoothness(seen, self._share(light), rows.folds())[1]
         self._values = values
 

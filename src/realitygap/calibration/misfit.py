@@ -1,6 +1,6 @@
 """Model error for each sensor, and the noise that it is compared with."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.forward import Scene, proximity
 from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise, table_at
-from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.recordings.recording import CHANNELS, FIRST_NOISE, SensorRecording, count_unit
 from realitygap.calibration.rows import Rows, at_places, places_of
 from realitygap.calibration.solve import Values
 from realitygap.values import Floats
@@ -17,6 +17,7 @@ from realitygap.world.profile import Profile
 __all__ = [
     "LIMITS", "Misfit", "Yardstick", "contradiction", "displaced", "explained", "lit_ratio", "measure_noise",
     "misfits", "misplaced", "pooled_noise", "stated_noise", "uneven_noise", "within", "without",
+    "yardstick",
 ]  # fmt: skip
 
 PLACED_CM = 0.1
@@ -84,6 +85,24 @@ def measure_noise(
     return [estimate for estimate in found if estimate is not None]
 
 
+def yardstick(
+    kind: str, found: Sequence[NoiseEstimate], stated: Mapping[str, float], profile: Profile
+) -> Yardstick:
+    """The noise to compare errors with: what was measured, else what is stated, else the paper's robot's.
+
+    Args:
+        kind: of the recordings.
+        found: by `measure_noise`.
+        stated: deviations by channel.
+        profile: of the robot.
+    """
+    channel, part = CHANNELS[kind], profile.channel(kind)
+    measured = next((estimate.deviation for estimate in found if estimate.channel == channel), 0.0)
+    deviation = measured or stated[channel] or FIRST_NOISE[kind] * count_unit(part.top)
+    dead = profile.infrared.dead if kind == "infrared" else 0.0
+    return Yardstick(kind=kind, top=part.top, deviation=deviation, measured=measured > 0, dead=dead)
+
+
 def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float) -> Sample:
     """The noise of recordings of one kind about the models' readings; rows are numbered through them all."""
     samples = [sample_noise(r, model, top) for r, model in zip(recordings, models, strict=True)]
@@ -108,7 +127,7 @@ def stated_noise(recording: SensorRecording, model: Floats, profile: Profile) ->
     if recording.speed_cm_s is not None:
         rise = np.array([sensor.noise_rise for sensor in part.sensors])
         table = table * (1.0 + rise * recording.speed_cm_s[sample.row, None])
-    channel = "proximity" if recording.kind == "infrared" else "ambient"
+    channel = CHANNELS[recording.kind]
     said = replace(sample, z=np.where(np.isfinite(sample.z), table, np.nan))
     there = lit_noise(said, channel, part.top, profile.infrared.dead)
     return {**stated, channel: there.deviation} if there else stated

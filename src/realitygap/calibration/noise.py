@@ -10,15 +10,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recordings.recording import SensorRecording, count_unit
+from realitygap.calibration.recordings.recording import FIRST_NOISE, SensorRecording, count_unit
 from realitygap.values import Floats
 
 __all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise", "table_at"]
 
 CLEAR = 3.0
 """Only readings this many deviations away from the converter's ends are used."""
-FIRST_GUESS, DARK_COUNTS = 21.0, 15.0
-"""Initial noise, and the limit of dark readings: counts of the paper's robot."""
+DARK_COUNTS = 15.0
+"""The limit of dark readings: counts of the paper's robot."""
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 STEEP = 40.0
 """Counts (of the paper's robot) from one bearing to the next beyond which an error of the bearing would look
@@ -223,7 +223,7 @@ def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> No
         top: full scale, counts.
         dead: counts below which a sensor reads 0.
     """
-    deviation = FIRST_GUESS * count_unit(top)
+    deviation = FIRST_NOISE["infrared"] * count_unit(top)
     use = np.isfinite(sample.z)
     if channel == "proximity":
         for _ in range(4):

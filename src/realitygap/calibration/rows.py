@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from realitygap.calibration import checks
 from realitygap.calibration.forward import scene_of
-from realitygap.calibration.recordings.recording import SensorRecording, count_unit
+from realitygap.calibration.recordings.recording import FIRST_NOISE, SensorRecording, count_unit
 from realitygap.calibration.solve import Measured
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
 __all__ = [
-    "FOLDS", "PROXIMITY_COUNTS", "REFLECTANCE", "Rows", "at_places", "dead_zone", "means", "places_of",
-    "repeated_noise", "saturation",
+    "FOLDS", "REFLECTANCE", "Rows", "at_places", "dead_zone", "means", "places_of", "repeated_noise",
+    "saturation",
 ]  # fmt: skip
 
 FOLDS, BESIDE_DEG = 4, 10.0
@@ -28,8 +28,6 @@ ENOUGH = 60
 """Bearings."""
 REFLECTANCE = "reflectance_"
 """Prefix of the key of a recording's reflectance; its number follows."""
-PROXIMITY_COUNTS = 21.0
-"""Initial noise for weighing residuals: counts of the paper's robot."""
 MEDIAN = 0.455
 """Median of the square of a normal variable."""
 LIT_SHARE, GAP = 0.05, 0.05
@@ -44,8 +42,9 @@ LIT = 63.0
 class Rows:
     """Rows of several recordings of one kind, one after another.
 
-    `top` is the converter's highest count, `unit` its counts per count of the paper's robot; `edges` has the
-    places between those of each recording, if any, with NaN for readings that are not to be used.
+    `top` is the converter's highest count, `unit` its counts per count of the paper's robot, `noise` a first
+    guess to weigh residuals by (counts); `edges` has the places between those of each recording, if any, with
+    NaN for readings that are not to be used.
     """
 
     def __init__(self, recordings: Sequence[SensorRecording], base: Profile) -> None:
@@ -56,6 +55,7 @@ class Rows:
         warned: list[str] = []
         self.top = base.channel(recordings[0].kind).top
         self.unit = count_unit(self.top)
+        self.noise = FIRST_NOISE[recordings[0].kind] * self.unit
         for recording in recordings:
             checks.refuse_other_kind(recording, self.top)
             checks.refuse_units(recording, self.top)
@@ -133,9 +133,9 @@ class Rows:
         pairs = zip(self.recordings, self.split(self.live()), strict=True)
         return [replace(recording, counts=part) for recording, part in pairs]
 
-    def measured(self, noise: float) -> Measured:
-        """All readings of live sensors, weighed by `noise` (counts)."""
-        return Measured(counts=self.counts, noise=noise, use=self.use, clusters=self.block)
+    def measured(self) -> Measured:
+        """All readings of live sensors, weighed by `noise`."""
+        return Measured(counts=self.counts, noise=self.noise, use=self.use, clusters=self.block)
 
     def _blocks(self) -> NDArray[np.int64]:
         """[n] patches of neighbouring distances and bearings: their errors are correlated, and they are held
@@ -239,7 +239,7 @@ def repeated_noise(rows: Rows) -> float:
     mean = at_places(rows.counts, rows.place) / many[:, None]
     off = ((rows.counts - mean[rows.place]) ** 2)[lit & (many > 1)[rows.place][:, None]]
     spread = 1.0 - 1.0 / np.median(many) if np.median(many) > 1 else 1.0
-    return float(np.sqrt(np.median(off) / MEDIAN / spread)) if len(off) else PROXIMITY_COUNTS * rows.unit
+    return float(np.sqrt(np.median(off) / MEDIAN / spread)) if len(off) else rows.noise
 
 
 def saturation(rows: Rows) -> Floats:

@@ -6,7 +6,7 @@ from realitygap.calibration.channel_fit import MEASURED
 from realitygap.calibration.forms import Tick, fit_forms, mended
 from realitygap.calibration.infrared import infrared_problems, with_infrared
 from realitygap.calibration.measured import fit_measured, read_unseen
-from realitygap.calibration.rows import FOLDS, PROXIMITY_COUNTS, Rows
+from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.solve import Fit
 from realitygap.values import Floats
 from realitygap.work.algebra import one_thread
@@ -94,7 +94,7 @@ class Searches:
         """All forms with a law."""
         rows, form = self._rows, self._form
         problems, doubt = infrared_problems(rows, self._base)
-        fits, held_out, _ = fit_forms(rows, problems, form, PROXIMITY_COUNTS * rows.unit, tick)
+        fits, held_out, _ = fit_forms(rows, problems, form, tick)
         fits[form] = mended(fits[form], problems[form].frees, rows.dead)
         profile = with_infrared(problems[form].base, fits[form].values)
         return Found({form: profile}, fits, {form: held_out}, doubt)

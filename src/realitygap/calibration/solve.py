@@ -98,7 +98,7 @@ def solve(
     """
     packed = _Packed(frees, model, measured)
     theta = packed.pack({**{f.key: f.start for f in frees}, **(start or {})})
-    low, high = packed.bounds()
+    low, high = packed.bounds
     inside = np.clip(theta, low + 1e-9 * (1 + np.abs(low)), high - 1e-9 * (1 + np.abs(high)))
     theta = _descend(packed, inside, measured.use, careful=intervals)
     values = packed.unpack(theta)
@@ -121,7 +121,7 @@ def _descend(packed: _Packed, inside: Floats, use: NDArray[np.bool_], *, careful
     packed.use = packed.moving(inside)
     for _ in range(ROUNDS):
         found = least_squares(
-            packed.residuals, inside, jac=packed.jacobian, bounds=packed.bounds(), x_scale="jac",
+            packed.residuals, inside, jac=packed.jacobian, bounds=packed.bounds, x_scale="jac",
             loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5 if careful else 1e-4, ftol=1e-6, gtol=1e-8,
             max_nfev=60 if careful else 25, tr_solver="lsmr",
             tr_options={"maxiter": 4 * len(inside), "atol": 1e-7, "btol": 1e-7},
@@ -139,29 +139,25 @@ class _Packed:
     """The constants as one vector, and its residuals."""
 
     def __init__(self, frees: Sequence[Free], model: Model, measured: Measured) -> None:
-        self.frees, self.model = frees, model
+        self.model = model
         self.counts, self.noise, self.use = measured.counts, measured.noise, measured.use
-        self.ends = np.cumsum([len(f.start) for f in frees])
+        sizes = [len(f.start) for f in frees]
+        ends = np.cumsum(sizes).tolist()
+        self.parts = [(f, slice(end - size, end)) for f, size, end in zip(frees, sizes, ends, strict=True)]
+        self.bounds = np.repeat([f.low for f in frees], sizes), np.repeat([f.high for f in frees], sizes)
         self._last: tuple[Floats, Floats] | None = None
         self._slopes: tuple[Floats, Floats] | None = None
 
     def pack(self, values: Values) -> Floats:
-        return np.concatenate([np.broadcast_to(values[f.key], f.start.shape) for f in self.frees]).astype(
-            float
-        )
+        whole = [np.broadcast_to(values[f.key], f.start.shape) for f, _ in self.parts]
+        return np.concatenate(whole).astype(float)
 
     def unpack(self, theta: Floats) -> dict[str, Floats]:
-        parts = np.split(theta, self.ends[:-1])
-        return {f.key: part for f, part in zip(self.frees, parts, strict=True)}
-
-    def bounds(self) -> tuple[Floats, Floats]:
-        low = np.concatenate([np.full(len(f.start), f.low) for f in self.frees])
-        return low, np.concatenate([np.full(len(f.start), f.high) for f in self.frees])
+        return {f.key: theta[where] for f, where in self.parts}
 
     def names(self) -> list[str]:
-        return [
-            f.key if len(f.start) == 1 else f"{f.key}[{i}]" for f in self.frees for i in range(len(f.start))
-        ]
+        sizes = [(f.key, len(f.start)) for f, _ in self.parts]
+        return [key if size == 1 else f"{key}[{i}]" for key, size in sizes for i in range(size)]
 
     def readings(self, theta: Floats) -> Floats:
         if self._last is None or not np.array_equal(self._last[0], theta):
@@ -173,9 +169,9 @@ class _Packed:
         return np.concatenate([off, *self._priors(theta)])
 
     def _priors(self, theta: Floats) -> list[Floats]:
-        values, out = self.unpack(theta), []
-        for f in self.frees:
-            off = values[f.key] - f.start
+        out = []
+        for f, where in self.parts:
+            off = theta[where] - f.start
             if f.prior is not None:
                 out.append(off / f.prior)
             if f.tie is not None:
@@ -189,22 +185,16 @@ class _Packed:
         return self._slopes[1]
 
     def _differences(self, theta: Floats) -> Floats:
-        base, (_, high) = self.readings(theta), self.bounds()
+        base = self.readings(theta)
         out = np.zeros((*base.shape, len(theta)))
-        first = 0
-        for f in self.frees:
-            size = len(f.start)
-            where = slice(first, first + size)
-            step = np.where(theta[where] + f.step > high[where], -f.step, f.step)
+        for f, where in self.parts:
+            steps = np.where(theta[where] + f.step > f.high, -f.step, f.step)
             moved = theta.copy()
-            moved[where] += step
+            moved[where] += steps
             change = (self.model(self.unpack(moved)) - base) / self.noise
-            if size == 1:
-                out[..., first] = change / step[0]
-            else:
-                for k in range(size):
-                    out[:, k, first + k] = change[:, k] / step[k]
-            first += size
+            for k, step in enumerate(steps):
+                own = slice(None) if len(steps) == 1 else k
+                out[:, own, where.start + k] = change[:, own] / step
         return out
 
     def moving(self, theta: Floats) -> NDArray[np.bool_]:
@@ -219,16 +209,14 @@ class _Packed:
         return csr_matrix(np.concatenate([self._columns(theta)[self.use], *self._prior_rows(len(theta))]))
 
     def _prior_rows(self, n: int, *, ties_only: bool = False) -> list[Floats]:
-        rows, first = [], 0
-        for f in self.frees:
-            size = len(f.start)
+        rows = []
+        for f, where in self.parts:
             if f.prior is not None and not ties_only:
-                rows.append(np.eye(n)[first : first + size] / f.prior)
+                rows.append(np.eye(n)[where] / f.prior)
             if f.tie is not None:
                 row = np.zeros((1, n))
-                row[0, first : first + size] = 1.0 / (size * f.tie)
+                row[0, where] = 1.0 / (len(f.start) * f.tie)
                 rows.append(row)
-            first += size
         return rows
 
     def curvature(self, theta: Floats) -> Floats:
@@ -252,8 +240,8 @@ class _Packed:
         curvature = self.curvature(theta) + ties.T @ ties
         size = np.sqrt(np.maximum(np.diag(curvature), 1e-12))
         alone = np.sqrt(np.maximum(np.diag(np.linalg.pinv(curvature / np.outer(size, size))), 0.0)) / size
-        low, high = self.bounds()
-        limits = np.concatenate([np.full(len(f.start), f.prior or np.inf) for f in self.frees])
+        low, high = self.bounds
+        limits = np.concatenate([np.full(len(f.start), f.prior or np.inf) for f, _ in self.parts])
         span = 1e-6 * (high - low)
         # A constant that changes no reading (of a dead sensor, say) is unknown.
         moves = np.diag(self.curvature(theta)) > 0

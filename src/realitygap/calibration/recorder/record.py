@@ -25,6 +25,7 @@ from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
 from realitygap.calibration.recordings.body import stated_heights, stated_shape
 from realitygap.calibration.recordings.facts import UNKNOWN
 from realitygap.calibration.recordings.files import EDGES, POSE, STEP_COLUMNS, UNFINISHED, UNITS
+from realitygap.calibration.recordings.recording import CHANNELS
 from realitygap.errors import UsageError
 from realitygap.robots.body import Body, Filmed, Placing, Seen, attend, channel, facts_of
 from realitygap.values import Pose
@@ -35,7 +36,6 @@ __all__ = ["REPEATS", "Made", "Wanted", "check_period", "record"]
 REPEATS = 10
 
 FLOOR = "Clear a level floor of 60 by 60 cm; a camera above it is welcome."
-CHANNELS = {"infrared": "proximity", "ambient": "ambient"}
 OWN_UNITS = "units of the robot's own"
 OF_COUNTERS = ("counter_", "speed_")
 """Prefixes of columns that only wheels with counters have."""

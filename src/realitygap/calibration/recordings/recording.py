@@ -27,11 +27,15 @@ from realitygap.world.profile import Profile, load_profile
 from realitygap.world.sensor_checks import Sensor
 
 __all__ = [
-    "BODY_RADIUS_CM", "FOLLOWED_STEPS", "HEIGHTS_CM", "PULSES_PER_MM", "STEP_KINDS", "Recording",
-    "SensorRecording", "WheelRecording", "count_unit",
+    "BODY_RADIUS_CM", "CHANNELS", "FIRST_NOISE", "FOLLOWED_STEPS", "HEIGHTS_CM", "PULSES_PER_MM",
+    "STEP_KINDS", "Recording", "SensorRecording", "WheelRecording", "count_unit",
 ]  # fmt: skip
 
 STEP_KINDS = ("step", "start", "straight", "turn")
+CHANNELS = {"infrared": "proximity", "ambient": "ambient"}
+"""What a robot's readings and a profile's noise call the sensors of each kind."""
+FIRST_NOISE = {"infrared": 21.0, "ambient": 4.5}
+"""Initial noise of each kind: counts of the paper's robot."""
 
 FOLLOWED_STEPS = 300
 """Number of successive steps seen by a camera from which on poses can replace counters."""
