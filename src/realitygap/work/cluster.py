@@ -7,6 +7,7 @@
 A job's messages come when it is done. The scheduler gives the jobs of a lost worker to others.
 """
 
+import gc
 import logging
 import platform
 from collections.abc import Iterable, Iterator
@@ -65,6 +66,7 @@ class Dask:
             ) from None
         for name in ("distributed", "distributed.client"):  # what they have to say is told as an error
             logging.getLogger(name).setLevel(logging.CRITICAL)
+        gc.collect()  # a client that failed before, were it collected while another starts, would wait for it
         try:
             try:
                 self._client = Client(address, timeout=WAIT_S, set_as_default=False)
