@@ -83,3 +83,40 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     recorder.finish("finished")
     with pytest.raises(UsageError, match=r"steps\.csv, line 3: expected 18 numbers, got 'a,b'"):
         Recording.from_folder(tmp_path / "r")
+
+
+@pytest.mark.parametrize(
+    ("of", "instead", "words"),
+    [
+        (
+            "t_s,late_s",
+            "command_x,t_s,late_s",
+            "expected columns command_left, command_right, got command_x, comm",
+        ),
+        (
+            "command_left,command_right",
+            "command_right,command_left",
+            "expected columns command_left, command_right",
+        ),
+        (
+            "proximity_0,proximity_1",
+            "proximity_1,proximity_0",
+            "expected columns proximity_0, .*got proximity_1, ",
+        ),
+        ("t_s,", "t_x,t_s,", "expected columns t_s, got t_x, t_s"),
+    ],
+)
+def test_columns_in_another_order_are_not_taken_for_others(
+    tmp_path: Path, of: str, instead: str, words: str
+) -> None:
+    """A column too many, or the left wheel's where the right one's belongs, is refused by its names."""
+    recorder = Recorder(tmp_path / "r")
+    recorder.add(step(0))
+    recorder.finish("finished")
+    head, _, rest = (tmp_path / "r/steps.csv").read_text().partition("\n")
+    more = ",0" * (instead.count(",") - of.count(","))
+    changed = head.replace(of, instead)
+    assert changed != head
+    (tmp_path / "r/steps.csv").write_text("\n".join((changed, rest.replace("\n", more + "\n"))))
+    with pytest.raises(UsageError, match=words):
+        Recording.from_folder(tmp_path / "r")

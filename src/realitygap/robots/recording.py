@@ -156,8 +156,19 @@ class Recording:
         columns = next(csv.reader(lines[:1]), ALWAYS)
         if [columns.count(name) for name in ALWAYS] != [1] * len(ALWAYS):
             raise UsageError(f"{steps_file}, line 1: expected columns {', '.join(ALWAYS)} and others")
+        _check_order(columns, f"{steps_file}, line 1")
         rows = [_row(line, columns, f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
         return cls.from_rows(columns, rows, ended=ended, facts=facts)
+
+
+def _check_order(columns: Sequence[str], place: str) -> None:
+    """Refuse columns of one kind that are too many or in another order: they would be taken for others."""
+    for name in ("t", "late", "read", *_GROUPS, *_PAIRS):
+        found = [column for column in columns if column.rsplit("_", 1)[0] == name]
+        meant = [column for column in (*ALWAYS, "read_s") if column.rsplit("_", 1)[0] == name]
+        meant = [f"{name}_{i}" for i in range(len(found))] if name in _GROUPS else meant
+        if found and found != meant:
+            raise UsageError(f"{place}: expected columns {', '.join(meant)}, got {', '.join(found)}")
 
 
 class Recorder:
