@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import logging
 import os
@@ -11,11 +12,14 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("distributed", reason="needs the extra: pip install 'realitygap[cluster]'")
+
+import distributed
 
 from realitygap.cli.kinds import NumberOrPool
 from realitygap.errors import ConfigError, StudyError
@@ -158,6 +162,29 @@ def test_what_goes_wrong_is_told_once(address):
     """A lost scheduler is the message's to name: the client, which has a level of its own, logs nothing."""
     Dask(address).close()
     assert not logging.getLogger("distributed.client").isEnabledFor(logging.ERROR)
+
+
+def test_a_failed_client_is_gone_before_another_starts(address, monkeypatch):
+    """Collected in the thread that another client starts, it would wait for that start for ever."""
+    made, left = [], []
+
+    class Watched(distributed.Client):
+        def __init__(self, *args, **settings):
+            left.append([one() for one in made if one() is not None])
+            made.append(weakref.ref(self))
+            super().__init__(*args, **settings)
+
+    monkeypatch.setattr(distributed, "Client", Watched)
+    monkeypatch.setattr(cluster, "WAIT_S", 0.5)
+    gc.disable()
+    try:
+        with pytest.raises(ConfigError, match="no Dask scheduler answers"):
+            Dask("tcp://127.0.0.1:9")
+        assert made[0]() is not None  # nothing but a collection ends it
+        Dask(address).close()
+    finally:
+        gc.enable()
+    assert left == [[], []]
 
 
 class Future:

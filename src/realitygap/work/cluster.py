@@ -66,7 +66,7 @@ class Dask:
             ) from None
         for name in ("distributed", "distributed.client"):  # what they have to say is told as an error
             logging.getLogger(name).setLevel(logging.CRITICAL)
-        gc.collect()  # a client that failed before, were it collected while another starts, would wait for it
+        gc.collect()  # a client that failed earlier waits for ever if it is collected while this one starts
         try:
             try:
                 self._client = Client(address, timeout=WAIT_S, set_as_default=False)
