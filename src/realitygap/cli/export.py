@@ -118,8 +118,9 @@ def _log(
 
     one = lived(run, *which)
     path = write_log(one, kind, out)
-    facts = {"study": str(run.study.folder), "run": run.id, "format": kind, "file": str(path)}
-    facts["trial"] = one.name
+    facts = {
+        "study": str(run.study.folder), "run": run.id, "format": kind, "file": str(path), "trial": one.name,
+    }  # fmt: skip
     tell(json_output, facts, f"wrote {path}: {path.stat().st_size:,} bytes")
 
 

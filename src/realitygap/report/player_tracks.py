@@ -5,7 +5,6 @@ Numbers are packed as little-endian int16 or int8 in base64: a tenth of the size
 
 import base64
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,8 +18,6 @@ __all__ = ["LOST", "activity", "pack", "poses_of", "track"]
 
 LOST = -32768
 """A missing number: the camera lost the robot."""
-INSIDE = {"readings": "<i2", "commands": "i1", "outputs": "i1"}
-"""What is known of a robot's inside, and how it is packed."""
 TURN = 100.0
 """Headings are packed in hundredths of a degree."""
 DIGITS = 9
@@ -66,7 +63,14 @@ def activity(
 
 
 def track(
-    who: str, score: str, poses: Floats, unit_cm: float, **inside: NDArray[Any] | None
+    who: str,
+    score: str,
+    poses: Floats,
+    unit_cm: float,
+    *,
+    readings: Floats | None = None,
+    commands: NDArray[np.int64] | None = None,
+    outputs: NDArray[np.int64] | None = None,
 ) -> dict[str, object]:
     """One drive for the page; rows of internal data belong to the first n poses.
 
@@ -75,14 +79,15 @@ def track(
         score: as in the tables.
         poses: [n + 1, 3] cm, cm, degrees.
         unit_cm: unit of packed positions.
-        inside: as far as known, `readings` [n, S], counts of the sensors that the task feeds; `commands`
-            [n, 2] in the robot's own units; `outputs` [n, N] of the network's neurons.
+        readings: [n, S] counts of the sensors that the task feeds, if known.
+        commands: [n, 2] in the robot's own units, if known.
+        outputs: [n, N] of the network's neurons, if known.
     """
     steps = len(poses) - 1
     packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
+    inside = {"readings": (readings, "<i2"), "commands": (commands, "i1"), "outputs": (outputs, "i1")}
     rows = {
-        name: pack(values, kind)
-        if (values := inside.get(name)) is not None and len(values) == steps > 0 else None
-        for name, kind in INSIDE.items()
-    }  # fmt: skip
+        name: pack(values, kind) if values is not None and len(values) == steps > 0 else None
+        for name, (values, kind) in inside.items()
+    }
     return {"who": who, "score": score, "steps": steps, **packed, **rows}
