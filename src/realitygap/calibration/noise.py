@@ -10,10 +10,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.forward import table_at
 from realitygap.calibration.recordings.recording import FIRST_NOISE, SensorRecording, count_unit
 from realitygap.values import Floats
 
-__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise", "table_at"]
+__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise"]
 
 CLEAR = 3.0
 """Only readings this many deviations away from the converter's ends are used."""
@@ -206,12 +207,6 @@ def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) ->
         if each.any():  # a sensor without values is as all together
             loud *= each.sum() / (each * loud).sum()
     return np.asarray(np.sqrt((sums + FEWEST * loud[:, None] * pooled) / (many + FEWEST)))
-
-
-def table_at(table: Floats, share: Floats) -> Floats:
-    """[m, S] each sensor's table at a share of its range."""
-    steps = np.linspace(0.0, 1.0, table.shape[1])
-    return np.stack([np.interp(share[:, k], steps, row) for k, row in enumerate(table)], 1)
 
 
 def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> NoiseEstimate | None:
