@@ -95,13 +95,13 @@ def sample_noise(recording: SensorRecording, model: Floats, top: float) -> Sampl
     `top` is the converter's highest count."""
     counts, place = recording.counts, recording.place()
     order = np.argsort(place, kind="stable")
-    _, first, many = np.unique(place[order], return_index=True, return_counts=True)
+    at, many = place[order], np.bincount(place)
     if np.median(many) >= 2:
-        sums = np.add.reduceat(counts[order], first)
-        mean = (sums / many[:, None])[np.repeat(np.arange(len(many)), many)]
-        spread = np.sqrt(many / np.maximum(many - 1, 1))[np.repeat(np.arange(len(many)), many)]
-        z = np.where(np.repeat(many, many)[:, None] > 1, (counts[order] - mean) * spread[:, None], np.nan)
-        return Sample(z=z, level=mean, group=place[order], row=order)
+        sums = np.add.reduceat(counts[order], np.searchsorted(at, np.arange(len(many))))
+        mean = (sums / many[:, None])[at]
+        spread = np.sqrt(many / np.maximum(many - 1, 1))[at, None]
+        z = np.where(many[at, None] > 1, (counts[order] - mean) * spread, np.nan)
+        return Sample(z=z, level=mean, group=at, row=order)
     return _from_neighbours(recording, model, top)
 
 
