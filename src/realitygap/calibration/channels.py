@@ -21,7 +21,7 @@ from realitygap.calibration.optics import backgrounds, in_mean
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, REFLECTANCE, Rows
 from realitygap.calibration.searches import searched
-from realitygap.calibration.solve import Fit
+from realitygap.calibration.solve import Fit, value_of
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.values import Floats
 from realitygap.work.pool import Pool
@@ -99,16 +99,13 @@ def contradicted(rows: Rows, deviation: float) -> list[str]:
 
 def lit_apart(rows: Rows, found: ChannelFit) -> list[str]:
     """Warnings about room light that changes readings by more than their noise."""
-    lit, values, dead = (
-        backgrounds(found.fit.values, rows.scenes),
-        found.fit.values,
-        found.profile.infrared.dead,
-    )
+    values, dead = found.fit.values, found.profile.infrared.dead
+    lit = backgrounds(values, rows.scenes)
     mean, said = in_mean(np.repeat(lit, [len(r.counts) for r in rows.recordings]), rows.use), []
     for name, light, (rig, scene), read in zip(
         rows.names(), lit, rows.scenes, rows.split(rows.live()), strict=True
     ):
-        turn = float(values[rig][0]) if rig in values else 0.0
+        turn = value_of(values, rig)
         there, here = (lit_readings(found.profile, scene, by, turn) for by in (light - mean, 0.0))
         by = float((there - here)[read > dead].mean())
         said += [f"{name} {by:+.0f}"] if abs(by) > found.deviation else []

@@ -56,7 +56,7 @@ class Descent:
         self._rows, self._sensors, self._noise, self._draws = rows, sensors, noise, draws
         first_of = np.unique(rows.place, return_index=True)[1]
         self._blocks, self._few = rows.block[first_of], rows.sparse()[first_of]
-        self.straight = all(r.from_sensor is not None for r in rows.recordings)
+        self.straight = rows.straight
         self._turned = not any(r.exact for r in rows.recordings)
 
     def frees(self, lobe: Sequence[str]) -> list[Free]:

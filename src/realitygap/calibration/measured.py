@@ -209,5 +209,5 @@ def read_unseen(rows: Rows, base: Profile, out: Use) -> Floats:
 
 
 def _form(rows: Rows, base: Profile, *, judging: bool) -> Measured:
-    finest = BY_HAND if all(r.from_sensor is not None for r in rows.recordings) else FINEST
+    finest = BY_HAND if rows.straight else FINEST
     return Measured(rows, base, max(repeated_noise(rows), finest * rows.top), judging=judging)

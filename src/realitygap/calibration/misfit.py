@@ -10,7 +10,7 @@ from realitygap.calibration.forward import Scene, proximity, table_at
 from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
 from realitygap.calibration.recordings.recording import CHANNELS, FIRST_NOISE, SensorRecording, count_unit
 from realitygap.calibration.rows import Rows, at_places, places_of
-from realitygap.calibration.solve import Values
+from realitygap.calibration.solve import Values, value_of
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
@@ -238,7 +238,7 @@ def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) ->
         deviation: of the noise, counts.
     """
     change = [
-        displaced(recording, profile, scene.tried(values), float(values[name][0]) if name in values else 0.0)
+        displaced(recording, profile, scene.tried(values), value_of(values, name))
         for recording, (name, scene) in zip(rows.recordings, rows.scenes, strict=True)
     ]
     return explained(np.concatenate(change), rows.live(), rows.place, rows.top, deviation)
