@@ -65,25 +65,20 @@ def fit_infrared(
     base = replace(base, infrared=replace(base.infrared, table=LookUp())) if base.infrared.table else base
     rows = Rows(recordings, base)
     if form == LOOKUP:
-        found = _looked_up(rows, base)
+        profile, fit, held_out, said = fit_lookup(rows, base)
+        found = _channel("infrared", LOOKUP, rows, {LOOKUP: fit}, {LOOKUP: held_out}, profile)
         tick()
-        return found
+        return replace(found, warnings=(*found.warnings, *said))
     printed = form if form in INFRARED_FORMS else "extended"
     made, fits, off, doubt = searched(rows, base, printed, pool, tick, measured=form != printed)
-    best = min(off, key=lambda name: rows.rmse_lit(off[name])) if form == AUTO else form
-    found = _channel("infrared", best, rows, fits, off, made[best])
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
+    best = min(errs, key=errs.__getitem__) if form == AUTO else form
+    found = _channel("infrared", best, rows, fits, off, made[best])
     fit, unsure = agreed(best, {name: fits[name] for name in errs if errs[name] <= AS_GOOD * errs[best]})
-    found = replace(found, fit=fit, warnings=(*found.warnings, *unsure, *contradicted(rows, found.deviation)))
-    found = replace(found, warnings=(*found.warnings, *(lit_apart(rows, found) if best == MEASURED else [])))
-    return replace(found, warnings=(*found.warnings, doubt)) if doubt and best == "extended" else found
-
-
-def _looked_up(rows: Rows, base: Profile) -> ChannelFit:
-    """The proximity sensors' fit by look-up table, with the recorded noise."""
-    profile, fit, held_out, said = fit_lookup(rows, base)
-    made = _channel("infrared", LOOKUP, rows, {LOOKUP: fit}, {LOOKUP: held_out}, profile)
-    return replace(made, warnings=(*made.warnings, *said))
+    said = [*unsure, *contradicted(rows, found.deviation)]
+    said += lit_apart(rows, found) if best == MEASURED else []
+    said += [doubt] if doubt and best == "extended" else []
+    return replace(found, fit=fit, warnings=(*found.warnings, *said))
 
 
 def contradicted(rows: Rows, deviation: float) -> list[str]:
