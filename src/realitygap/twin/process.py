@@ -87,10 +87,7 @@ class TwinProcess(Closing):
 def start_twin(arena: Mapping[str, Any], *, pose: Pose | None = None, **settings: Any) -> TwinProcess:
     """Start a twin in a process of its own; it ends when closed, or with this process.
 
-    Args:
-        arena: the room in plain numbers.
-        pose: where it stands at first; None leaves it to the body.
-        settings: the others of `Settings` (`realitygap.twin.server`), `unit` at least.
+    Arguments as of `realitygap.twin.server.Settings`; `unit` is needed.
 
     Raises:
         UsageError: a setting that the twin refuses.
