@@ -144,10 +144,8 @@ def fit_light(
 
     Args:
         recordings: of ambient light.
-        base: the profile whose values stay where recordings say nothing.
-        form: which constants are free.
+        base, form, tick: as of `fit_infrared`.
         beside: whether the other forms are fitted too, for comparison.
-        tick: called after each fit.
 
     Raises:
         CalibrationError: the recordings cannot come from such a robot, or mix known and unknown lamps.

@@ -105,12 +105,10 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
 
 
 def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Work | None = None) -> Floats:
-    """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes.
+    """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes,
+    each with its rig's rotation (degrees) and extra distance (cm).
 
-    Args:
-        robot: the kernels' form.
-        rigs: each scene, its rig's rotation (degrees) and extra distance (cm).
-        work: scratch arrays of a robot with as many sensors; None: new ones.
+    `work`: scratch arrays of a robot with as many sensors; None: new ones.
     """
     from realitygap.kernels.sweep import sweep_received
 

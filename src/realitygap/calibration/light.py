@@ -169,10 +169,8 @@ def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, mem
     """Noise-free readings [n, A] of several recordings, one after another, with each rig's rotation.
 
     Args:
-        profile: values of fixed constants.
-        values: of free ones.
-        scenes: each recording's rotation key and places.
-        form: of the model.
+        form, profile, scenes: as of `light_frees`.
+        values: of the free constants.
         memory: of the last illumination.
     """
     gain = np.exp(values[GAIN])

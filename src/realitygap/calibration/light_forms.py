@@ -130,11 +130,8 @@ class LightCurves:
         return self._read(self._values, np.zeros(len(self._rows.counts), bool))
 
     def held_out(self, folds: Sequence[tuple[NDArray[np.bool_], Values]]) -> Floats:
-        """[n, A] model readings on held-out places, by the extended form's fits without each fold.
-
-        Args:
-            folds: [n] held-out rows, and the values fitted without them.
-        """
+        """[n, A] model readings on held-out places, by the extended form's fits without each fold: its rows
+        [n], and the values fitted without them."""
         out = self.model()
         for without, values in folds:
             out[without] = self._read(values, without)[without]

@@ -231,7 +231,7 @@ def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> No
 
 
 def dark_noise(counts: Floats, model: Floats, place: NDArray[np.int64], top: float) -> NoiseEstimate | None:
-    """Noise of proximity sensors with nothing in range: the spread of their readings [n, S] there.
+    """Noise of proximity sensors with nothing in range: the spread of their readings there.
 
     Args:
         counts, model: [n, S].

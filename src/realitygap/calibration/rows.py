@@ -218,13 +218,10 @@ def at_places(values: Floats | NDArray[np.bool_], place: NDArray[np.int64]) -> F
 
 
 def means(counts: Floats, place: NDArray[np.int64], most: Floats | float) -> Floats:
-    """[m, S] reading at each place: the mean, or the sensor's end where half of its readings are there; NaN
-    where none counts.
+    """[m, S] reading at each place [n] of `counts` [n, S]: the mean, or the sensor's end where half of its
+    readings are there; NaN where none counts.
 
-    Args:
-        counts: [n, S] readings; NaN for those that do not count.
-        place: [n] the number of each row's place.
-        most: counts that a sensor does not exceed, [S] or one for all.
+    `most`: counts that a sensor does not exceed, [S] or one for all.
     """
     use = np.isfinite(counts)
     many = at_places(use, place)
