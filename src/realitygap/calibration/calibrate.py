@@ -151,12 +151,8 @@ def calibrate(
 
 
 def joined(parts: Sequence[Calibration], base: Profile) -> Calibration:
-    """Merge one robot's calibrations by different kinds of recordings, as if all had been fitted at once.
-
-    Args:
-        parts: each by all recordings of its kinds.
-        base: the profile that they were made with.
-    """
+    """Merge one robot's calibrations, each by all recordings of other kinds and made with the same base, as
+    if all had been fitted at once."""
     recordings = tuple(one for part in parts for one in part.recordings)
     made = Calibration(
         profile=as_recorded(recordings, base), recordings=recordings,

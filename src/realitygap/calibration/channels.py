@@ -21,7 +21,7 @@ from realitygap.calibration.optics import backgrounds, in_mean
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import FOLDS, REFLECTANCE, Rows
 from realitygap.calibration.searches import searched
-from realitygap.calibration.solve import Fit
+from realitygap.calibration.solve import Fit, value_of
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.values import Floats
 from realitygap.work.pool import Pool
@@ -65,25 +65,20 @@ def fit_infrared(
     base = replace(base, infrared=replace(base.infrared, table=LookUp())) if base.infrared.table else base
     rows = Rows(recordings, base)
     if form == LOOKUP:
-        found = _looked_up(rows, base)
+        profile, fit, held_out, said = fit_lookup(rows, base)
+        found = _channel("infrared", LOOKUP, rows, {LOOKUP: fit}, {LOOKUP: held_out}, profile)
         tick()
-        return found
+        return replace(found, warnings=(*found.warnings, *said))
     printed = form if form in INFRARED_FORMS else "extended"
     made, fits, off, doubt = searched(rows, base, printed, pool, tick, measured=form != printed)
-    best = min(off, key=lambda name: rows.rmse_lit(off[name])) if form == AUTO else form
-    found = _channel("infrared", best, rows, fits, off, made[best])
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
+    best = min(errs, key=errs.__getitem__) if form == AUTO else form
+    found = _channel("infrared", best, rows, fits, off, made[best])
     fit, unsure = agreed(best, {name: fits[name] for name in errs if errs[name] <= AS_GOOD * errs[best]})
-    found = replace(found, fit=fit, warnings=(*found.warnings, *unsure, *contradicted(rows, found.deviation)))
-    found = replace(found, warnings=(*found.warnings, *(lit_apart(rows, found) if best == MEASURED else [])))
-    return replace(found, warnings=(*found.warnings, doubt)) if doubt and best == "extended" else found
-
-
-def _looked_up(rows: Rows, base: Profile) -> ChannelFit:
-    """The proximity sensors' fit by look-up table, with the recorded noise."""
-    profile, fit, held_out, said = fit_lookup(rows, base)
-    made = _channel("infrared", LOOKUP, rows, {LOOKUP: fit}, {LOOKUP: held_out}, profile)
-    return replace(made, warnings=(*made.warnings, *said))
+    said = [*unsure, *contradicted(rows, found.deviation)]
+    said += lit_apart(rows, found) if best == MEASURED else []
+    said += [doubt] if doubt and best == "extended" else []
+    return replace(found, fit=fit, warnings=(*found.warnings, *said))
 
 
 def contradicted(rows: Rows, deviation: float) -> list[str]:
@@ -99,16 +94,13 @@ def contradicted(rows: Rows, deviation: float) -> list[str]:
 
 def lit_apart(rows: Rows, found: ChannelFit) -> list[str]:
     """Warnings about room light that changes readings by more than their noise."""
-    lit, values, dead = (
-        backgrounds(found.fit.values, rows.scenes),
-        found.fit.values,
-        found.profile.infrared.dead,
-    )
+    values, dead = found.fit.values, found.profile.infrared.dead
+    lit = backgrounds(values, rows.scenes)
     mean, said = in_mean(np.repeat(lit, [len(r.counts) for r in rows.recordings]), rows.use), []
     for name, light, (rig, scene), read in zip(
         rows.names(), lit, rows.scenes, rows.split(rows.live()), strict=True
     ):
-        turn = float(values[rig][0]) if rig in values else 0.0
+        turn = value_of(values, rig)
         there, here = (lit_readings(found.profile, scene, by, turn) for by in (light - mean, 0.0))
         by = float((there - here)[read > dead].mean())
         said += [f"{name} {by:+.0f}"] if abs(by) > found.deviation else []
@@ -152,10 +144,8 @@ def fit_light(
 
     Args:
         recordings: of ambient light.
-        base: the profile whose values stay where recordings say nothing.
-        form: which constants are free.
+        base, form, tick: as of `fit_infrared`.
         beside: whether the other forms are fitted too, for comparison.
-        tick: called after each fit.
 
     Raises:
         CalibrationError: the recordings cannot come from such a robot, or mix known and unknown lamps.

@@ -59,12 +59,8 @@ def dead_sensors(recording: SensorRecording, top: float) -> dict[int, str]:
 def refuse_silent(
     recordings: Sequence[SensorRecording], dead: Sequence[dict[int, str]], top: float
 ) -> dict[int, str]:
-    """Sensors that are dead in every recording that has them, and why.
-
-    Args:
-        recordings: of one kind; a sensor may be dead in one and live in another.
-        dead: the dead sensors of each.
-        top: the converter's highest count.
+    """Sensors that are `dead` in every one of the recordings of one kind that has them, and why; `top` is the
+    converter's highest count.
 
     Raises:
         CalibrationError: most sensors are dead, or few readings lie between dark and saturated.

@@ -56,7 +56,7 @@ class Descent:
         self._rows, self._sensors, self._noise, self._draws = rows, sensors, noise, draws
         first_of = np.unique(rows.place, return_index=True)[1]
         self._blocks, self._few = rows.block[first_of], rows.sparse()[first_of]
-        self.straight = all(r.from_sensor is not None for r in rows.recordings)
+        self.straight = rows.straight
         self._turned = not any(r.exact for r in rows.recordings)
 
     def frees(self, lobe: Sequence[str]) -> list[Free]:
@@ -155,14 +155,7 @@ class Descent:
         return {**values, **turns, "direction_deg": values["direction_deg"] - by}
 
     def turned(self, optics: Optics, values: Values, noise: float, reach: float) -> dict[str, Floats]:
-        """The values with each sensor's direction at its smallest residual.
-
-        Args:
-            optics: the current optics.
-            values: of all that is free, by name.
-            noise: assumed accuracy of the readings, counts.
-            reach: how far a direction may turn, degrees.
-        """
+        """The values with each sensor's direction at its smallest residual; arguments as of `stage`."""
         if self.straight:
             return dict(values)
         use = optics.seen.use
@@ -189,9 +182,8 @@ class Descent:
         no derivative.
 
         Args:
-            optics: the optics, held fixed.
+            optics, noise: as of `stage`; both stay.
             start: values to begin from.
-            noise: of a reading, counts.
             intervals: whether to work out 95 % intervals.
         """
         use, seen, frees = optics.seen.use, self._seen(optics, noise), self.frees(optics.lobe)

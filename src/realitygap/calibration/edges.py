@@ -51,13 +51,8 @@ class Edges:
             self._between = replace(grid, scenes=scenes, seen=seen, place=np.arange(len(read)))
 
     def matched(self, optics: Optics, values: Values) -> dict[str, Floats]:
-        """The values with directions, the beams' angle and where rays end as the edges have them, if they
-        suit these better.
-
-        Args:
-            optics: of the grids' places.
-            values: nearly right.
-        """
+        """Nearly right values with directions, the beams' angle and where rays end as the edges have them, if
+        they suit these better; `optics` are of the grids' places."""
         if not self._found:
             return dict(values)
         there = replace(self._between, base=optics.base, lobe=optics.lobe)

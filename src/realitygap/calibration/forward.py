@@ -23,7 +23,7 @@ from realitygap.world.profile import Profile
 
 __all__ = [
     "Scene", "illumination", "light_readings", "lit_readings", "proximity", "received", "scene_of",
-    "up_curve", "wheel_speeds", "work_of",
+    "table_at", "up_curve", "wheel_speeds", "work_of",
 ]  # fmt: skip
 
 ROOM_CM = 1000.0
@@ -105,12 +105,10 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
 
 
 def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Work | None = None) -> Floats:
-    """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes.
+    """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes,
+    each with its rig's rotation (degrees) and extra distance (cm).
 
-    Args:
-        robot: the kernels' form.
-        rigs: each scene, its rig's rotation (degrees) and extra distance (cm).
-        work: scratch arrays of a robot with as many sensors; None: new ones.
+    `work`: scratch arrays of a robot with as many sensors; None: new ones.
     """
     from realitygap.kernels.sweep import sweep_received
 
@@ -134,7 +132,7 @@ def lit_readings(
     """
     robot, law = _robot(profile), profile.infrared
     light = received(robot, [(scene, turn_deg, away_cm)]) + more * robot.proximity_a
-    return _on_curves([s.curve for s in law.sensors], up_curve(light, law.curve_cm))[scene.row]
+    return table_at([s.curve for s in law.sensors], up_curve(light, law.curve_cm))[scene.row]
 
 
 def up_curve(light: Floats, knee_cm: float) -> Floats:
@@ -143,9 +141,10 @@ def up_curve(light: Floats, knee_cm: float) -> Floats:
     return np.asarray(root / (root + 1.0 / knee_cm))
 
 
-def _on_curves(curves: Sequence[Sequence[float]], share: Floats) -> Floats:
-    steps = np.linspace(0.0, 1.0, len(curves[0]))
-    return np.stack([np.interp(share[:, k], steps, curve) for k, curve in enumerate(curves)], 1)
+def table_at(table: Sequence[Sequence[float]] | Floats, share: Floats) -> Floats:
+    """[n, S] each sensor's row of a table [S, steps] at shares [n, S] of its range."""
+    steps = np.linspace(0.0, 1.0, len(table[0]))
+    return np.stack([np.interp(share[:, k], steps, row) for k, row in enumerate(table)], 1)
 
 
 def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Floats:
@@ -171,7 +170,7 @@ def light_readings(profile: Profile, light: Floats, gain: Floats | None = None) 
         return np.asarray(np.maximum(dark - total, floor))
     if law.measured:
         root = np.sqrt(np.maximum(total, 0.0))
-        return _on_curves([s.curve for s in law.sensors], root / (root + math.sqrt(law.curve_light)))
+        return table_at([s.curve for s in law.sensors], root / (root + math.sqrt(law.curve_light)))
     with np.errstate(divide="ignore"):
         return np.asarray(np.minimum(floor + 1.0 / np.sqrt(np.maximum(total, 0.0)), dark))
 

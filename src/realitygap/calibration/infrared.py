@@ -11,7 +11,7 @@ from realitygap.calibration.forms import Problem
 from realitygap.calibration.forward import Scene, proximity
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.rows import Rows
-from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values
+from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values, value_of
 from realitygap.values import Floats
 from realitygap.world.profile import Profile, load_profile
 
@@ -63,8 +63,7 @@ def preference(rows: Rows, one: Fit, *, over: Fit) -> float:
 
 def _problem(form: str, rows: Rows, base: Profile) -> Problem:
     base = neutral_infrared(base) if form == "paper" else base
-    straight = all(recording.from_sensor is not None for recording in rows.recordings)
-    rigs = [] if straight else [name for name, _ in rows.scenes]
+    rigs = [] if rows.straight else [name for name, _ in rows.scenes]
     return Problem(
         frees=infrared_frees(form, base, rigs) + forms.free_reflectances(rows.scenes),
         model=lambda values: infrared_model(base, values, rows.scenes),
@@ -108,9 +107,9 @@ def with_infrared(profile: Profile, values: Values) -> Profile:
 def infrared_model(profile: Profile, values: Values, scenes: Sequence[tuple[str, Scene]]) -> Floats:
     """Noise-free readings [n, P] of several recordings, one after another, with each rig's rotation."""
     made = with_infrared(profile, values)
-    turns = [float(values[rig][0]) if rig in values else 0.0 for rig, _ in scenes]
-    tried = zip(scenes, turns, strict=True)
-    return np.concatenate([proximity(made, scene.tried(values), turn) for (_, scene), turn in tried])
+    return np.concatenate(
+        [proximity(made, scene.tried(values), value_of(values, rig)) for rig, scene in scenes]
+    )
 
 
 def neutral_infrared(base: Profile) -> Profile:

@@ -49,14 +49,14 @@ class Judgement:
     bias: float
     per_sensor: tuple[Misfit, ...]
     noise: dict[str, tuple[float, float]]
-    turn_deg: float
-    shift_cm: float
-    background: float
-    brightness: float
-    reflectance: float
-    painted: bool
-    within: float
-    misplaced: float
+    turn_deg: float = 0.0
+    shift_cm: float = 0.0
+    background: float = 0.0
+    brightness: float = 1.0
+    reflectance: float = 1.0
+    painted: bool = False
+    within: float = math.nan
+    misplaced: float = math.nan
     counts: Floats = field(repr=False)
     model: Floats = field(repr=False)
     warnings: tuple[str, ...] = ()
@@ -277,8 +277,5 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
-        turn_deg=0.0, shift_cm=0.0, background=0.0, brightness=1.0, reflectance=1.0, painted=False,
-        within=math.nan, misplaced=math.nan,
-        counts=measured, model=model,
-        warnings=tuple(dict.fromkeys(said)),
+        counts=measured, model=model, warnings=tuple(dict.fromkeys(said)),
     )  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 from realitygap.calibration.forms import columns_of, free_directions, free_turns, with_columns
 from realitygap.calibration.forward import Scene, illumination, light_readings
 from realitygap.calibration.recordings.recording import count_unit
-from realitygap.calibration.solve import Free, Values
+from realitygap.calibration.solve import Free, Values, value_of
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
@@ -169,10 +169,8 @@ def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, mem
     """Noise-free readings [n, A] of several recordings, one after another, with each rig's rotation.
 
     Args:
-        profile: values of fixed constants.
-        values: of free ones.
-        scenes: each recording's rotation key and places.
-        form: of the model.
+        form, profile, scenes: as of `light_frees`.
+        values: of the free constants.
         memory: of the last illumination.
     """
     gain = np.exp(values[GAIN])
@@ -200,7 +198,7 @@ class LightMemory:
     def light(self, profile: Profile, values: Values, scenes: Scenes) -> Floats:
         """[n, A] illumination, recomputed only if something it depends on has changed."""
         law = profile.ambient
-        turns = tuple(float(values[name][0]) if name in values else 0.0 for name, _ in scenes)
+        turns = tuple(value_of(values, name) for name, _ in scenes)
         directions = tuple((s.direction_deg, s.x_cm, s.y_cm) for s in law.sensors)
         lamp = (law.lamp_height_cm, law.lamp_narrow, law.lamp_proud_cm)
         shape = (law.facing, law.reflectance, law.exponent, law.near_cm, lamp)

@@ -122,22 +122,20 @@ class LightCurves:
         self._knee = float(np.median(bright)) if len(bright) else 1.0
         top = rows.top
         seen = Seen(counts=top - rows.counts, use=rows.use, top=top, most=top, noise=rows.noise)
-        self._seen = smoothness(seen, self._share(light), rows.folds())[1]
-        self._values = values
+        self._values, self._share = values, self._share_of(light)
+        self._seen = smoothness(seen, self._share, rows.folds())[1]
 
     def model(self) -> Floats:
         """[n, A] model readings, counts."""
-        return self._read(self._values, np.zeros(len(self._rows.counts), bool))
+        return self._read(self._share, self._seen)
 
     def held_out(self, folds: Sequence[tuple[NDArray[np.bool_], Values]]) -> Floats:
-        """[n, A] model readings on held-out places, by the extended form's fits without each fold.
-
-        Args:
-            folds: [n] held-out rows, and the values fitted without them.
-        """
+        """[n, A] model readings on held-out places, by the extended form's fits without each fold: its rows
+        [n], and the values fitted without them."""
         out = self.model()
         for without, values in folds:
-            out[without] = self._read(values, without)[without]
+            some = replace(self._seen, use=self._seen.use & ~without[:, None])
+            out[without] = self._read(self._share_of(self._light(values)), some)[without]
         return out
 
     def profile(self, extended: Profile) -> Profile:
@@ -146,7 +144,7 @@ class LightCurves:
         law = extended.ambient
         before = with_light(self._base, self._values, "extended").ambient.sensors
         scale = float(np.median([now.gain / s.gain for now, s in zip(law.sensors, before, strict=True)]))
-        curves = self._curves(self._values, np.zeros(len(self._rows.counts), bool))
+        curves = Curves(self._seen, self._share).fitted()
         falling = np.maximum(self._seen.top - curves, 0.0).round(3).tolist()
         sensors = with_columns(law.sensors, {"curve": [tuple(row) for row in falling]})
         measured = replace(law, response="measured", curve_light=self._knee * scale, sensors=sensors)
@@ -158,14 +156,10 @@ class LightCurves:
         light = LightMemory().light(made, values, self._rows.scenes)
         return np.asarray(light * np.array([sensor.gain for sensor in made.ambient.sensors]))
 
-    def _share(self, light: Floats) -> Floats:
+    def _share_of(self, light: Floats) -> Floats:
         """[n, A] position of each reading on its curve."""
         root = np.sqrt(light)
         return np.asarray(root / (root + np.sqrt(self._knee)))
 
-    def _curves(self, values: Values, without: NDArray[np.bool_]) -> Floats:
-        seen = replace(self._seen, use=self._seen.use & ~without[:, None])
-        return Curves(seen, self._share(self._light(values))).fitted()
-
-    def _read(self, values: Values, without: NDArray[np.bool_]) -> Floats:
-        return self._seen.top - on_curves(self._curves(values, without), self._share(self._light(values)))
+    def _read(self, share: Floats, seen: Seen) -> Floats:
+        return seen.top - on_curves(Curves(seen, share).fitted(), share)

@@ -24,7 +24,7 @@ from realitygap.values import Floats
 from realitygap.world.profile import Profile
 from realitygap.world.provenance import Constant
 
-__all__ = ["Measured", "fit_measured", "read_unseen"]
+__all__ = ["Measured", "read_unseen"]
 
 Use = NDArray[np.bool_]
 Begun = tuple[float, int, Optics, dict[str, Floats]]
@@ -60,11 +60,15 @@ class Measured:
     Args:
         rows: readings to fit.
         base: the profile to start from.
-        noise: of a reading, counts.
+        noise: of a reading, counts; None: as the readings have it.
         judging: only predicts held-out readings, by a shorter search.
     """
 
-    def __init__(self, rows: Rows, base: Profile, noise: float, *, judging: bool = False) -> None:
+    def __init__(
+        self, rows: Rows, base: Profile, noise: float | None = None, *, judging: bool = False
+    ) -> None:
+        if noise is None:
+            noise = max(repeated_noise(rows), (BY_HAND if rows.straight else FINEST) * rows.top)
         self._rows, self._noise, self._judging = rows, noise, judging
         draws, law = DRAWS_HELD_OUT if judging else DRAWS, base.infrared
         self._step = Descent(rows, law.sensors, noise, draws=draws)
@@ -198,16 +202,6 @@ class Measured:
         return start | {key: np.array([value]) for key, value in (none | lobe | {"width_cm": width}).items()}
 
 
-def fit_measured(rows: Rows, base: Profile) -> tuple[Profile, Fit]:
-    """The profile and its constants."""
-    return _form(rows, base, judging=False).fit()
-
-
 def read_unseen(rows: Rows, base: Profile, out: Use) -> Floats:
     """[m, S] readings at m of the rows, `out` [n], by a search that saw none of them."""
-    return _form(rows.without(out), base, judging=True).read()[out]
-
-
-def _form(rows: Rows, base: Profile, *, judging: bool) -> Measured:
-    finest = BY_HAND if all(r.from_sensor is not None for r in rows.recordings) else FINEST
-    return Measured(rows, base, max(repeated_noise(rows), finest * rows.top), judging=judging)
+    return Measured(rows.without(out), base, judging=True).read()[out]

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.forward import Scene, proximity
-from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise, table_at
+from realitygap.calibration.forward import Scene, proximity, table_at
+from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
 from realitygap.calibration.recordings.recording import CHANNELS, FIRST_NOISE, SensorRecording, count_unit
 from realitygap.calibration.rows import Rows, at_places, places_of
-from realitygap.calibration.solve import Values
+from realitygap.calibration.solve import Values, value_of
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
@@ -137,11 +137,7 @@ def uneven_noise(
     recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float, dead: float = 0.0
 ) -> list[str]:
     """What to warn of, if proximity sensors have very different noise: the model's error is compared with one
-    figure.
-
-    Args:
-        recordings, models, top, dead: as of `measure_noise`.
-    """
+    figure. Arguments as of `measure_noise`."""
     joined, sizes = pooled_noise(recordings, models, top), []
     for k in range(joined.z.shape[1]):
         own = replace(joined, z=joined.z[:, [k]], level=joined.level[:, [k]])
@@ -233,12 +229,11 @@ def misplaced(rows: Rows, profile: Profile, values: Values, deviation: float) ->
 
     Args:
         rows: readings and their places.
-        profile: the fitted robot.
-        values: other fitted values, by name.
+        profile, values: the fitted robot, and all fitted values, by name.
         deviation: of the noise, counts.
     """
     change = [
-        displaced(recording, profile, scene.tried(values), float(values[name][0]) if name in values else 0.0)
+        displaced(recording, profile, scene.tried(values), value_of(values, name))
         for recording, (name, scene) in zip(rows.recordings, rows.scenes, strict=True)
     ]
     return explained(np.concatenate(change), rows.live(), rows.place, rows.top, deviation)
@@ -248,8 +243,7 @@ def displaced(recording: SensorRecording, profile: Profile, scene: Scene, turn: 
     """[n, S] RMS change of readings if their places are a millimetre off, counts; NaN unless set by hand.
 
     Args:
-        recording, scene: the places, and the room they are in.
-        profile: the robot.
+        recording, profile, scene: the places, the robot, and the room they are in.
         turn: of the rig, degrees.
     """
     if "unit" in recording.facts or not (scene.bare or recording.from_sensor is not None):

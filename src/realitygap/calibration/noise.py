@@ -10,10 +10,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.forward import table_at
 from realitygap.calibration.recordings.recording import FIRST_NOISE, SensorRecording, count_unit
 from realitygap.values import Floats
 
-__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise", "table_at"]
+__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise"]
 
 CLEAR = 3.0
 """Only readings this many deviations away from the converter's ends are used."""
@@ -94,13 +95,13 @@ def sample_noise(recording: SensorRecording, model: Floats, top: float) -> Sampl
     `top` is the converter's highest count."""
     counts, place = recording.counts, recording.place()
     order = np.argsort(place, kind="stable")
-    _, first, many = np.unique(place[order], return_index=True, return_counts=True)
+    at, many = place[order], np.bincount(place)
     if np.median(many) >= 2:
-        sums = np.add.reduceat(counts[order], first)
-        mean = (sums / many[:, None])[np.repeat(np.arange(len(many)), many)]
-        spread = np.sqrt(many / np.maximum(many - 1, 1))[np.repeat(np.arange(len(many)), many)]
-        z = np.where(np.repeat(many, many)[:, None] > 1, (counts[order] - mean) * spread[:, None], np.nan)
-        return Sample(z=z, level=mean, group=place[order], row=order)
+        sums = np.add.reduceat(counts[order], np.searchsorted(at, np.arange(len(many))))
+        mean = (sums / many[:, None])[at]
+        spread = np.sqrt(many / np.maximum(many - 1, 1))[at, None]
+        z = np.where(many[at, None] > 1, (counts[order] - mean) * spread, np.nan)
+        return Sample(z=z, level=mean, group=at, row=order)
     return _from_neighbours(recording, model, top)
 
 
@@ -208,12 +209,6 @@ def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) ->
     return np.asarray(np.sqrt((sums + FEWEST * loud[:, None] * pooled) / (many + FEWEST)))
 
 
-def table_at(table: Floats, share: Floats) -> Floats:
-    """[m, S] each sensor's table at a share of its range."""
-    steps = np.linspace(0.0, 1.0, table.shape[1])
-    return np.stack([np.interp(share[:, k], steps, row) for k, row in enumerate(table)], 1)
-
-
 def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> NoiseEstimate | None:
     """Noise where readings are neither dark, dead nor saturated; for light, everywhere. None: too few.
 
@@ -236,7 +231,7 @@ def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> No
 
 
 def dark_noise(counts: Floats, model: Floats, place: NDArray[np.int64], top: float) -> NoiseEstimate | None:
-    """Noise of proximity sensors with nothing in range: the spread of their readings [n, S] there.
+    """Noise of proximity sensors with nothing in range: the spread of their readings there.
 
     Args:
         counts, model: [n, S].

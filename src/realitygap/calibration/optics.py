@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.curves import STEPS, Curves, Seen, on_curves
 from realitygap.calibration.forms import columns_of
 from realitygap.calibration.forward import Scene, received, up_curve, work_of
-from realitygap.calibration.solve import Values
+from realitygap.calibration.solve import Values, value_of
 from realitygap.kernels.params import Robot
 from realitygap.kernels.work import Work
 from realitygap.values import Floats
@@ -74,8 +74,7 @@ class Optics:
         robot = self._robot._replace(**profile.infrared.to_kernel())
         rigs = []
         for name, scene in self.scenes:
-            turn, away = (float(values[k][0]) if k in values else 0.0 for k in (name, shift_of(name)))
-            rigs.append((scene.tried(values), turn, away))
+            rigs.append((scene.tried(values), value_of(values, name), value_of(values, shift_of(name))))
         light = received(robot, rigs, self._work) + np.outer(self._lit(values), robot.proximity_a)
         return up_curve(light, profile.infrared.curve_cm)[self.place]
 
@@ -138,7 +137,7 @@ class Optics:
 
 def backgrounds(values: Values, scenes: Sequence[tuple[str, Scene]]) -> list[float]:
     """The added light of each recording's room, 1/cm²."""
-    return [float(values[key][0]) if (key := background_of(name)) in values else 0.0 for name, _ in scenes]
+    return [value_of(values, background_of(name)) for name, _ in scenes]
 
 
 def in_mean(background: Floats, use: Use) -> Floats:

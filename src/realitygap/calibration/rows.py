@@ -43,8 +43,9 @@ class Rows:
     """Rows of several recordings of one kind, one after another.
 
     `top` is the converter's highest count, `unit` its counts per count of the paper's robot, `noise` a first
-    guess to weigh residuals by (counts); `edges` has the places between those of each recording, if any, with
-    NaN for readings that are not to be used.
+    guess to weigh residuals by (counts); `straight` says whether all recordings are series of one sensor
+    facing a wall; `edges` has the places between those of each recording, if any, with NaN for readings that
+    are not to be used.
     """
 
     def __init__(self, recordings: Sequence[SensorRecording], base: Profile) -> None:
@@ -52,6 +53,7 @@ class Rows:
         if not first.facts and all(np.isnan(r.reflectance) for r in recordings):  # tables say nothing of it
             recordings = [replace(first, reflectance=1.0), *others]
         self.recordings = recordings
+        self.straight = all(recording.from_sensor is not None for recording in recordings)
         warned: list[str] = []
         self.top = base.channel(recordings[0].kind).top
         self.unit = count_unit(self.top)
@@ -216,13 +218,10 @@ def at_places(values: Floats | NDArray[np.bool_], place: NDArray[np.int64]) -> F
 
 
 def means(counts: Floats, place: NDArray[np.int64], most: Floats | float) -> Floats:
-    """[m, S] reading at each place: the mean, or the sensor's end where half of its readings are there; NaN
-    where none counts.
+    """[m, S] reading at each place [n] of `counts` [n, S]: the mean, or the sensor's end where half of its
+    readings are there; NaN where none counts.
 
-    Args:
-        counts: [n, S] readings; NaN for those that do not count.
-        place: [n] the number of each row's place.
-        most: counts that a sensor does not exceed, [S] or one for all.
+    `most`: counts that a sensor does not exceed, [S] or one for all.
     """
     use = np.isfinite(counts)
     many = at_places(use, place)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 from realitygap.calibration.channel_fit import MEASURED
 from realitygap.calibration.forms import Tick, fit_forms, mended
 from realitygap.calibration.infrared import infrared_problems, with_infrared
-from realitygap.calibration.measured import fit_measured, read_unseen
+from realitygap.calibration.measured import Measured, read_unseen
 from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.solve import Fit
 from realitygap.values import Floats
@@ -86,7 +86,7 @@ class Searches:
         if job == PRINTED:
             tell((job, self._printed(lambda: tell(None))))
             return
-        made = fit_measured(rows, base) if job == MEASURED else read_unseen(rows, base, rows.fold(int(job)))
+        made = Measured(rows, base).fit() if job == MEASURED else read_unseen(rows, base, rows.fold(int(job)))
         tell((job, made))
         tell(None)
 

@@ -18,7 +18,7 @@ from realitygap.calibration.constants import blind_pairs, bounded, filling
 from realitygap.values import Floats
 from realitygap.world.provenance import Constant
 
-__all__ = ["ROBUST_AT", "Fit", "Free", "Measured", "Values", "solve"]
+__all__ = ["ROBUST_AT", "Fit", "Free", "Measured", "Values", "solve", "value_of"]
 
 Values = Mapping[str, Floats]
 Model = Callable[[Values], Floats]
@@ -26,6 +26,11 @@ Model = Callable[[Values], Floats]
 ROUNDS = 4
 ROBUST_AT = 5.0
 """Residuals beyond this many noise deviations count less than their square (soft L1)."""
+
+
+def value_of(values: Values, key: str) -> float:
+    """The value of a constant that all sensors share; 0 where it is none of these."""
+    return float(values[key][0]) if key in values else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

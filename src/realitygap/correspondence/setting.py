@@ -90,11 +90,11 @@ class Around(NamedTuple):
 
 
 def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Floats | float) -> Around:
-    """The surroundings of a robot at positions x, y [n] (cm) with headings `heading` [n] (rad).
+    """The surroundings of a robot.
 
     Args:
         arena: the room.
-        x, y, heading: the poses.
+        x, y, heading: the poses [n], cm and rad.
         radius_cm: of the body, one or [n].
     """
     dx, dy, gap = _nearest_surface(arena, x, y)
@@ -112,13 +112,7 @@ def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Float
 
 
 def fits(arena: Arena, x: Floats, y: Floats, radius_cm: float) -> bool:
-    """Whether a robot of this radius could have been at all positions x, y [n] (cm).
-
-    Args:
-        arena: the room.
-        x, y: [n] positions, cm.
-        radius_cm: of the body.
-    """
+    """Whether a robot could have been at all of these positions; arguments as of `around`."""
     return bool((_nearest_surface(arena, x, y)[2] > _told(radius_cm) - OUTSIDE_CM).all())
 
 

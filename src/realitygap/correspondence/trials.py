@@ -84,14 +84,7 @@ class Trial:
 def trial_of(
     trajectory: Trajectory, *, start: str = "1", unit: str = "", radius_cm: float = RADIUS_CM
 ) -> Trial:
-    """A simulated trajectory as a trial, its last pose included.
-
-    Args:
-        trajectory: of the simulation.
-        start: name of its start.
-        unit: name of its robot.
-        radius_cm: of the body.
-    """
+    """A simulated trajectory as a trial, its last pose included; the other arguments as of `Trial`."""
     track = trajectory.track
     if len(track) > 1 and track.t[1] != STEP_S:
         return resampled(track, start=start, unit=unit, radius_cm=radius_cm)
@@ -110,9 +103,8 @@ def resampled(
 
     Args:
         track: NaN where the robot was lost.
-        start, unit: its names.
+        start, unit, radius_cm: as of `Trial`.
         source: for messages, by default the track's source.
-        radius_cm: the body's.
 
     Raises:
         TrackError: too short, too slow, lost for too long, or time that does not increase.

@@ -104,12 +104,10 @@ class Calibration:
 
 
 def read_frames(folder: str | Path, poses: str | Path) -> list[KnownFrame]:
-    """The frames that a table of poses names, from a folder of pictures.
+    """The frames that a table of poses names, from a folder of pictures (PNG, JPEG or the like).
 
-    Args:
-        folder: pictures, PNG, JPEG or the like.
-        poses: CSV with columns frame (a picture's name, its ending may be left out), x_cm, y_cm
-            and heading_deg.
+    The table is a CSV file with columns frame (a picture's name, its ending may be left out), x_cm, y_cm and
+    heading_deg.
 
     Raises:
         FilmError: whatever is missing or wrong, with file and line.

@@ -99,11 +99,10 @@ class Pattern(NamedTuple):
 
 @jit
 def spots(pattern: Any, points: Any, step: float, columns: Any, rows: Any) -> None:
-    """Where a disk's pattern is in a window of steps (cm), into columns and rows [n, 1], from the columns and
-    rows of its two patches, `points` [4].
+    """Where a disk's pattern is in a window.
 
     Args:
-        pattern: its.
+        pattern: the disk's.
         points: [4] columns and rows of its two patches.
         step: of the window, cm.
         columns, rows: [n, 1] into which they go.

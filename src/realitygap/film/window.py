@@ -120,11 +120,6 @@ def peak(response: Any, column: int, row: int, top: Any) -> Any:
     """The top of the quadratic through the 3 × 3 values about (column, row), px, into `top` [2].
 
     Least squares over the nine values, so that it is exact for any quadratic. Returns whether it has one.
-
-    Args:
-        response: [rows, columns].
-        column, row: of the middle one.
-        top: column and row.
     """
     height, width = response.shape
     if not (1 <= column < width - 1 and 1 <= row < height - 1):

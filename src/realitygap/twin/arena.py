@@ -1,6 +1,6 @@
 """The twin's arenas: plain numbers, checked once at the door."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,18 @@ WHITE, WHITEST = "reflectance", 10
 _PARTS = {"cylinders": ("x, y, radius", 3), "walls": ("x0, y0, x1, y1", 4), "lamps": ("x, y", 2)}
 
 
+def _numbers(values: Any) -> list[float]:
+    """None of them where they are something else."""
+    try:
+        return [float(value) for value in values]
+    except (TypeError, ValueError):
+        return []
+
+
 def _rows(arena: Mapping[str, Any], key: str) -> list[list[float]]:
     words, width = _PARTS[key]
     rows = arena.get(key, [])
-    try:
-        out = [[float(v) for v in row] for row in rows]
-    except (TypeError, ValueError):
-        out = [[]]
+    out = [_numbers(row) for row in rows] if isinstance(rows, Iterable) else [[]]
     if any(len(row) != width or not np.isfinite(row).all() for row in out):
         raise ConfigError(f"arena: {key} is a list of [{words}] in cm, got {rows!r}")
     return out
@@ -41,31 +46,19 @@ def check_arena(arena: Mapping[str, Any]) -> dict[str, Any]:
     if unknown:
         key = sorted(unknown)[0]
         raise ConfigError(f"arena: unknown key {key!r}; known are size_cm, {', '.join(_PARTS)}, {WHITE}")
-    try:
-        width, depth = (float(v) for v in arena["size_cm"])
-    except (KeyError, TypeError, ValueError):
-        width = depth = float("nan")
-    if not (8.0 <= width <= 1000.0 and 8.0 <= depth <= 1000.0):
+    size = _numbers(arena.get("size_cm"))
+    if len(size) != 2 or not all(8.0 <= side <= 1000.0 for side in size):
         raise ConfigError(f"arena: size_cm is [width, depth], 8 to 1000 cm, got {arena.get('size_cm')!r}")
-    out: dict[str, Any] = {"size_cm": [width, depth], **{key: _rows(arena, key) for key in _PARTS}}
+    out: dict[str, Any] = {"size_cm": size, **{key: _rows(arena, key) for key in _PARTS}}
     if any(row[2] <= 0 for row in out["cylinders"]):
         raise ConfigError("arena: a cylinder's radius is above 0 cm")
     if any(row[:2] == row[2:] for row in out["walls"]):
         raise ConfigError("arena: a wall has two different ends")
     if WHITE in arena:
-        out[WHITE] = _white(arena[WHITE], 1 + len(out["cylinders"]))
-    return out
-
-
-def _white(values: Any, count: int) -> list[float]:
-    """How much more than usual each surface throws back."""
-    try:
-        out = [float(value) for value in values]
-    except (TypeError, ValueError):
-        out = []
-    if len(out) != count or not all(0 <= value <= WHITEST for value in out):
-        what = f"{count} numbers from 0 to {WHITEST}: of the walls, and of each cylinder"
-        raise ConfigError(f"arena: {WHITE} is {what}, got {values!r}")
+        out[WHITE], count = _numbers(arena[WHITE]), 1 + len(out["cylinders"])
+        if len(out[WHITE]) != count or not all(0 <= value <= WHITEST for value in out[WHITE]):
+            what = f"{count} numbers from 0 to {WHITEST}: of the walls, and of each cylinder"
+            raise ConfigError(f"arena: {WHITE} is {what}, got {arena[WHITE]!r}")
     return out
 
 

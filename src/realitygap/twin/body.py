@@ -104,11 +104,8 @@ class TwinBody:
         raise ConfigError("arena: no room for the robot on the floor; leave some free")
 
     def place(self, x_cm: float, y_cm: float, heading: float) -> None:
-        """The experimenter's hand: lift the robot and set it down at rest. Counters keep their values.
-
-        Args:
-            x_cm, y_cm: where its centre goes.
-            heading: rad, counter-clockwise from +x.
+        """The experimenter's hand: lift the robot and set it down at rest, its centre at x, y, with a heading
+        (rad, counter-clockwise from +x). Counters keep their values.
 
         Raises:
             ConfigError: something else stands there.
@@ -157,11 +154,11 @@ class TwinBody:
             wheel.set_position_gains(kp, ki, kd)
 
     def set_profile(self, vl: int, al: int, vr: int, ar: int) -> None:
-        """Speed and acceleration of the position controller, left and right, in the units of command J.
+        """How fast the position controller drives, in the units of command J.
 
         Args:
-            vl, vr: speeds, in the units of command J.
-            al, ar: accelerations, in the units of command J.
+            vl, vr: speeds.
+            al, ar: accelerations.
         """
         self._wheels[0].state.profile, self._wheels[1].state.profile = (vl, al), (vr, ar)
 

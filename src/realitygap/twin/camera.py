@@ -107,12 +107,8 @@ class OverheadCamera(Closing):
                 "unit": self._unit, "body": "twin (pseudo-reality)"}  # fmt: skip
 
     def frame(self, pose: NDArray[np.float64], number: int = 0, window: Window = WHOLE) -> Frame:
-        """[480, 640, 3] what the camera shows of a robot at `pose` (x, y, z in m, quaternion).
-
-        Args:
-            pose: [7], a row of `States.pose`.
-            number: of the frame: names its noise.
-            window: rows and columns that are wanted: the whole frame's, to the last bit.
+        """[480, 640, 3] what the camera shows of a robot at `pose` [7], a row of `States.pose`; the frame's
+        `number` names its noise. Of a `window` (rows and columns) it is the whole frame's, to the last bit.
         """
         picture: NDArray[Any]
         if self._renderer is not None:

@@ -181,13 +181,6 @@ def on_wall(eyes: Any, lamp: Any, point: Any, normal: Any, centre: Any) -> Any:
 
     The body, about its centre, shades it where light comes nearer than its radius before it has risen above
     its top.
-
-    Args:
-        eyes: the sensors.
-        lamp: x, y (m); so are `point` and `centre`.
-        point: on the wall.
-        normal: the wall's there.
-        centre: of the robot.
     """
     (px, py), (nx, ny) = point, normal
     ax, ay = lamp[0] - px, lamp[1] - py

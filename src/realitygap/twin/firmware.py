@@ -94,7 +94,7 @@ class Firmware:
             What was put out.
         """
         out = b""
-        while (at := min(self._arrives(), self.next_out())) <= until:
+        while (at := self.next_event()) <= until:
             self.now = max(self.now, at)
             if self.next_out() > at:
                 self._carry_out(self._inbox.popleft().data)

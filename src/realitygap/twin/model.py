@@ -110,12 +110,9 @@ def build_xml(arena: Mapping[str, Any], unit: Unit, *, timestep: float = 0.001, 
     """The whole model.
 
     Args:
-        arena: the room, in plain numbers.
-        unit: sizes of this robot.
+        arena, unit: the room in plain numbers, and the robot's sizes.
         timestep: s.
-        extra: goes into the world.
-        disk: goes onto the robot.
-        visual: goes before both.
+        extra, disk, visual: what goes into the world, onto the robot, and before both.
     """
     motor = (f'nominal="{NOMINAL_VOLT} {STALL_TORQUE} {NO_LOAD_SPEED}" lugre="{LUGRE}" '
              f'ctrllimited="true" ctrlrange="{-NOMINAL_VOLT} {NOMINAL_VOLT}"')  # fmt: skip

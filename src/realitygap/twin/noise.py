@@ -116,13 +116,12 @@ def _drift_at(noise: Any, sensor: int, time_ms: int) -> Any:
 
 @step
 def noise_at(noise: Any, sensor: int, time_ms: int, refreshed: int) -> Any:
-    """The whole noise of a sensor, deviation 1, refreshed last at a time (ms).
+    """The whole noise of a sensor, deviation 1.
 
     Args:
         noise: one channel's.
         sensor: its number.
-        time_ms: now.
-        refreshed: when its reading was last made anew, ms.
+        time_ms, refreshed: now, and when its reading was last made anew.
     """
     return WHITE * white_at(noise, sensor, refreshed) + DRIFT * _drift_at(noise, sensor, time_ms)
 
@@ -165,9 +164,7 @@ def creep_of(seed: int, noise: float, phases: tuple[float, float]) -> tuple[Cree
 
 @step
 def creep_at(creep: Any, wheel: int, x: float, y: float, angle: float) -> Any:
-    """Creep of a wheel (0 left, 1 right) that stands at x, y (m) and has turned by an angle (rad).
-
-    To be asked once in `CREEP_MS`, while there are draws.
+    """A wheel's creep, to be asked once in `CREEP_MS`, while there are draws.
 
     Args:
         creep: the wheels'.

@@ -43,13 +43,8 @@ class Plate:
         return np.asarray(windows.mean(axis=(3, 4)), np.float32)
 
     def shown(self, soft: Array, off: NDArray[Any], turn: tuple[float, float]) -> Array:
-        """[2, ...] cover and whiteness of a card, at places off the robot's centre.
-
-        Args:
-            soft: the card as samples see it.
-            off: [2, ...] x and y from the robot's centre (m).
-            turn: cosine and sine of its heading.
-        """
+        """[2, ...] cover and whiteness of a `softened` card at places `off` [2, ...] the robot's centre (m);
+        `turn` has cosine and sine of its heading."""
         (x, y), (c, s) = off, turn
         ahead, left = c * x + s * y - self._first[0], c * y - s * x - self._first[1]
         parts = self._count * TEXELS / float(self._across[0] ** 2 + self._across[1] ** 2)

@@ -65,10 +65,8 @@ class Port:
         """At most so many bytes, those that are there; at a wrong rate noise."""
         try:
             return self._tuned(os.read(self._master, count))
-        except BlockingIOError:
-            return b""
         except OSError as error:
-            if error.errno != errno.EIO:
+            if error.errno not in (errno.EAGAIN, errno.EIO):  # nothing there; nobody there
                 raise
             return b""
 

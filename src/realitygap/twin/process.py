@@ -71,14 +71,12 @@ class TwinProcess(Closing):
                 self._hand.settimeout(CHANNEL_S)
                 self._hand.connect(self.channel)
             self._hand.sendall(line.encode() + b"\n")
-            reply = b""
-            while not reply.endswith(b"\n"):
-                data = self._hand.recv(4096)
-                if not data:
-                    raise RobotError("the twin is gone")
-                reply += data
+            with self._hand.makefile("rb") as answers:  # one line for each that was sent
+                reply = answers.readline()
         except OSError as error:
             raise RobotError(f"the twin does not answer: {error.strerror or error}") from None
+        if not reply.endswith(b"\n"):
+            raise RobotError("the twin is gone")
         word, _, rest = reply.decode().strip().partition(" ")
         if word == "error":
             raise RobotError(f"the twin refused {line.split()[0]!r}: {rest}")
@@ -87,10 +85,7 @@ class TwinProcess(Closing):
 def start_twin(arena: Mapping[str, Any], *, pose: Pose | None = None, **settings: Any) -> TwinProcess:
     """Start a twin in a process of its own; it ends when closed, or with this process.
 
-    Args:
-        arena: the room in plain numbers.
-        pose: where it stands at first; None leaves it to the body.
-        settings: the others of `Settings` (`realitygap.twin.server`), `unit` at least.
+    Arguments as of `realitygap.twin.server.Settings`; `unit` is needed.
 
     Raises:
         UsageError: a setting that the twin refuses.

@@ -69,12 +69,11 @@ def clearance(scene: Any, x: float, y: float) -> Any:
 
 @step
 def near(scene: Any, x: float, y: float, reach: float) -> Any:
-    """How many faces and circles come nearer than `reach` (m) to a point: they alone are looked at.
+    """How many faces and circles come near a point: they alone are looked at.
 
     Args:
         scene: what stands there; it holds their numbers afterwards.
-        x, y: the point, m.
-        reach: m.
+        x, y, reach: the point, and how near, m.
     """
     some, others = 0, 0
     for k in range(scene.length.shape[0]):
@@ -155,10 +154,10 @@ def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy:
 
 @step
 def is_clear(scene: Any, x: float, y: float, ax: float, ay: float) -> Any:
-    """Whether nothing stands between a point (m) and another, `ax`, `ay` further on.
+    """Whether nothing stands between two points.
 
     Args:
-        scene: as `near` left it.
+        scene: what stands there.
         x, y: one point, m.
         ax, ay: the way to the other, m.
     """

@@ -36,10 +36,8 @@ class Sensors:
     """The eight sensors of one unit in one arena.
 
     Args:
-        arena: the room, in plain numbers.
+        arena, noise, seed: as of `TwinBody`.
         unit: its sensors' own gains and places.
-        noise: a scale.
-        seed: of the noise.
     """
 
     def __init__(self, arena: Mapping[str, Any], unit: Unit, *, noise: float, seed: int) -> None:
@@ -103,14 +101,13 @@ def _proximity(eyes: Any, noises: Any, noise: float, time_ms: int, history: Any,
 
 @step
 def noisy_proximity(noises: Any, noise: float, k: int, time_ms: int, signal: float) -> Any:
-    """What sensor k's converter takes for a signal (counts), its noise of this moment on it.
+    """What a sensor's converter takes for a signal, its noise of this moment on it.
 
     Args:
-        noises: of what is seen, and of a sensor that sees nothing.
-        noise: the scale.
+        noises, noise: of what is seen and of a sensor that sees nothing, and the scale of both.
         k: which sensor.
         time_ms: now.
-        signal: without noise.
+        signal: without noise, counts.
     """
     if noise:
         when = refreshed_at(k, time_ms)

@@ -52,11 +52,7 @@ class Settings:
     """How a twin is started.
 
     Args:
-        arena: the room in plain numbers, as the twin takes it (size_cm, cylinders, walls, lamps, in cm;
-            reflectance).
-        unit: which robot of the population.
-        noise: the twin's noise scale.
-        seed: of its noise.
+        arena, unit, noise, seed: as of `TwinBody`.
         clock: "virtual", or "real" time.
         baud: the robot's jumper.
         pose: x, y (cm) and heading (rad) at first; None leaves it to the body.
@@ -85,11 +81,8 @@ class Settings:
 
 
 class Server:
-    """Serves one robot. As a context it opens and closes the device and the channel.
-
-    Args:
-        settings: of the first one.
-    """
+    """Serves one robot, at first of these settings. As a context it opens and closes the device and the
+    channel."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings

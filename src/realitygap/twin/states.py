@@ -30,11 +30,10 @@ class States(NamedTuple):
 
     @classmethod
     def standing(cls, time_ms: ArrayLike, x_cm: ArrayLike, y_cm: ArrayLike, heading: ArrayLike) -> Self:
-        """States of a robot that stands upright: x, y in cm, heading in rad, [n] each.
+        """States of a robot that stands upright.
 
         Args:
-            time_ms: [n].
-            x_cm, y_cm: [n].
+            time_ms, x_cm, y_cm: [n].
             heading: [n] rad.
         """
         t = np.asarray(time_ms, np.int64)

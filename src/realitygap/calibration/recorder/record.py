@@ -171,16 +171,8 @@ def _parts(wanted: Wanted, body: Body) -> list[Part]:
 
 
 def _check_sensors(body: Body, base: Profile, kinds: Container[str]) -> None:
-    """Refuse a robot whose sensors are not its base's: its commands would be another robot's.
-
-    Args:
-        body: the robot.
-        base: may lack sensors that are not recorded.
-        kinds: of the sensors that are.
-
-    Raises:
-        UsageError: names both and the cure.
-    """
+    """Refuse a robot whose sensors are not its base's: its commands would be another robot's. The base may
+    lack sensors but for the `kinds` that are recorded."""
     for one in body.channels:
         theirs = len(base.channel(one.name).sensors)
         if theirs != one.sensors and (theirs or one.name in kinds):

@@ -34,11 +34,9 @@ class OwnSite(Closing):
     """A robot that places itself.
 
     Args:
-        body: the robot.
-        room: in plain numbers (cm).
+        body, room, marker: as of `site_of`.
         seed: of its noise, together with the place: no place or trial affects the next.
         camera: whether to use the camera over the floor, if the robot has one.
-        marker: what the robot wears under it; the shipped disk if None.
     """
 
     def __init__(
@@ -95,11 +93,7 @@ class OwnSite(Closing):
 
 
 class PersonSite:
-    """A person who places the robot as asked.
-
-    Args:
-        ask: asks the person: an empty answer continues, "s" skips, "q" stops.
-    """
+    """A person who places the robot as asked: an empty answer continues, "s" skips, "q" stops."""
 
     def __init__(self, ask: Ask) -> None:
         self._ask = ask

@@ -42,11 +42,8 @@ class Header(NamedTuple):
 def read_sam(path: str | Path, *, object: str | None = None, kind: str | None = None) -> SensorRecording:
     """A table as a recording.
 
-    Args:
-        path: the table.
-        object: "wall", "cylinder:RADIUS_CM" or "lamp"; by default a wall, or a lamp if the readings
-            lie on the steps of light tables.
-        kind: "infrared" or "ambient"; follows from the object.
+    Its object is "wall", "cylinder:RADIUS_CM" or "lamp"; by default a wall, or a lamp if the readings lie on
+    the steps of light tables. Its kind, "infrared" or "ambient", follows from the object.
 
     Raises:
         RecordingError: names file and line, what was expected and what came.

@@ -6,7 +6,6 @@ be seen from outside.
 
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +103,7 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     if odometry is not None:
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
     model = wheel_speeds(profile, recording)
-    left = {name: wheel_speeds(one.profile, recording) - measured for name, one in fits.items()}
+    left = {name: wheel_speeds(made, recording) - measured for name, (made, *_) in fits.items()}
     speeds = [c for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *_speed_bounds(base))]
     refuse_wheels(recording, measured, model, {c.key: c.value for c in speeds})
     tick()
@@ -157,16 +156,13 @@ def _with_others(
     return (*constants, Constant(key="friction_cm_s2", value=value, low=low, high=high, told=low > 0))
 
 
-class _Fitted(NamedTuple):
-    """One form's profile, its constants, and pairs that the counters cannot separate."""
+def _fit(
+    form: str, base: Profile, recording: WheelRecording, measured: Floats
+) -> tuple[Profile, tuple[Constant, ...], tuple[tuple[str, str, float], ...]]:
+    """One form's profile, its constants, and pairs that the counters cannot separate.
 
-    profile: Profile
-    constants: tuple[Constant, ...]
-    alike: tuple[tuple[str, str, float], ...]
-
-
-def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) -> _Fitted:
-    """Speed per unit of each wheel, and in the form "refitted" the gains, the lag and the play too."""
+    Free are the speed per unit of each wheel, and in the form "refitted" the gains, the lag and the play too.
+    """
     from scipy.optimize import least_squares
 
     keys = [*SPEED_KEYS] + ([*GAINS, "play_cm"] if form == "refitted" else [])
@@ -178,13 +174,11 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) 
     use = _told(recording, measured)
     speeds = _steady(recording, measured)
 
-    def made(theta: Floats) -> Profile:
-        return _with(base, dict(zip(keys, theta.tolist(), strict=True)))
-
     def residuals(theta: Floats) -> Floats:
-        if not _stable(theta, keys, base):
+        law = dict(zip(keys, theta.tolist(), strict=True))
+        if not _stable(base, law):
             return np.full(int(use.sum()), 1e3)
-        off = (wheel_speeds(made(theta), recording) - measured)[use]
+        off = (wheel_speeds(_with(base, law), recording) - measured)[use]
         return np.asarray(np.clip(off, -1e3, 1e3))
 
     step = np.array([1e-4, 1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3][: len(keys)])
@@ -199,7 +193,7 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) 
     found = min(tried, key=attrgetter("cost"))
     trial = np.broadcast_to(recording.trial[:, None], use.shape)[use]
     told = intervals(keys, found.x, (low, high), residuals, trial, robust_at=ROBUST_AT)
-    return _Fitted(made(found.x), *told)
+    return _with(base, dict(zip(keys, found.x.tolist(), strict=True))), *told
 
 
 def _speed_bounds(base: Profile) -> tuple[float, float]:
@@ -222,10 +216,9 @@ def _told(recording: WheelRecording, measured: Floats) -> NDArray[np.bool_]:
     return np.asarray(use)
 
 
-def _stable(theta: Floats, keys: list[str], base: Profile) -> bool:
+def _stable(base: Profile, law: dict[str, float]) -> bool:
     """Whether a wheel with these gains settles, and goes no further than a radius in a step at command 1;
     otherwise no profile could hold it."""
-    law = dict(zip(keys, theta.tolist(), strict=True))
     if max(law[key] for key in SPEED_KEYS) * base.period_s > base.body.radius_cm:
         return False
     kp, ki, kd = (law.get(key, getattr(base.wheels, key)) for key in ("kp", "ki", "kd"))

@@ -27,11 +27,7 @@ def measure_friction(recording: WheelRecording, measured: Floats) -> Friction | 
     """The range of thresholds that explains the wheels' delays at standing starts.
 
     A wheel that rests under a command of speed v adds v/0.1 s to I each step: if it starts in its
-    n-th step, the threshold lies between n − 1 and n times that.
-
-    Args:
-        recording: of the wheels.
-        measured: [n, 2] speeds, cm/s.
+    n-th step, the threshold lies between n − 1 and n times that. `measured` are its speeds [n, 2], cm/s.
     """
     lows, highs = [], []
     for rows in recording.trials():

@@ -77,10 +77,7 @@ def measured_speeds(
 ) -> Floats:
     """[n, 2] mean speed of the wheels in the step after each row, cm/s; NaN where unknown.
 
-    Args:
-        recording: of a drive.
-        odometry: from the camera; without counters speeds come from its poses.
-        cm_per_pulse: of the counters, if there is no odometry.
+    Without counters speeds come from the camera's poses; `cm_per_pulse` is of counters without odometry.
     """
     step, way = np.diff(recording.t_s), np.diff(recording.counters, axis=0)
     lengths = odometry.cm_per_pulse if odometry else cm_per_pulse
