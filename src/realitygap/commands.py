@@ -185,19 +185,12 @@ def reproduce(
     from realitygap.cli.reproduce import carried_out, requested_by
 
     _require_engine(engine)
-    options = {"profile": _name(profile), "runs": runs, "evaluations": evaluations, "seed": seed}
-    options["starts"] = starts
+    options = {"runs": runs, "evaluations": evaluations, "seed": seed, "starts": starts}
     folder = as_path(out, "out")
-    requested = requested_by(folder, resume, options)
+    requested = requested_by(folder, resume, {"profile": _name(profile), **options})
     with _stopping():
         return carried_out(
-            folder,
-            requested,
-            transfer=transfer,
-            workers=workers,
-            engine=engine,
-            resume=resume,
-            watch=watch,
+            folder, requested, transfer=transfer, workers=workers, engine=engine, resume=resume, watch=watch
         ).study
 
 

@@ -28,17 +28,6 @@ CELL, MATE, REPLACED, OFFSPRING = 0, 1, 2, 3
 CROSSOVER, MUTATION, ADD_NEURON, DELETE_NEURON, ADD_LINK, DELETE_LINK, START = range(7)
 """Under OFFSPRING, as `controller/breeding.py` says."""
 
-TABLE = {
-    "a study's seed": ("PICTURES", "PSEUDO"),
-    "a run": ("BREEDING", "TRIALS", "RETEST", "FRESH", "TRANSFER", "NAMED"),
-    "a trial": ("ASIDE", "TWIN_NOISE", "CONSTANTS"),
-    "an evaluation": ("CELL", "MATE", "REPLACED", "OFFSPRING"),
-    "an individual": (
-        "CROSSOVER", "MUTATION", "ADD_NEURON", "DELETE_NEURON", "ADD_LINK", "DELETE_LINK", "START",
-    ),
-}  # fmt: skip
-"""The names under each kind of parent."""
-
 
 def named_stream(seed: int, *names: object) -> int:
     """An experiment's stream of whatever these names name, 0 to 2⁶⁴ − 1."""

@@ -96,7 +96,7 @@ def check(
         known = load_profile(profile if named else facts_of(body).get("base", profile))
         if named:  # another robot's commands could be ten times as fast
             seen = [one.name for one in body.channels if known.channel(one.name).sensors]
-            check_fit(body, known, seen, "profile: expected the robot's, got one of")
+            check_fit(body, known, seen)
         units = round(MOVE_CM_S / known.wheels.speed_per_unit_cm_s[0])
         if isinstance(body, Placing):
             body.enter({"size_cm": [ROOM_CM] * 2}, 0, Pose(x=ROOM_CM / 2, y=ROOM_CM / 2, heading=0.0))

@@ -80,8 +80,6 @@ class Rewards:
 @lru_cache(maxsize=16)
 def _prefix_loop(score: CompiledScore) -> Callable[..., None]:
     """Scores of the first rows of paths, compiled as the score is."""
-    from realitygap.kernels.jit import SHELF
-
     one = score.compiled
 
     def take(paths: Any, done: Any, which: Any, room: Any, scores: Any) -> None:
@@ -89,7 +87,4 @@ def _prefix_loop(score: CompiledScore) -> Callable[..., None]:
             p, k = paths[which[i]], done[which[i]]
             scores[i] = one(Path(p[0, :k], p[1, :k], p[2, :k], p[3, :k], p[4, :k], p[5, :k]), room)
 
-    if one is score.plain:  # the compiler is off
-        return take
-    loop: Callable[..., None] = SHELF.compiled(take, like=one, error_model="numpy")
-    return loop
+    return score.around(take)

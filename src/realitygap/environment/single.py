@@ -154,9 +154,7 @@ class _Situated:
             kinds = self.simulation.task.kinds
             self._body = self.robot.open(kinds=kinds)
             try:
-                check_fit(
-                    self._body, self.simulation.profile, kinds, "profile: expected the robot's, got one of"
-                )
+                check_fit(self._body, self.simulation.profile, kinds)
             except BaseException:
                 self.close()
                 raise

@@ -10,6 +10,7 @@ from realitygap.simulation.engine import Cores
 from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather
 from realitygap.study.run import Bench
+from realitygap.values import Closing
 from realitygap.work.pool import Pool, Setup, Tell
 from realitygap.work.processes import Processes
 
@@ -19,7 +20,7 @@ STAGES = ("light", "near", "breeding", "bounds"), ("trials", "record")
 """The longest first, its bounds last, which share code; what encloses others comes when they are on file."""
 
 
-class Ahead:
+class Ahead(Closing):
     """Carries out compilation jobs, named in STAGES, and keeps the code on disk."""
 
     def __init__(self) -> None:
@@ -39,9 +40,6 @@ class Ahead:
                 one.simulation(one.noise).compile()
         else:
             Cores(bench.task, bench.profile, bench.noise).compile_part(job)
-
-    def close(self) -> None:
-        """It holds nothing."""
 
 
 def compile_ahead() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 from realitygap.errors import StudyError
 from realitygap.study.schema import ARRAYS, check_format
 
-__all__ = ["SCHEMA", "check_of", "parts", "seal", "seal_more", "verify", "verify_all"]
+__all__ = ["SCHEMA", "check_of", "kept", "parts", "seal", "seal_more", "verify", "verify_all"]
 
 OF_RUN = {
     "run": "id",
@@ -56,7 +56,7 @@ def seal_more(database: sqlite3.Connection, run: int, part: str, since: int) -> 
     """
     query = f"SELECT * FROM {part} WHERE run = ? AND number >= ? ORDER BY number"
     rows = database.execute(query, (run, since))
-    _put(database, run, part, _chained(_kept(database, run, part) or _first(part, rows), rows))
+    _put(database, run, part, _chained(kept(database, run, part) or _first(part, rows), rows))
 
 
 def verify(database: sqlite3.Connection, path: Path, run: int, part: str) -> None:
@@ -72,7 +72,7 @@ def verify(database: sqlite3.Connection, path: Path, run: int, part: str) -> Non
         StudyError: they differ; names the file, the run and the cure.
     """
     of_none, there = _digests(database, run, part)
-    if there != (_kept(database, run, part) or of_none):
+    if there != (kept(database, run, part) or of_none):
         whose = f"run {run}: " if run else ""
         raise StudyError(
             f"{path}: {whose}table {part!r} does not hold what was written there: the file is damaged or was "
@@ -129,7 +129,8 @@ def _chained(before: bytes, rows: Iterable[tuple[Any, ...]]) -> bytes:
     return before
 
 
-def _kept(database: sqlite3.Connection, run: int, part: str) -> bytes | None:
+def kept(database: sqlite3.Connection, run: int, part: str) -> bytes | None:
+    """The digest on file of a table's rows; None where none was written."""
     query = "SELECT value FROM digest WHERE run = ? AND part = ?"
     row = database.execute(query, (run, part)).fetchone()
     return None if row is None else row[0]

@@ -35,13 +35,13 @@ class Home(Closing):
 def words_for(folder: Path, pool: Pool) -> Words:
     """What a pool's workers are sent of a study."""
     place = "" if far(pool) else str(folder.resolve())
-    return place, Reader(folder / DATABASE).sources() or {}
+    return place, Reader(folder / DATABASE).sources()
 
 
 def home_of(words: Words) -> Home:
     """The study's folder, in a worker."""
     place, sources = Path(words[0]), words[1]
-    if words[0] and exists(place) and (Reader(place / DATABASE).sources() or {}) == sources:
+    if words[0] and exists(place) and Reader(place / DATABASE).sources() == sources:
         agree(place)  # the parent has asked
         return Home(place)
     made = temporary.Folder("study")

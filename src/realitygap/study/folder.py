@@ -148,7 +148,7 @@ def read_config(folder: Path) -> StudyConfig:
         raise StudyError(f"{path}: missing. Restore it from a copy: the study cannot be read without it.")
     there = StudyConfig.from_toml(path, local=True)
     sources = Reader(folder / DATABASE).sources()
-    if sources is not None:
+    if sources:
         made = StudyConfig.from_dict(tomllib.loads(sources[CONFIG].decode()))
         refuse_edited_settings(path, _decisive(made.to_dict()), _decisive(there.to_dict()))
     return there
@@ -170,7 +170,7 @@ def own_config(folder: Path) -> StudyConfig:
         StudyError, ConfigError: as of `read_config`; or a file is missing, leads elsewhere or was edited.
     """
     config = read_config(folder)
-    sources = Reader(folder / DATABASE).sources() or {}
+    sources = Reader(folder / DATABASE).sources()
     refuse_edited(folder, {name: was for name, was in sources.items() if name != CONFIG})
     return own(config, folder)
 
@@ -193,7 +193,7 @@ def read_profile(folder: Path) -> Profile:
         StudyError: the copy is missing or was edited since.
     """
     config = read_config(folder)
-    sources = Reader(folder / DATABASE).sources() or {}
+    sources = Reader(folder / DATABASE).sources()
     refuse_edited(folder, {name: was for name, was in sources.items() if name == config.profile})
     return load_profile(inside(folder, config.profile))
 
@@ -245,7 +245,7 @@ def refuse_other(folder: Path, other: Path) -> None:
         own_config(one)  # its files are as they were
     here, there = (_decisive(read_config(one).to_dict()) for one in (folder, other))
     refuse_difference(f"{folder}: the study was made", here, there, f"{other} has that. {cure}")
-    ours, theirs = (Reader(one / DATABASE).sources() or {} for one in (folder, other))
+    ours, theirs = (Reader(one / DATABASE).sources() for one in (folder, other))
     for name in sorted((ours.keys() | theirs.keys()) - {CONFIG}):
         where = changed(name, ours.get(name, b""), theirs.get(name, b""))
         if where is not None:

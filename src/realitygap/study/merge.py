@@ -99,7 +99,7 @@ def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
     first = next(iter(shards.values()))
     for folder in shards.values():
         refuse_other(first, folder)
-    sources = Reader(first / DATABASE).sources() or {}
+    sources = Reader(first / DATABASE).sources()
     versions: set[int] = set()
     with new_folder(out, f"realitygap report {shlex.quote(str(out))}") as half:
         for name, content in sources.items():

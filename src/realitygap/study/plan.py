@@ -72,15 +72,6 @@ def named(noise: float) -> str:
 
 
 @routine
-def _streams(stream: np.uint64, first: int, count: int, trials: int) -> NDArray[np.uint64]:
-    out = np.empty((count, trials), np.uint64)
-    for e in range(count):
-        evaluation = substream(stream, np.uint64(first + e))
-        for t in range(trials):
-            out[e, t] = substream(evaluation, np.uint64(t))
-    return out
-
-
 def trial_streams(stream: np.uint64, first: int, count: int, trials: int) -> NDArray[np.uint64]:
     """Streams [count, trials] of the trials of `count` evaluations from `first`, under a run's TRIALS.
 
@@ -90,5 +81,9 @@ def trial_streams(stream: np.uint64, first: int, count: int, trials: int) -> NDA
         count: evaluations.
         trials: of each.
     """
-    streams: NDArray[np.uint64] = _streams(np.uint64(stream), first, count, trials)
-    return streams
+    out = np.empty((count, trials), np.uint64)
+    for e in range(count):
+        evaluation = substream(stream, np.uint64(first + e))
+        for t in range(trials):
+            out[e, t] = substream(evaluation, np.uint64(t))
+    return out

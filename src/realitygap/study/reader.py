@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
 from realitygap.study.arrays import evaluations, spread, unpacked
-from realitygap.study.digest import SCHEMA, parts, verify
+from realitygap.study.digest import SCHEMA, kept, parts, verify
 from realitygap.study.schema import ARRAYS, BLOCKS, SEALED, check_format, most_trials, told
 from realitygap.study.views import NAMES, lay_views
 
@@ -30,7 +30,7 @@ class Reader:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._sound: set[tuple[int, str, bytes]] = set()
+        self._sound: set[tuple[int, str, bytes | None]] = set()
 
     @contextmanager
     def reading(self, part: str = "", run: int | None = None) -> Iterator[sqlite3.Connection]:
@@ -59,10 +59,9 @@ class Reader:
         rows = self._kept("task")
         return None if rows is None else {name: json.loads(facts) for name, facts in rows}
 
-    def sources(self) -> dict[str, bytes] | None:
-        """The files that the study depends on, by name; None in an older format."""
-        rows = self._kept("source")
-        return None if rows is None else dict(rows)
+    def sources(self) -> dict[str, bytes]:
+        """The files that the study depends on, by name; none in an older format."""
+        return dict(self._kept("source") or ())
 
     def runs(self) -> list[dict[str, Any]]:
         """What is stored of each run, by the names of `load.Run`."""
@@ -96,12 +95,12 @@ class Reader:
         """Genotypes of all evaluations of a run, or of a block that contains `number`: number of the first,
         and their bytes."""
         version = self._format
-        kept: tuple[str, str, Callable[[bytes], bytes]] = ("evaluation", "genotype", bytes)
+        home: tuple[str, str, Callable[[bytes], bytes]] = ("evaluation", "genotype", bytes)
         if version >= BLOCKS:
-            kept = ("genotypes", "content", zlib.decompress)
+            home = ("genotypes", "content", zlib.decompress)
         if version >= ARRAYS:
-            kept = ("evolved", "genotypes", unpacked)
-        part, column, opened = kept
+            home = ("evolved", "genotypes", unpacked)
+        part, column, opened = home
         which, values = "", [run]
         if number is not None:
             which = f"AND number = (SELECT max(number) FROM {part} WHERE run = ? AND number <= ?)"
@@ -127,18 +126,12 @@ class Reader:
     def tests(self, run: int | None) -> Table:
         """Fresh trials of the fittest and the champion."""
         kinds = {"run": np.int64, "who": "U8", "noise": float}
-        if self._format >= ARRAYS:
-            some = "run, who DESC, noise", "who != 'population'"
-            return spread(self._rows("tested", "run, who, noise, scores", run, *some), kinds)
-        return self._table("test", kinds | _TRIAL, run, "run, who DESC, noise, trial")
+        return self._trials("test", kinds, run, "run, who DESC, noise", "who != 'population'")
 
     def retests(self, run: int | None) -> Table:
         """Fresh trials of the last population."""
         kinds = dict.fromkeys(("run", "cell", "number"), np.int64)
-        if self._format >= ARRAYS:
-            some = "run, cell", "who = 'population'"
-            return spread(self._rows("tested", "run, cell, number, scores", run, *some), kinds)
-        return self._table("retest", kinds | _TRIAL, run, "run, cell, trial")
+        return self._trials("retest", kinds, run, "run, cell", "who = 'population'")
 
     def query(self, sql: str, config: Mapping[str, Any]) -> Table:
         """Columns that an SQL statement selects from the tables and the views.
@@ -184,6 +177,12 @@ class Reader:
         with self.reading() as database:
             return check_format(database, self._path)
 
+    def _trials(self, part: str, kinds: Mapping[str, Any], run: int | None, order: str, who: str) -> Table:
+        """A row for each fresh trial of `who`: of the arrays, or in an earlier format of the table `part`."""
+        if self._format >= ARRAYS:
+            return spread(self._rows("tested", ", ".join([*kinds, "scores"]), run, order, who), kinds)
+        return self._table(part, {**kinds, **_TRIAL}, run, f"{order}, trial")
+
     def _rows(
         self, part: str, columns: str, run: int | None, order: str, which: str = "true"
     ) -> list[tuple[Any, ...]]:
@@ -195,11 +194,9 @@ class Reader:
 
     def _table(self, part: str, kinds: Mapping[str, Any], run: int | None, order: str) -> Table:
         """Columns, of these NumPy types, of a table of an earlier format; NaN for NULL."""
-        whose, values = ("true", ()) if run is None else ("run = ?", (run,))
-        query = f"SELECT {', '.join(kinds)} FROM {part} WHERE {whose} ORDER BY {order}"
-        with self.reading(part, run) as database:
-            rows = (tuple(np.nan if v is None else v for v in row) for row in database.execute(query, values))
-            filled = np.fromiter(rows, np.dtype(list(kinds.items())))
+        rows = self._rows(part, ", ".join(kinds), run, order)
+        plain = (tuple(np.nan if v is None else v for v in row) for row in rows)
+        filled = np.fromiter(plain, np.dtype(list(kinds.items())))
         return {key: np.ascontiguousarray(filled[key]) for key in kinds}
 
     def _kept(self, part: str) -> list[tuple[str, Any]] | None:
@@ -210,8 +207,7 @@ class Reader:
 
     def _verify(self, database: sqlite3.Connection, run: int, part: str) -> None:
         """Verify a part once, as long as nothing more is written."""
-        query = "SELECT value FROM digest WHERE run = ? AND part = ?"
-        seen = (run, part, *(database.execute(query, (run, part)).fetchone() or (b"",)))
+        seen = (run, part, kept(database, run, part))
         if seen not in self._sound:
             verify(database, self._path, run, part)
             self._sound.add(seen)

@@ -55,8 +55,6 @@ class CompiledScore:
 
     @cached_property
     def _loop(self) -> Callable[..., None]:
-        from realitygap.kernels.jit import SHELF
-
         score = self.compiled
 
         def take(paths: Any, room: Any, scores: Any) -> None:
@@ -64,10 +62,16 @@ class CompiledScore:
                 p = paths[t]
                 scores[t] = score(Path(p[0], p[1], p[2], p[3], p[4], p[5]), room)
 
-        if score is self.plain:  # the compiler is off
-            return take
-        loop: Callable[..., None] = SHELF.compiled(take, like=score, error_model="numpy")
-        return loop
+        return self.around(take)
+
+    def around(self, loop: Callable[..., None]) -> Callable[..., None]:
+        """A loop that encloses the compiled score, compiled as the score is."""
+        from realitygap.kernels.jit import SHELF
+
+        if self.compiled is self.plain:  # the compiler is off
+            return loop
+        made: Callable[..., None] = SHELF.compiled(loop, like=self.compiled, error_model="numpy")
+        return made
 
     def failure(self, error: Exception, path: Path, room: Room) -> TaskError:
         """What failed in the score; machine code knows no lines, so plain Python runs it again."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
-from unittest import SkipTest
+from unittest import SkipTest, TestCase
 
 from realitygap.errors import ConfigError, StudyError
 from realitygap.work.pool import Pool, Setup, Tell
@@ -78,13 +78,9 @@ class PoolContract:
 
     def test_an_error_arrives_as_itself(self) -> None:
         """With its message; the pool can then be closed."""
-        with closing(self.opened()) as pool:
-            try:
-                _heard(pool, [_Job(0), _Job(1, "refused"), _Job(2)])
-            except ConfigError as error:
-                assert str(error) == "job 1 is refused"
-            else:
-                raise AssertionError("expected ConfigError")
+        with closing(self.opened()) as pool, TestCase().assertRaises(ConfigError) as met:
+            _heard(pool, [_Job(0), _Job(1, "refused"), _Job(2)])
+        assert str(met.exception) == "job 1 is refused"
 
     def test_whoever_listens_may_stop_the_work(self) -> None:
         """Messages are heard in the thread that asked; what is raised there ends the work."""
@@ -94,13 +90,9 @@ class PoolContract:
             threads.append(threading.current_thread())
             raise KeyboardInterrupt
 
-        with closing(self.opened()) as pool:
-            try:
-                pool.work(Setup(_Bench, ("stopped",)), map(_Job, range(5)), stop)
-            except KeyboardInterrupt:
-                assert threads == [threading.current_thread()]
-            else:
-                raise AssertionError("expected KeyboardInterrupt")
+        with closing(self.opened()) as pool, TestCase().assertRaises(KeyboardInterrupt):
+            pool.work(Setup(_Bench, ("stopped",)), map(_Job, range(5)), stop)
+        assert threads == [threading.current_thread()]
 
     def test_a_lost_worker_is_replaced(self) -> None:
         """Another does its job again, and no message comes twice."""
@@ -115,13 +107,9 @@ class PoolContract:
         """It ends in one error that says how the worker died."""
         if not self.loses:
             raise SkipTest("its workers are not lost without this process")
-        with closing(self.opened()) as pool:
-            try:
-                _heard(pool, [_Job(0), _Job(1, "lost")])
-            except StudyError as error:
-                assert "a worker process died (signal 9). What was saved is kept" in str(error)
-            else:
-                raise AssertionError("expected StudyError")
+        with closing(self.opened()) as pool, TestCase().assertRaises(StudyError) as met:
+            _heard(pool, [_Job(0), _Job(1, "lost")])
+        assert "a worker process died (signal 9). What was saved is kept" in str(met.exception)
 
     def test_a_closed_pool_leaves_nothing_behind(self) -> None:
         """No process and no thread; closing once more does nothing."""

@@ -33,7 +33,6 @@ from realitygap.world.profile import Profile, load_profile
 
 __all__ = ["Drove", "Pair", "drive", "pairs"]
 
-OTHER_ROBOT = "profile: expected the robot's, got one of"
 MUST = ("reset", "sense", "act")
 """Methods without which nothing is a body."""
 
@@ -93,7 +92,7 @@ def drive(
         controller = named_controller(controller, task.feeds, layout)
     controller = as_controller(controller)
     body = _held_to_its_word(body)
-    check_fit(body, profile, task.kinds, OTHER_ROBOT)
+    check_fit(body, profile, task.kinds)
     body.reset(start)
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
@@ -160,7 +159,7 @@ def pairs(
         temporary.Folder("camera") as cameras,
         Rig(task, profile, robot=robot, twin_noise=scale, folder_for_camera=cameras) as rig,
     ):
-        check_fit(rig.body, profile, task.kinds, OTHER_ROBOT)
+        check_fit(rig.body, profile, task.kinds)
         for number in range(1, starts + 1):
             stream = int(substream(as_stream(seed, "seed"), as_stream(number)))
             start = simulation.start(stream) if pose is None else pose

@@ -138,6 +138,7 @@ class Situation:
         }
 
 
+OTHER_ROBOT = "profile: expected the robot's, got one of"
 SAME_SCALE = 0.01
 """Full scales that differ by at most this share are equal: a Thymio's 4500 counts are 4505 in some sources.
 """
@@ -261,7 +262,7 @@ def check_body(study: Study, task: str, body: Body) -> None:
     check_fit(body, study.profile, study.task(task).kinds, evolved)
 
 
-def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str) -> None:
+def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str = OTHER_ROBOT) -> None:
     """Refuse a robot of another kind than a profile's.
 
     Args:

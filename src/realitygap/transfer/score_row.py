@@ -22,10 +22,9 @@ from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import SHORTEST_S, Trial, resampled, trial_of
 from realitygap.errors import TrackError, UsageError
 from realitygap.kernels.rng import substream
-from realitygap.simulation.simulation import Simulation
+from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.streams import NAMED
 from realitygap.study.load import Run, Study
-from realitygap.study.plan import run_stream
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.load import Transferred
@@ -184,9 +183,8 @@ class Job:
         assert genes is not None
         networks = bench.study.networks(run.task, genes)
         simulation = Simulation(bench.task, bench.study.profile, run.noise)
-        stream = substream(run_stream(run.seed, run.task, run.noise, run.index), np.uint64(NAMED))
-        streams = [int(substream(np.uint64(stream), np.uint64(k))) for k in range(TRIALS)]
-        made = [simulation.trajectory(networks, stream=one)[0] for one in streams]
+        streams = batch_streams(int(substream(run.plan.stream, np.uint64(NAMED))), TRIALS)
+        made = [simulation.trajectory(networks, stream=one)[0] for one in streams.tolist()]
         radius = bench.study.profile.body.radius_cm
         return [trial_of(trajectory, start=str(k), radius_cm=radius) for k, trajectory in enumerate(made)]
 

@@ -23,6 +23,7 @@ from realitygap.study.digest import check_of
 from realitygap.study.load import Study, as_study
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.score_row import Bench, Job, ScoreRow
+from realitygap.values import Closing
 from realitygap.work.pool import Setup, Tell
 from realitygap.work.workers import Workers, near, opened
 
@@ -92,15 +93,12 @@ def _write(file: Path, rows: Mapping[str, dict[str, Any]]) -> None:
             whole.write(file, json.dumps(kept, indent=1))
 
 
-class _Scorer:
+class _Scorer(Closing):
     """Computes score rows; a job contains everything that its row follows from except the trials' files."""
 
     def carry_out(self, job: tuple[int, Job], tell: Tell) -> None:
         """One row, with its number."""
         tell((job[0], job[1].mark()))
-
-    def close(self) -> None:
-        """Nothing is held."""
 
 
 def kind_of(one: Transferred) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 
 from realitygap.errors import StudyError
 from realitygap.simulation.simulation import Simulation
-from realitygap.study.load import Run, Study, as_study
+from realitygap.study.load import Study, as_study
 from realitygap.transfer.apart import distances, in_pseudo_realities
 from realitygap.transfer.chosen import number_of
 from realitygap.transfer.load import Transferred
@@ -30,7 +30,7 @@ from realitygap.transfer.order import Order, mean, order_of
 from realitygap.transfer.replay import Replay, Replays
 from realitygap.transfer.score_row import Job
 from realitygap.transfer.score_rows import jobs_of
-from realitygap.values import Floats, as_stream
+from realitygap.values import Floats
 
 __all__ = ["Lived", "WithoutCamera", "without_camera"]
 
@@ -129,8 +129,8 @@ class _Unit(NamedTuple):
 
 def _controller(study: Study, job: Job, replays: Replays) -> tuple[Lived, list[_Unit]] | None:
     """A controller's figures, and each robot's; None if nothing is known of its trials."""
-    run = job.run
-    quiet = Simulation(study.task(run.task), study.profile, 0.0)
+    run, task = job.run, study.task(job.run.task)
+    quiet = Simulation(task, study.profile, 0.0)
     told = [(one, _apart(one, replays.of(one.folder), quiet)) for one in job.transfers]
     known = [(one, row) for one, row in told if row is not None]
     if not known:
@@ -141,6 +141,9 @@ def _controller(study: Study, job: Job, replays: Replays) -> tuple[Lived, list[_
         seen = tuple(one for one, _ in known if one.robot == robot and one.situated_from in SEEN)
         score = replace(job, transfers=seen).correspondence if seen else math.nan
         units.append(_Unit(robot, mean(ours), score))
+    number = number_of(run, job.individual)
+    assert number is not None
+    networks = study.networks(run.task, study.genotype(run.id, number))
     made = Lived(
         run=run.id, name=run.name, task=run.task, noise=run.noise, individual=job.individual, kind=job.kind,
         units=len(units), trials=len(known),
@@ -148,7 +151,7 @@ def _controller(study: Study, job: Job, replays: Replays) -> tuple[Lived, list[_
         correspondence=mean([one.correspondence for one in units]),
         fitness_simulated=mean([one.fitness_simulated for one, _ in known]),
         fitness_situated=mean([one.fitness_situated for one, _ in known]),
-        fitness_pseudo=_in_pseudo_realities(study, run, job.individual),
+        fitness_pseudo=in_pseudo_realities(task, study.profile, networks, study.config.seed),
         left_out=len(job.transfers) - len(known),
     )  # fmt: skip
     return made, units
@@ -160,15 +163,6 @@ def _apart(one: Transferred, replay: Replay, quiet: Simulation) -> dict[str, flo
     if simulated is None or situated is None or len(simulated.t) != len(situated.t):
         return None
     return distances(simulated, situated, one.situated, one.pose, quiet)
-
-
-def _in_pseudo_realities(study: Study, run: Run, individual: str) -> float:
-    """Mean fitness of a study's controller in pseudo-realities, the same for all of its controllers."""
-    number = number_of(run, individual)
-    assert number is not None
-    networks = study.networks(run.task, study.genotype(run.id, number))
-    stream = as_stream(study.config.seed, "seed")
-    return in_pseudo_realities(study.task(run.task), study.profile, networks, stream)
 
 
 def _order(names: tuple[str, str, str], group: Sequence[tuple[Lived, list[_Unit]]]) -> Order:
