@@ -15,8 +15,6 @@ import numpy as np
 from realitygap import whole
 from realitygap.controller.layout import (
     EXPRESSED,
-    FIRST_LINK,
-    LINK_FIELDS,
     MAX_DELAY,
     MAX_THRESHOLD,
     MAX_WEIGHT,
@@ -25,6 +23,7 @@ from realitygap.controller.layout import (
     Layout,
     bare,
     check_genes,
+    links_of,
 )
 from realitygap.controller.operators import Variation
 from realitygap.errors import GenotypeError, UsageError
@@ -67,11 +66,11 @@ def _slot_lines(genes: Genes, slot: int, layout: Layout) -> Iterator[str]:
     row = genes[slot]
     held = bool(row[EXPRESSED])
     sensor = slot < layout.inputs
-    if not row[FIRST_LINK - 1 :].any() and (sensor or not held):
+    if not row[THRESHOLD:].any() and (sensor or not held):
         return
     off = "" if held else " off"
     yield f"slot {slot}{off} threshold {row[THRESHOLD]}  # {layout.role(slot)}"
-    for k, link in enumerate(row[FIRST_LINK:].reshape(-1, LINK_FIELDS).tolist()):
+    for k, link in enumerate(links_of(genes)[slot].tolist()):
         if any(link):
             expressed, source, weight, delay = link
             off = "" if expressed else " off"
@@ -174,8 +173,7 @@ class _Reader:
         if k in self.links:
             self.refuse(f"link {k} only once in slot {slot}")
         self.links.add(k)
-        at = FIRST_LINK + LINK_FIELDS * k
-        self.genes[slot, at : at + LINK_FIELDS] = (
+        links_of(self.genes)[slot, k] = (
             not match[2],
             self.whole("source slot", match[3], 0, self.layout.slots - 1),
             self.whole("weight", match[4], -MAX_WEIGHT, MAX_WEIGHT),
