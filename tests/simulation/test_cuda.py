@@ -28,8 +28,7 @@ from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels import halves
-from realitygap.kernels.work import new_work
+from realitygap.kernels.work import new_work, quiet
 from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.reader import DATABASE
@@ -276,7 +275,7 @@ def test_a_kernel_has_room_for_what_its_threads_share(profile):
     """What lies near leaves the sensors their room; measured robots have most."""
     robot = load_profile(profile)
     task = replace(load_task("avoidance"), sensors=()).of(robot)
-    plan = cuda_kernels.plan_for(Cores(task, robot, 1.0), halves.quiet())
+    plan = cuda_kernels.plan_for(Cores(task, robot, 1.0), quiet())
     near = sum(int(np.prod(shape)) * np.dtype(kind).itemsize for part in plan.near for _, shape, kind in part)
     drawn = next(shape[0] for name, shape, _ in plan.own if name == "noise")
     assert near + plan.block // 32 * cuda_kernels.room_of(plan.sensors, drawn, plan.lit) <= cuda_kernels.ROOM
@@ -322,7 +321,7 @@ def test_trials_compile_for_a_gpu(monkeypatch, compiler):
     monkeypatch.setattr(engine, "require_gpu", lambda: None)
     monkeypatch.setattr(engine, "_placed", lambda value: value)
     made = engine.Cuda(load_task("obstacle-avoidance").of(PAPER), PAPER, 1.0)
-    nets, paths = halves.quiet(), np.zeros((128, 6, made.cores.trial.steps))
+    nets, paths = quiet(), np.zeros((128, 6, made.cores.trial.steps))
     batch = engine.Batch(np.zeros(128, np.int64), np.zeros(128, np.uint64), paths, np.zeros((128, 2)), 32)
     judge = cuda_kernels.scoring(made.cores.score.compiled).made.py_func
     kernel, work = made._trials(nets)

@@ -129,10 +129,9 @@ class Trials:
         self.poses = [random.uniform((4, 4, -3), (width - 4, depth - 4, 3)) for _ in range(each)]
 
     def scratch(self, which: int) -> Any:
-        from realitygap.kernels import halves
-        from realitygap.kernels.work import new_work
+        from realitygap.kernels.work import new_work, quiet
 
-        work = new_work(self.cores.robot, self.cores.trial, halves.quiet())
+        work = new_work(self.cores.robot, self.cores.trial, quiet())
         set_up(self.poses[which], work)
         return work._replace(settled=np.array([0, self.each], np.int64))
 

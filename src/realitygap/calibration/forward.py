@@ -7,7 +7,7 @@ a recording in an arena keeps its poses. The kernels compute the readings.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
 from realitygap.kernels.params import Arena as KernelArena
-from realitygap.kernels.params import Networks, Robot, Trial
-from realitygap.kernels.work import Work, new_work
+from realitygap.kernels.params import Robot
+from realitygap.kernels.work import Work, new_work, quiet, unfed
 from realitygap.values import Floats
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from realitygap.world.profile import Profile
@@ -193,12 +193,4 @@ def _robot(profile: Profile) -> Robot:
 
 def work_of(robot: Robot) -> Work:
     """Scratch arrays for its sensors and wheels."""
-    trial, networks = _nobody()
-    return new_work(robot, trial, networks)
-
-
-@cache
-def _nobody() -> tuple[Trial, Networks]:
-    from realitygap.kernels.halves import quiet
-
-    return Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5)), quiet()
+    return new_work(robot, unfed(), quiet())

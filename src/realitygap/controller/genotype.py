@@ -15,8 +15,6 @@ import numpy as np
 from realitygap import whole
 from realitygap.controller.layout import (
     EXPRESSED,
-    FIRST_LINK,
-    LINK_FIELDS,
     MAX_DELAY,
     MAX_THRESHOLD,
     MAX_WEIGHT,
@@ -25,6 +23,7 @@ from realitygap.controller.layout import (
     Layout,
     bare,
     check_genes,
+    links_of,
 )
 from realitygap.controller.operators import Variation
 from realitygap.errors import GenotypeError, UsageError
@@ -67,11 +66,11 @@ def _slot_lines(genes: Genes, slot: int, layout: Layout) -> Iterator[str]:
     row = genes[slot]
     held = bool(row[EXPRESSED])
     sensor = slot < layout.inputs
-    if not row[FIRST_LINK - 1 :].any() and (sensor or not held):
+    if not row[THRESHOLD:].any() and (sensor or not held):
         return
     off = "" if held else " off"
     yield f"slot {slot}{off} threshold {row[THRESHOLD]}  # {layout.role(slot)}"
-    for k, link in enumerate(row[FIRST_LINK:].reshape(-1, LINK_FIELDS).tolist()):
+    for k, link in enumerate(links_of(genes)[slot].tolist()):
         if any(link):
             expressed, source, weight, delay = link
             off = "" if expressed else " off"
@@ -136,15 +135,17 @@ class _Reader:
         came = self.line if self.line == "the end of the text" else f'"{self.line}"'
         raise GenotypeError(f"{self.source}, line {self.number}: expected {expected}, got {came}")
 
+    def matched(self, pattern: re.Pattern[str], form: str) -> re.Match[str]:
+        return pattern.fullmatch(self.line) or self.refuse(f'"{form}"')
+
     def whole(self, name: str, text: str, low: int, high: int) -> int:
         if not low <= int(text) <= high:
             self.refuse(f"a {name} of {low} to {high}")
         return int(text)
 
     def read_layout(self) -> Layout:
-        match = _LAYOUT.fullmatch(self.advance())
-        if not match:
-            self.refuse('"layout inputs N outputs 2 slots N links N"')
+        self.advance()
+        match = self.matched(_LAYOUT, "layout inputs N outputs 2 slots N links N")
         inputs, outputs, slots, links = map(int, match.groups())
         try:
             return Layout(inputs=inputs, outputs=outputs, slots=slots, links=links)
@@ -152,9 +153,7 @@ class _Reader:
             raise GenotypeError(f"{self.source}, line {self.number}: {error}") from None
 
     def read_slot(self) -> int:
-        match = _SLOT.fullmatch(self.line)
-        if not match:
-            self.refuse('"slot N [off] threshold N"')
+        match = self.matched(_SLOT, "slot N [off] threshold N")
         slot = self.whole("slot", match[1], 0, self.layout.slots - 1)
         if slot in self.slots:
             self.refuse(f"slot {slot} only once")
@@ -167,15 +166,12 @@ class _Reader:
         return slot
 
     def read_link(self, slot: int) -> None:
-        match = _LINK.fullmatch(self.line)
-        if not match:
-            self.refuse('"link N [off] from SLOT weight N delay N"')
+        match = self.matched(_LINK, "link N [off] from SLOT weight N delay N")
         k = self.whole("link field", match[1], 0, self.layout.links - 1)
         if k in self.links:
             self.refuse(f"link {k} only once in slot {slot}")
         self.links.add(k)
-        at = FIRST_LINK + LINK_FIELDS * k
-        self.genes[slot, at : at + LINK_FIELDS] = (
+        links_of(self.genes)[slot, k] = (
             not match[2],
             self.whole("source slot", match[3], 0, self.layout.slots - 1),
             self.whole("weight", match[4], -MAX_WEIGHT, MAX_WEIGHT),

@@ -18,7 +18,7 @@ from realitygap.values import shown
 
 __all__ = [
     "MAX_DELAY", "MAX_THRESHOLD", "MAX_WEIGHT", "Genes", "Layout", "bare", "check_genes", "check_layout",
-    "genes_of", "write_neuron",
+    "genes_of", "links_of", "write_neuron",
 ]  # fmt: skip
 
 Genes = NDArray[np.int8]
@@ -94,6 +94,11 @@ def bare(layout: Layout) -> Genes:
     return genes
 
 
+def links_of(genes: Genes) -> Genes:
+    """The link fields of a genotype, [slots, links, LINK_FIELDS]: the same memory."""
+    return genes[:, FIRST_LINK:].reshape(len(genes), -1, LINK_FIELDS)
+
+
 def write_neuron(genes: Genes, slot: int, threshold: int, links: Iterable[Iterable[int]]) -> None:
     """Put a neuron into a slot: its threshold, and its first links: source slot, weight and delay of each.
 
@@ -105,7 +110,7 @@ def write_neuron(genes: Genes, slot: int, threshold: int, links: Iterable[Iterab
     """
     genes[slot, EXPRESSED], genes[slot, THRESHOLD] = 1, threshold
     for k, link in enumerate(links):
-        genes[slot, FIRST_LINK + LINK_FIELDS * k :][:LINK_FIELDS] = (1, *link)
+        links_of(genes)[slot, k] = (1, *link)
 
 
 def genes_of(
@@ -138,7 +143,7 @@ def check_genes(genes: Genes, layout: Layout, *, source: str = "the genotype") -
     check_layout(layout)
     if not isinstance(genes, np.ndarray) or genes.dtype != np.int8 or genes.shape != layout.shape:
         raise GenotypeError(f"{source}: expected an array int8{list(layout.shape)}, got {shown(genes)}")
-    links = genes[:, FIRST_LINK:].reshape(layout.slots, layout.links, LINK_FIELDS)
+    links = links_of(genes)
     for name, values, low, high in (
         ("an expressed flag", genes[:, EXPRESSED], 0, 1),
         ("a threshold", genes[:, THRESHOLD], -MAX_THRESHOLD, MAX_THRESHOLD),

@@ -13,8 +13,6 @@ import numpy as np
 from realitygap.controller.decoding import dense_networks, first_fault
 from realitygap.controller.layout import (
     EXPRESSED,
-    FIRST_LINK,
-    LINK_FIELDS,
     MAX_DELAY,
     MAX_THRESHOLD,
     MAX_WEIGHT,
@@ -23,6 +21,7 @@ from realitygap.controller.layout import (
     Layout,
     check_genes,
     check_layout,
+    links_of,
 )
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.network import first_unfit
@@ -107,21 +106,14 @@ def check_networks(networks: Networks, inputs: int) -> int:
 
 def neurons(genes: Genes, layout: Layout) -> tuple[Neuron, ...]:
     """The motor and hidden neurons of one genotype with their live links, in the order of slots."""
-    expressed = [bool(flag) for flag in genes[:, EXPRESSED]]
-    return tuple(
-        Neuron(slot, int(genes[slot, THRESHOLD]), tuple(_live_links(genes[slot], expressed)))
-        for slot in range(layout.inputs, len(expressed))
-        if expressed[slot]
-    )
-
-
-def _live_links(row: Genes, expressed: list[bool]) -> list[Link]:
-    fields = row[FIRST_LINK:].reshape(-1, LINK_FIELDS).tolist()
-    return [
-        Link(k, source, weight, delay)
-        for k, (held, source, weight, delay) in enumerate(fields)
-        if held and expressed[source]
-    ]
+    expressed, links = genes[:, EXPRESSED].tolist(), links_of(genes).tolist()
+    found = []
+    for slot in range(layout.inputs, len(expressed)):
+        if expressed[slot]:
+            fields = [Link(k, *link) for k, (held, *link) in enumerate(links[slot]) if held]
+            live = tuple(link for link in fields if expressed[link.source])
+            found.append(Neuron(slot, int(genes[slot, THRESHOLD]), live))
+    return tuple(found)
 
 
 class NetworkController:

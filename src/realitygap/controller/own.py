@@ -6,14 +6,12 @@ from typing import Any
 
 from realitygap.controller.handmade import controller_genes
 from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController
+from realitygap.controller.network import TOP, NetworkController
 from realitygap.errors import UsageError
 from realitygap.user_code import blamed_on, named_object
 from realitygap.values import Command, shown
 
 __all__ = ["OwnController", "as_controller", "named_controller", "own_controller"]
-
-TOP = 10
 
 
 class OwnController:

@@ -14,10 +14,10 @@ from realitygap.environment import spaces
 from realitygap.environment.reward import Rewards
 from realitygap.environment.spaces import SETTINGS, Info
 from realitygap.errors import UsageError
-from realitygap.kernels import batch, crowd, halves
+from realitygap.kernels import batch, crowd
 from realitygap.kernels.params import Path, World
 from realitygap.kernels.rng import substream
-from realitygap.kernels.work import new_work
+from realitygap.kernels.work import new_work, quiet
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
@@ -71,7 +71,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             raise UsageError(f"autoreset_mode: expected {', '.join(known)}, got {autoreset_mode!r}.")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self._task, self._arena, self._nobody = load_task(task).under(spread), arena, halves.quiet()
+        self._task, self._arena, self._nobody = load_task(task).under(spread), arena, quiet()
         self._seeds: NDArray[np.uint64] | None = None
         self._trial = np.zeros(num_envs, np.int64)
         self._settle(Simulation(self._task, profile, noise, arena))

@@ -1,4 +1,4 @@
-"""Entry points for Python: many trials, one recorded trial, readings at a pose."""
+"""Entry points for Python: many trials, one recorded trial, a step in two halves, readings at a pose."""
 
 from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
@@ -105,6 +105,33 @@ def record_trial(world, nets, stream, work, aside, record):
         for w in range(2):
             record.commands[k, w] = output(nets, 0, work, w)
             record.wheels[k, w] = work.wheel[w, 0] / robot.speed_per_unit[w]
+
+
+@kernel
+def set_down(nets, work):
+    """Put the robot at rest at work.start, wheels without commands."""
+    begin(nets, 0, work.start, work)
+    work.outputs[0] = 0
+    work.outputs[1] = 0
+
+
+@kernel
+def sense_now(world, stream, k, both, work, aside):
+    """The first half of step `k`, for controllers that are not kernels: readings of the fed sensors into
+    work.readings, of the others into `aside`.
+
+    A function of the trial's stream, the step and the pose: the same bits as record_trial.
+    """
+    draw_noise(world.level, stream, k, work.readings.shape[0], work)
+    sense_both(world, stream, k, both, work, aside)
+
+
+@kernel
+def move_on(world, nets, stream, k, work):
+    """The second half of step `k`: wheels and movement, under the commands in work.outputs."""
+    draw_noise(world.level, stream, k, work.readings.shape[0], work)
+    act(world.robot, nets, 0, world.level, work)
+    move(world.robot, world.arena, work)
 
 
 @kernel

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.kernels.jit import kernel, step
 from realitygap.kernels.params import I64, F, Path
-from realitygap.kernels.trial import act, begin, draw_noise, face, move, note, sense
+from realitygap.kernels.trial import act, begin, draw_noise, move, note, sense, stand
 
 
 class Crowd(NamedTuple):
@@ -34,9 +34,7 @@ class Crowd(NamedTuple):
 @step
 def pick_up(crowd, r, work):
     """Copy robot `r` into the scratch arrays."""
-    for i in range(3):
-        work.pose[i] = crowd.pose[r, i]
-    face(work)
+    stand(crowd.pose[r], work)
     for i in range(2):
         for j in range(work.wheel.shape[1]):
             work.wheel[i, j] = crowd.wheel[r, i, j]

@@ -119,6 +119,20 @@ def noise_blocks(sensors):
     return (sensors + MOTOR_NOISE + 15) // 16
 
 
+def quiet() -> Networks:
+    """One network without neurons; whoever decides in its place writes work.outputs[0] and [1]."""
+    return Networks(
+        inputs=np.zeros(1, np.int64), neurons=np.zeros(1, np.int64), thresholds=np.zeros((1, 2), np.int16),
+        sensor_links=np.zeros((1, 1, 4), np.int16), sensor_count=np.zeros(1, np.int64),
+        links=np.zeros((1, 1, 4), np.int16), link_start=np.zeros((1, 3), np.int16),
+    )  # fmt: skip
+
+
+def unfed() -> Trial:
+    """A trial without steps, whose network is fed nothing: for sensors and wheels alone."""
+    return Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5))
+
+
 def new_noise(sensors: int) -> F:
     """Room for a step's normal numbers."""
     return np.zeros(16 * noise_blocks(sensors))

@@ -29,9 +29,8 @@ from realitygap.controller.layout import (
 from realitygap.controller.network import NetworkController, decode
 from realitygap.controller.operators import Variation
 from realitygap.errors import UsageError
-from realitygap.kernels import halves
 from realitygap.kernels.params import Networks, Path, World
-from realitygap.kernels.work import Work, new_work
+from realitygap.kernels.work import Work, new_work, quiet
 from realitygap.problem.controllers import WeightedController, form_of, stopped
 from realitygap.simulation.engine import Streams
 from realitygap.simulation.simulation import Simulation, batch_streams
@@ -202,7 +201,7 @@ class Problem:
     ) -> tuple[Floats, Floats]:
         """Scores [b, trials] and measures [b, 2] of some solutions, one after the other, in one thread."""
         cores, trials = self._cores, len(streams)
-        nobody = made if isinstance(made, Networks) else halves.quiet()
+        nobody = made if isinstance(made, Networks) else quiet()
         work = new_work(cores.robot, cores.trial, nobody)
         paths = np.zeros((trials, len(Path._fields), cores.trial.steps))
         scores, measures = np.empty((len(part), trials)), np.empty((len(part), 2))
@@ -234,7 +233,7 @@ class Problem:
             return
         one = trials[0][0]
         try:
-            wrong = self.form.run(world, halves.quiet(), made, *trials, own)
+            wrong = self.form.run(world, quiet(), made, *trials, own)
         except Exception as error:  # a user's controller
             raise stopped(self.form, error, *own) from None
         if wrong:

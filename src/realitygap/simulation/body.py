@@ -11,9 +11,9 @@ import numpy as np
 from realitygap.controller.network import NetworkController, decode
 from realitygap.controller.own import as_controller
 from realitygap.errors import UsageError
-from realitygap.kernels import halves
+from realitygap.kernels import batch
 from realitygap.kernels.jit import entry_for
-from realitygap.kernels.work import farthest_notice, new_aside, new_work
+from realitygap.kernels.work import farthest_notice, new_aside, new_work, quiet
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
@@ -66,15 +66,14 @@ class SimulatedBody:
         self.simulation = simulation
         self.stream = stream
         self.kinds = tuple(kind for kind in KINDS if kind in kinds)
-        self._world = simulation._cores.world_of(stream)
-        robot, trial = self._world.robot, self._world.task
-        there = {kind: simulation.profile.channel(kind) for kind in self.kinds}
+        robot, trial = simulation._cores.robot, simulation._cores.trial
+        parts = ((kind, simulation.profile.channel(kind)) for kind in self.kinds)
         self.channels = tuple(
-            Channel(name=kind, sensors=len(one.sensors), high=int(one.top))
-            for kind, one in there.items()
-            if one.sensors
+            Channel(name=kind, sensors=len(part.sensors), high=int(part.top))
+            for kind, part in parts
+            if part.sensors
         )
-        self._nobody = halves.quiet()
+        self._nobody = quiet()
         self._work = new_work(robot, trial, self._nobody)
         self._aside = new_aside(robot, trial)
         self.period_s = simulation.profile.period_s
@@ -145,7 +144,7 @@ class SimulatedBody:
 
     def _set_down(self, pose: Pose) -> None:
         self.simulation._place(self._work, pose)
-        halves.set_down(self._nobody, self._work)
+        batch.set_down(self._nobody, self._work)
         self._drawn_from = self.stream
         self._world = self.simulation._cores.world_of(self.stream)
         self._work.span[0] = farthest_notice(self._world.robot, self._work.fan)
@@ -158,8 +157,8 @@ class SimulatedBody:
     def _find_entries(self) -> None:
         """Of the kernels that every step calls: the types of what they are given stay until a reset."""
         world, now, step = self._world, np.uint64(self._drawn_from), self._k
-        self._sense_now = entry_for(halves.sense_now, world, now, step, False, self._work, self._aside)
-        self._move_on = entry_for(halves.move_on, world, self._nobody, now, step, self._work)
+        self._sense_now = entry_for(batch.sense_now, world, now, step, False, self._work, self._aside)
+        self._move_on = entry_for(batch.move_on, world, self._nobody, now, step, self._work)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: kept for name, kept in vars(self).items() if name not in ("_sense_now", "_move_on")}

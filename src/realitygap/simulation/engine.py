@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from realitygap.controller.network import check_networks
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels import batch, halves
+from realitygap.kernels import batch
 from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import SHELF
@@ -25,7 +25,7 @@ from realitygap.kernels.network import think
 from realitygap.kernels.params import Networks, Path, Room, Trial, World
 from realitygap.kernels.pointed import met
 from realitygap.kernels.trial import bound_readings, move
-from realitygap.kernels.work import Work, farthest_notice, new_work, spread_fan
+from realitygap.kernels.work import Work, farthest_notice, new_work, quiet, spread_fan
 from realitygap.simulation.spread import drawn
 from realitygap.tasks.scoring import CompiledScore
 from realitygap.tasks.task import Task
@@ -147,7 +147,7 @@ class Cores:
 
     def compile(self) -> None:
         """Compile what evolution needs, or load it from the cache; the first time takes seconds."""
-        nobody = halves.quiet()
+        nobody = quiet()
         none = np.zeros(0, np.int64), np.zeros(0, np.uint64)
         batch.run_trials(self.world, nobody, *none, self._paths, self.scratch(nobody))
         self.score.over(self._paths[:1], self.room)
@@ -155,7 +155,7 @@ class Cores:
     def compile_part(self, name: str) -> None:
         """Compile a part of the kernels alone: "light", its "bounds", or "near", all else but what encloses
         them."""
-        robot, arena, nobody = self.robot, self.arena, halves.quiet()
+        robot, arena, nobody = self.robot, self.arena, quiet()
         work = self.scratch(nobody)
         sensing = (robot, arena, work, work.readings[:])
         calls: list[tuple[Any, tuple[object, ...]]] = [(ambient, sensing)]

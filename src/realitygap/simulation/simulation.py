@@ -10,15 +10,24 @@ import numpy as np
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import check_networks
 from realitygap.errors import UsageError
-from realitygap.kernels import batch, halves
-from realitygap.kernels.params import Networks, Path, Trial, World
+from realitygap.kernels import batch
+from realitygap.kernels.params import Networks, Path, World
 from realitygap.kernels.rng import substream
-from realitygap.kernels.work import Record, Work, farthest_notice, new_aside, new_noise, new_work
+from realitygap.kernels.work import (
+    Record,
+    Work,
+    farthest_notice,
+    new_aside,
+    new_noise,
+    new_work,
+    quiet,
+    unfed,
+)
 from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import MAX_INPUTS, Task
 from realitygap.track import Trajectory
-from realitygap.values import Floats, Pose, as_stream, shown
+from realitygap.values import Floats, Pose, as_count, as_stream, shown
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.noise import noise_level
 from realitygap.world.profile import Profile, load_profile
@@ -206,17 +215,14 @@ class Simulation:
         Raises:
             UsageError: the pose is not free, or `repeat` is no whole number from 1 to a million.
         """
-        if isinstance(repeat, bool) or not isinstance(repeat, int) or not 1 <= repeat <= MOST_READINGS:
-            raise UsageError(f"repeat: expected a whole number from 1 to {MOST_READINGS}, got {repeat!r}.")
+        repeat = as_count(repeat, "repeat", most=MOST_READINGS)
         proximity_n, ambient_n = len(self.profile.infrared.sensors), len(self.profile.ambient.sensors)
-        nothing_fed = Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5))
-        work = new_work(self._cores.robot, nothing_fed, halves.quiet())
+        world = World(robot=self._cores.robot, arena=self._cores.arena, task=unfed(), level=self.noise)
+        work = new_work(world.robot, world.task, quiet())
         self._place(work, pose)
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
-        noise = new_noise(max(proximity_n, ambient_n))
-        world = World(robot=self._cores.robot, arena=self._cores.arena, task=nothing_fed, level=self.noise)
-        batch.probe(world, streams, work, noise, proximity, ambient)
+        batch.probe(world, streams, work, new_noise(max(proximity_n, ambient_n)), proximity, ambient)
         self._cores.require_finite_path(proximity, ambient)
         return proximity, ambient
 

@@ -180,24 +180,19 @@ class Profile(Value):
     def to_kernel(self) -> params.Robot:
         """The robot as the kernels' arrays."""
         wheels = self.wheels
-        sensors = {**self.infrared.to_kernel(), **self.ambient.to_kernel(self.body.height_cm)}
         return params.Robot(
             radius=self.body.radius_cm,
             outline=self.body.edges(),
             period=self.period_s,
             track=wheels.track_cm,
             speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
-            kp=wheels.kp,
-            ki=wheels.ki,
-            kd=wheels.kd,
-            divisor=wheels.divisor,
-            lag=wheels.lag,
             rest_speed=wheels.rest_speed_cm_s,
             friction=wheels.friction_cm_s2,
             half_play=wheels.play_cm / 2 / self.period_s,
-            top_command=wheels.top_command,
+            **{key: getattr(wheels, key) for key in ("kp", "ki", "kd", "divisor", "lag", "top_command")},
             **{f"noise_{key}": value for key, value in self.noise.to_dict().items()},
-            **sensors,
+            **self.infrared.to_kernel(),
+            **self.ambient.to_kernel(self.body.height_cm),
         )
 
     def _repr_html_(self) -> str:

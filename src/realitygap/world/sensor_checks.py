@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.errors import ConfigError
 from realitygap.world.files import Value, require
 
-__all__ = ["Sensor", "check_alike", "check_bands", "check_radians", "places", "table"]
+__all__ = ["Sensor", "check_both", "kernel_both"]
 
 FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
 """So many sensors that look aside tell radians from degrees; and how nearly a sensor looks outwards."""
@@ -35,12 +34,35 @@ class Sensor(Value):
         require(own.noise_rise >= 0, "noise_rise", "0 or more", own.noise_rise)
 
 
-def table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+def kernel_both(kind: str, own: Any) -> dict[str, Any]:
+    """What the kernels' `Robot` has of either kind, "proximity" or "ambient"; `own` is the profile's part."""
+    sensors = own.sensors
+    return {
+        f"{kind}_place": np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2),
+        f"{kind}_curve": _table([s.curve for s in sensors]),
+        f"{kind}_noise": _table([s.noise for s in sensors]),
+        f"{kind}_rise": np.array([s.noise_rise for s in sensors]),
+        f"{kind}_top": own.top,
+        f"{kind}_low": own.bands[0],
+        f"{kind}_high": own.bands[1],
+    }
+
+
+def _table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     """[sensors, n] one row a sensor."""
     return np.array(rows, float).reshape(len(rows), len(rows[0]) if rows else 0)
 
 
-def check_alike(sensors: Sequence[Sensor], top: float) -> None:
+def check_both(own: Any) -> None:
+    """Refuse of either part of a profile what neither may have."""
+    require(own.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", own.matt)
+    told = "two different readings (they become inputs -10 and +10)"
+    require(own.bands[0] != own.bands[1], "bands", told, own.bands)
+    _check_alike(own.sensors, own.top)
+    _check_radians(own.sensors)
+
+
+def _check_alike(sensors: Sequence[Sensor], top: float) -> None:
     """Refuse tables of several lengths, and values above the full scale."""
     for key in ("curve", "noise"):
         lengths = {len(getattr(sensor, key)) for sensor in sensors}
@@ -50,12 +72,7 @@ def check_alike(sensors: Sequence[Sensor], top: float) -> None:
             require(most <= top, f"sensors[{i}].{key}", f"at most top ({top:g})", most)
 
 
-def places(sensors: Sequence[Sensor]) -> NDArray[np.float64]:
-    """[sensors, 2] cm, in the robot's frame."""
-    return np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2)
-
-
-def check_radians(sensors: Sequence[Sensor]) -> None:
+def _check_radians(sensors: Sequence[Sensor]) -> None:
     """Refuse directions that look outwards only if they are in radians."""
     turned = [s for s in sensors if s.direction_deg and math.hypot(s.x_cm, s.y_cm) > 0]
     if len(turned) < FEWEST_TURNED or any(abs(s.direction_deg) > math.tau + 1e-3 for s in sensors):
@@ -71,12 +88,3 @@ def check_radians(sensors: Sequence[Sensor]) -> None:
 
 def _apart(a_deg: float, b_deg: float) -> float:
     return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
-
-
-def check_bands(bands: tuple[float, float]) -> tuple[float, float]:
-    """An input range; one without extent is refused."""
-    if bands[0] == bands[1]:
-        raise ConfigError(
-            f"bands: expected two different readings (they become inputs -10 and +10), got {list(bands)}."
-        )
-    return bands

@@ -12,7 +12,7 @@ from realitygap.kernels.params import CONE, LANES, NARROW, RAYS
 from realitygap.world.files import Value, require
 from realitygap.world.look_up import LookUp
 from realitygap.world.rays import fan_weights, ray_weights, rays, unit
-from realitygap.world.sensor_checks import Sensor, check_alike, check_bands, check_radians, places, table
+from realitygap.world.sensor_checks import Sensor, check_both, kernel_both
 
 __all__ = ["RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
 
@@ -86,7 +86,7 @@ class Infrared(Value):
         fan = self.aperture_deg if self.measured else 0.0
         weight = fan_weights(n, self.lobe) if fan else ray_weights(n, self.exponent)
         return {
-            "proximity_place": places(sensors),
+            **kernel_both("proximity", self),
             "proximity_ray": rays([s.direction_deg for s in sensors], aperture_deg=fan),
             "proximity_weight": weight,
             "proximity_cone": unit(fan)[0] if fan else CONE,
@@ -95,19 +95,13 @@ class Infrared(Value):
             "proximity_b": np.array([s.b for s in sensors]),
             "proximity_offset": np.array([s.offset_cm for s in sensors]),
             "proximity_reach": np.array([self.reach_cm(s) for s in sensors]),
-            "proximity_curve": table([s.curve for s in sensors]),
             "proximity_knee": 1.0 / self.curve_cm if self.curve_cm else 0.0,
             "proximity_width2": self.width_cm**2,
             "proximity_least": 1.0 / self.range_cm if self.range_cm else 0.0,
             "proximity_overlap": self.overlap,
             "proximity_dead": self.dead,
-            "proximity_noise": table([s.noise for s in sensors]),
-            "proximity_rise": np.array([s.noise_rise for s in sensors]),
             "proximity_table": self.table.to_kernel(),
-            "proximity_top": self.top,
             "proximity_lambertian": self.matt,
-            "proximity_low": self.bands[0],
-            "proximity_high": self.bands[1],
         }
 
     def reach_cm(self, sensor: ProximitySensor) -> float:
@@ -123,7 +117,7 @@ class Infrared(Value):
 
     def _check(self) -> None:
         require(self.top > 0, "top", "more than 0", self.top)
-        check_alike(self.sensors, self.top)
+        check_both(self)
         self.table.check(len(self.sensors), self.top)
         if self.measured:
             shares = f"{RAYS // 2} shares from the middle outwards, their sum above 0"
@@ -133,11 +127,9 @@ class Infrared(Value):
         for key in ("exponent", "width_cm", "range_cm", "overlap"):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         require(0 <= self.dead < self.top, "dead", "counts from 0 to below top", self.dead)
-        require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
-        far, near = check_bands(self.bands)
+        far, near = self.bands
         require(far < near, "bands", "the reading far away, then the reading close by", self.bands, TURN)
         require(near <= self.top, "bands", f"readings up to top ({self.top:g})", self.bands)
-        check_radians(self.sensors)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,18 +195,16 @@ class Ambient(Value):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         require(self.dark > self.floor, "dark", f"more than floor ({self.floor:g})", self.dark)
         require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
-        dark, bright = check_bands(self.bands)
+        check_both(self)
+        dark, bright = self.bands
         require(dark > bright, "bands", "the reading in the dark, then the reading near a lamp",
                 self.bands, TURN)  # fmt: skip
-        check_radians(self.sensors)
         require(self.response in RESPONSES, "response", " or ".join(map(repr, RESPONSES)), self.response)
         require(0 <= self.facing <= 20, "facing", "an exponent from 0 to 20", self.facing)
         require(0 <= self.lamp_height_cm <= 1e6, "lamp_height_cm", "0 to 1e6", self.lamp_height_cm)
         require(0 <= self.lamp_narrow <= 1, "lamp_narrow", "a share from 0 to 1", self.lamp_narrow)
         require(0 <= self.lamp_proud_cm <= 5, "lamp_proud_cm", "0 to 5", self.lamp_proud_cm)
         require(self.falloff in (1.0, 2.0), "falloff", "2 (as in the paper) or 1", self.falloff)
-        require(self.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", self.matt)
-        check_alike(self.sensors, self.top)
         curves = [bool(sensor.curve) for sensor in self.sensors]
         alike = any(curves) == self.measured and (self.curve_light > 0) == self.measured
         require(alike, "response", '"measured" with, and only with, curve_light and curves', self.response)
@@ -231,7 +221,7 @@ class Ambient(Value):
         fans = [ray_weights(1, self.exponent, thrown_back, shift, per_fan) for shift in shifts]
         floor, dark = np.array(self.ranges()).reshape(-1, 2).T
         return {
-            "ambient_place": places(sensors),
+            **kernel_both("ambient", self),
             "ambient_facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
             "ambient_ray": rays([s.direction_deg + shift for s in sensors for shift in shifts], per_fan),
             "ambient_weight": np.concatenate([np.zeros((0, LANES)), *fans * len(sensors)]),
@@ -239,11 +229,7 @@ class Ambient(Value):
             "ambient_floor": floor.copy(),
             "ambient_dark": dark.copy(),
             "ambient_full": self._full(dark - floor),
-            "ambient_curve": table([s.curve for s in sensors]),
             "ambient_knee": math.sqrt(self.curve_light),
-            "ambient_noise": table([s.noise for s in sensors]),
-            "ambient_rise": np.array([s.noise_rise for s in sensors]),
-            "ambient_top": self.top,
             "light_linear": float(self.response == "linear"),
             "light_facing": self.facing,
             "light_height2": self.lamp_height_cm**2,
@@ -253,8 +239,6 @@ class Ambient(Value):
             "light_narrow": self.lamp_narrow,
             "light_wall_offset": self.lamp_proud_cm,
             "light_clear": self._clear_share(body_height_cm),
-            "ambient_low": self.bands[0],
-            "ambient_high": self.bands[1],
         }
 
     def _full(self, span: NDArray[np.float64]) -> NDArray[np.float64]:
