@@ -15,10 +15,12 @@ from realitygap.kernels import batch
 from realitygap.kernels.geometry import added
 from realitygap.kernels.infrared import fan_of, follow, reflected
 from realitygap.kernels.jit import kernel
-from realitygap.kernels.lane_sensors import COUNTS, PART, follow_pairs, notice
+from realitygap.kernels.lane_noise import SINGLE, log_share, normal_single
+from realitygap.kernels.lane_sensors import COUNTS, PART, follow_all
 from realitygap.kernels.lanes import COS, LIGHT, SIN, WIDE, X, Y, fit_lanes, new_lanes
 from realitygap.kernels.lockstep import run_lockstep
 from realitygap.kernels.params import LANES
+from realitygap.kernels.rng import bits, normal_pair
 from realitygap.simulation import engine
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import load_task
@@ -100,10 +102,7 @@ def _both_lights(world, n, lanes, exact):
     """What comes back to each sensor: in single precision into lanes, in double into `exact`, less b."""
     robot, d, work = world.robot, lanes.double, lanes.work
     rays = fan_of(robot, work)
-    count = notice(np.uint64(n), robot, world.arena, lanes)
-    for first in range(0, np.int64(count), 128):
-        some = np.uint64(min(128, np.int64(count) - first))
-        follow_pairs(np.uint64(first), some, robot, world.arena, lanes)
+    follow_all(np.uint64(n), robot, world.arena, lanes)
     for t in range(n):
         at = np.uint64(t)
         work.pose[0], work.pose[1], work.pose[3], work.pose[4] = (
@@ -143,6 +142,40 @@ def test_single_precision_errs_by_a_fraction_of_its_margin(name):
         share = abs(light - exact) / (float(COUNTS) + float(PART) * exact)
         worst, seen = max(worst, share[known].max()), seen + known.sum()
     assert seen > 100_000 and 0.001 < worst < 1 / 3, worst
+
+
+@kernel
+def _both_normals(streams, exact, single):
+    """The first normal number of each stream's first draw, in double and in single precision."""
+    for i in range(streams.shape[0]):
+        b = bits(streams[i], 0)
+        exact[i], _ = normal_pair(streams[i], 0)
+        single[i] = normal_single(np.uint32(b >> np.uint64(32)), np.uint32(b))
+
+
+def test_sensors_noise_in_single_precision_is_known_well_enough():
+    """To what its margin has, in two million draws."""
+    streams = np.arange(2_000_000).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    exact, single = np.zeros(len(streams)), np.zeros(len(streams), np.float32)
+    _both_normals(streams, exact, single)
+    assert np.abs(exact).max() > 4.5 and np.abs(exact).min() < 1e-4
+    assert np.abs(single - exact).max() < SINGLE
+
+
+@kernel
+def _logarithms(high, out):
+    for i in range(high.shape[0]):
+        out[i] = log_share(high[i])
+
+
+def test_the_logarithm_of_a_draw_holds_at_its_ends():
+    """Where single precision does not tell a share from 1, and next to 0."""
+    high = np.array([0, 1, 2, 3037000498, 3037000499, 2**31, 2**32 - 300, 2**32 - 2, 2**32 - 1], np.uint32)
+    out = np.zeros(len(high), np.float32)
+    _logarithms(high, out)
+    share = (high.astype(float) + 0.5) / 2.0**32
+    exact = np.where(share > 0.5, np.log1p(-(2.0**32 - high - 0.5) / 2.0**32), np.log(share))
+    assert np.allclose(out, exact, rtol=3e-7, atol=0)
 
 
 def test_what_does_not_fit_goes_one_by_one():

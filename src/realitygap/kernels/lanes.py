@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.kernels.network import ROWS
-from realitygap.kernels.params import RAYS, F, Networks, World
+from realitygap.kernels.params import RAYS, F, Networks, Path, World
 from realitygap.kernels.trial import PROXIMITY
-from realitygap.kernels.work import Work, new_work, spread_fan
+from realitygap.kernels.work import MOTOR_NOISE, Work, new_work, spread_fan
 
 WIDE = 64
 """Trials at once."""
 SOME = 128
 """Pairs of a trial and a sensor whose rays are followed at once, so that their rows stay in the nearest
 cache."""
+NOTED = 8
+"""Steps that are noted before they are copied to the paths."""
 SENSORS, CYLINDERS = 8, 4
 """Largest numbers of them."""
 LARGEST, GAP = 120.0, 0.01
@@ -36,14 +38,19 @@ X, Y, HEADING, COS, SIN, DX, DY, TURN, SHARE, COS_MEAN, SIN_MEAN = _rows(0, 11)
 TO_X, TO_Y, LEFT, RIGHT, TOUCHED = _rows(11, 5)
 WHEELS = _rows(16, 18)[::9]
 SPEED, CHANGE, P0, P1, P2, P3, P4, TARGET, PLAY = _rows(0, 9)
-# Of Lanes.single: pose, a cylinder as the robot sees it, and of each sensor place, direction and light.
-X1, Y1, COS1, SIN1, FORWARD, LEFTWARD = _rows(0, 6)
-PLACE_X, PLACE_Y, FACING_X, FACING_Y, LIGHT = _rows(6, 5 * SENSORS)[::SENSORS]
+# Of Lanes.single: pose; the cylinders as the robot sees them, forward and leftward; how uncertain the inputs
+# are; and of each sensor place, direction, light, cylinders in its fan (their numbers from 1, octal), noise.
+X1, Y1, COS1, SIN1 = _rows(0, 4)
+FORWARD, UNSURE = _rows(4, 9)[::8]
+PLACE_X, PLACE_Y, FACING_X, FACING_Y, LIGHT, CROWD, NOISE = _rows(13, 7 * SENSORS)[::SENSORS]
 # Of Lanes.pair: place and direction, reciprocals of the walls' distances, the sum, what is least certain, the
-# offset; and of each cylinder how far ahead and aside it is, and 1/(square of its distance − of its radius).
-PX, PY, FX, FY, WEST, EAST, SOUTH, NORTH, SUM, LEAST, OFFSET = _rows(0, 11, SOME)
-DISCS = _rows(11, 3 * CYLINDERS, SOME)[::3]
-ASIDE, INVERSE = _rows(1, 2, SOME)
+# offset; and of each cylinder how far ahead and aside it is, 1/(square of its distance − of its radius), its
+# radius squared and 1/radius.
+PX, PY, FX, FY, WEST, EAST, SOUTH, NORTH, SUM, LEAST, OFFSET, WHICH = _rows(0, 12, SOME)
+DISCS = _rows(12, 5 * CYLINDERS, SOME)[::5]
+ASIDE, INVERSE, SQUARE, BEND = _rows(1, 4, SOME)
+MANY = np.uint64(SENSORS * WIDE + 1)
+"""Where in Lanes.listed the pairs with more than two cylinders in their fans begin."""
 
 
 class Lanes(NamedTuple):
@@ -53,8 +60,11 @@ class Lanes(NamedTuple):
     single: G
     pair: G
     noise: F
-    """[16, WIDE] normal numbers of a step."""
+    """[4, WIDE] normal numbers of a step, of the motors."""
     stream: NDArray[np.uint64]
+    high: NDArray[np.uint32]
+    low: NDArray[np.uint32]
+    """[WIDE] a draw of each."""
     inputs: NDArray[np.int32]
     change: NDArray[np.int32]
     base: NDArray[np.int32]
@@ -70,7 +80,11 @@ class Lanes(NamedTuple):
     edges: G
     """[8, P] as Work.fan."""
     discs: G
-    """[CYLINDERS, 3] x, y, radius; those that are not there lie far off."""
+    """[1 + CYLINDERS, 3] x, y, radius; those that are not there, and the first, lie far off."""
+    notes: F
+    """[NOTED, 6, WIDE] rows of paths."""
+    loud: G
+    """[2] deviation of the noise of readings, and of dark ones, counts."""
     work: Work
     """Of what goes one by one."""
 
@@ -80,18 +94,19 @@ def new_lanes(world: World, nets: Networks) -> Lanes:
     robot, neurons = world.robot, nets.thresholds.shape[1]
     rays, facing = robot.proximity_ray[0, :, :RAYS], robot.proximity_ray[0, :, RAYS]
     cosines, sines = facing @ rays, facing[0] * rays[1] - facing[1] * rays[0]
-    discs = np.tile(np.array((1e4, 1e4, 1.0), np.float32), (CYLINDERS, 1))
-    discs[: len(world.arena.cylinders)] = world.arena.cylinders
-    fed = len(world.task.channels)
+    discs = np.tile(np.array((1e4, 1e4, 1.0), np.float32), (1 + CYLINDERS, 1))
+    discs[1 : 1 + len(world.arena.cylinders)] = world.arena.cylinders
+    fed, loud = len(world.task.channels), np.array([robot.noise_proximity, robot.noise_proximity_dark])
     return Lanes(
-        double=np.zeros(34 * WIDE), single=np.zeros((6 + 5 * SENSORS) * WIDE, np.float32),
-        pair=np.zeros((11 + 3 * CYLINDERS) * SOME, np.float32), noise=np.zeros(16 * WIDE),
-        stream=np.zeros(WIDE, np.uint64),
+        double=np.zeros(34 * WIDE), single=np.zeros((13 + 7 * SENSORS) * WIDE, np.float32),
+        pair=np.zeros((12 + 5 * CYLINDERS) * SOME, np.float32), noise=np.zeros(MOTOR_NOISE * WIDE),
+        stream=np.zeros(WIDE, np.uint64), high=np.zeros(WIDE, np.uint32), low=np.zeros(WIDE, np.uint32),
         inputs=np.zeros(fed * WIDE, np.int32), change=np.zeros(fed * WIDE, np.int32),
         base=np.zeros(neurons * WIDE, np.int32), outputs=np.zeros(ROWS * neurons * WIDE, np.int32),
-        noticed=np.zeros(SENSORS * WIDE, np.uint32), listed=np.zeros(SENSORS * WIDE + 1, np.uint64),
+        noticed=np.zeros(SENSORS * WIDE, np.uint32), listed=np.zeros(2 * (SENSORS * WIDE + 1), np.uint64),
         apart=np.zeros(WIDE, np.uint64),
         fan=np.array([cosines, sines, robot.proximity_weight[0, :RAYS]], np.float32),
+        notes=np.zeros(NOTED * len(Path._fields) * WIDE), loud=(world.level * loud).astype(np.float32),
         edges=spread_fan(robot).astype(np.float32), discs=discs,
         work=new_work(robot, world.task, nets),
     )  # fmt: skip

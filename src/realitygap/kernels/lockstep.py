@@ -11,30 +11,23 @@ import numpy as np
 from realitygap.kernels.contact import ground_speeds, settle
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.lane_noise import draw_normals
 from realitygap.kernels.lane_sensors import sense_lanes
 
 from realitygap.kernels.lanes import (  # isort: skip
-    CHANGE, COS, COS_MEAN, DX, DY, HEADING, LEFT, P0, P1, P2, P3, P4, PLAY, RIGHT, SHARE, SIN, SIN_MEAN,
-    SPEED, TARGET, TO_X, TO_Y, TOUCHED, TURN, WHEELS, WIDE, X, Y,
+    CHANGE, COS, COS_MEAN, DX, DY, HEADING, LEFT, NOTED, P0, P1, P2, P3, P4, PLAY, RIGHT, SHARE, SIN,
+    SIN_MEAN, SPEED, TARGET, TO_X, TO_Y, TOUCHED, TURN, WHEELS, WIDE, X, Y,
 )  # fmt: skip
 from realitygap.kernels.network import DELAY, LIMIT, PAST, SOURCE, WEIGHT
 from realitygap.kernels.network import TARGET as ONTO
-from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES
-from realitygap.kernels.rng import normal_pair, sin_cos
+from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES, Path
+from realitygap.kernels.rng import sin_cos
 from realitygap.kernels.trial import PROXIMITY, draw_noise, draw_start, read, scale_input
 from realitygap.kernels.wheels import FASTEST, Arc, drive_arc
 from realitygap.kernels.work import DRAWS
 
 U = np.uint64
-
-
-@step
-def draw_normals(n, first, lanes):
-    """As rng.normals, for all lanes."""
-    for i in range(DRAWS):
-        z, other = lanes.noise[WIDE * i :], lanes.noise[WIDE * (DRAWS + i) :]
-        for t in range(n):
-            z[t], other[t] = normal_pair(lanes.stream[t], first + i)
+ROW, NOTES = U(WIDE), U(len(Path._fields) * WIDE)
 
 
 @step
@@ -45,6 +38,7 @@ def wake_lanes(nets, w, streams, lanes):
         lanes.stream[t] = streams[min(t, last)]
     lanes.double[:] = 0.0
     lanes.noise[:] = 0.0
+    lanes.single[:] = 0.0
     lanes.inputs[:] = 0
     lanes.outputs[:] = 0
     for i in range(nets.neurons[w]):
@@ -188,17 +182,27 @@ def settle_apart(n, robot, arena, lanes):
 
 
 @step
-def note_lanes(k, n, lanes, paths):
-    """Note the bodies' poses, and what the scores will see of this step."""
-    d = lanes.double
+def move_lanes(k, n, lanes):
+    """Carry out the movement, and note what the scores will see of it."""
+    d, notes = lanes.double, lanes.notes[U(k % NOTED) * NOTES :]
     for t in range(n):
         d[X + t], d[Y + t] = d[TO_X + t], d[TO_Y + t]
         d[HEADING + t] += d[TURN + t]
         d[SIN + t], d[COS + t] = sin_cos(d[HEADING + t])
+        notes[t], notes[ROW + t], notes[U(2) * ROW + t] = d[X + t], d[Y + t], d[HEADING + t]
+        notes[U(3) * ROW + t], notes[U(4) * ROW + t] = d[LEFT + t], d[RIGHT + t]
+        notes[U(5) * ROW + t] = d[TOUCHED + t]
+
+
+@step
+def write_down(k, lanes, paths):
+    """Copy the notes of the last steps up to `k`: each path's lie together, for the processor's cache."""
+    many = k % NOTED + 1
     for i in range(paths.shape[0]):
-        t = U(i)
-        paths[t, 0, k], paths[t, 1, k], paths[t, 2, k] = d[X + t], d[Y + t], d[HEADING + t]
-        paths[t, 3, k], paths[t, 4, k], paths[t, 5, k] = d[LEFT + t], d[RIGHT + t], d[TOUCHED + t]
+        for c in range(paths.shape[1]):
+            at = U(c) * ROW + U(i)
+            for j in range(many):
+                paths[i, c, k + 1 - many + j] = lanes.notes[U(j) * NOTES + at]
 
 
 @kernel
@@ -219,4 +223,6 @@ def run_lockstep(world, nets, w, streams, paths, lanes):
             turn_lanes(n, robot, world.level, side, lanes, lanes.outputs[last:])
         carry_lanes(n, robot, arena, lanes)
         settle_apart(n, robot, arena, lanes)
-        note_lanes(k, n, lanes, paths)
+        move_lanes(k, n, lanes)
+        if k % NOTED == NOTED - 1 or k == world.task.steps - 1:
+            write_down(k, lanes, paths)
