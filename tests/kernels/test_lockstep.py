@@ -16,11 +16,13 @@ from realitygap.kernels.geometry import added
 from realitygap.kernels.infrared import fan_of, follow, reflected
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.lane_noise import SINGLE, log_share, normal_single
-from realitygap.kernels.lane_sensors import COUNTS, PART, follow_all
+from realitygap.kernels.lane_sensors import COUNTS, PART, follow_all, take_in
 from realitygap.kernels.lanes import COS, LIGHT, SIN, WIDE, X, Y, fit_lanes, new_lanes
 from realitygap.kernels.lockstep import run_lockstep
 from realitygap.kernels.params import LANES
 from realitygap.kernels.rng import bits, normal_pair
+from realitygap.kernels.trial import scale_input
+from realitygap.kernels.work import quiet
 from realitygap.simulation import engine
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import load_task
@@ -84,6 +86,13 @@ def test_any_number_of_trials(trials):
     assert np.array_equal(lockstep, alone)
 
 
+@pytest.mark.parametrize("steps", [1, 7, 9, 31])
+def test_any_number_of_steps(steps):
+    """Paths are written eight steps at a time, and what is left of them at the end."""
+    lockstep, alone = both_ways(Simulation(replace(AVOIDANCE, seconds=steps / 10), PAPER, 1.0), 2, 16)
+    assert np.array_equal(lockstep, alone)
+
+
 def test_the_same_bits_of_other_robots_in_other_rooms():
     """60 robots with sensors of their own, each in a room of its own."""
     random, touched = np.random.default_rng(44), 0
@@ -142,6 +151,25 @@ def test_single_precision_errs_by_a_fraction_of_its_margin(name):
         share = abs(light - exact) / (float(COUNTS) + float(PART) * exact)
         worst, seen = max(worst, share[known].max()), seen + known.sum()
     assert seen > 100_000 and 0.001 < worst < 1 / 3, worst
+
+
+@kernel
+def _take_in(n, world, lanes):
+    take_in(np.uint64(n), world.robot, world.task, lanes)
+
+
+@pytest.mark.parametrize(("margins", "apart"), [(-1.5, 0), (-0.8, 1), (0.8, 1), (1.5, 0)])
+def test_a_reading_within_its_margin_senses_apart(margins, apart):
+    """Where a reading is so near the count at which an input changes, and only there."""
+    cores = Simulation(AVOIDANCE, PAPER, 0.0)._cores
+    robot, lanes = cores.robot, new_lanes(cores.world, quiet())
+    ends = [scale_input(robot.proximity_low, robot.proximity_high, float(c)) for c in range(200)]
+    edge = ends.index(ends[0] + 1) - 0.5  # readings are rounded to the least that gives another input
+    returned = edge - robot.proximity_b[0] * robot.proximity_weight[0].sum()
+    returned += margins * (float(COUNTS) + float(PART) * returned)
+    lanes.single[LIGHT : LIGHT + 8 * WIDE] = returned / robot.proximity_a[0]
+    _take_in(WIDE, cores.world, lanes)
+    assert (lanes.apart == apart).all()
 
 
 @kernel
