@@ -43,6 +43,16 @@ def test_an_option_with_one_value_is_taken_once(path):
             tidy(command, ctx, words * 2)
 
 
+@pytest.mark.parametrize("path", COMMANDS)
+def test_a_required_option_is_asked_for(path):
+    """Every option without which a command cannot work is missed when it is left out."""
+    ctx = click.Context(COMMANDS[path], info_name=path)
+    for param in COMMANDS[path].params:
+        if isinstance(param, click.Option) and param.required:
+            with pytest.raises(click.MissingParameter):
+                param.handle_parse_result(ctx, {}, [])
+
+
 def test_a_command_in_a_group_is_looked_at_too(refused):
     """Also `twin serve`, whose option has two names."""
     assert "--twin-noise: expected once" in refused("twin", "serve", "--twin-noise", 1, "--noise", 2)

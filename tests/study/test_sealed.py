@@ -177,6 +177,17 @@ def test_a_study_of_an_earlier_format_is_read_and_goes_on(folder, finished, vers
     assert (load_study(folder).runs[0].champion == finished.runs[0].champion).all()
 
 
+def test_a_profile_of_an_earlier_version_is_no_other_profile(copy):
+    """A study whose copy lacks the keys added since goes on with the same profile, and with no other."""
+    in_format(copy, 1)
+    kept = copy / "profile.toml"
+    text = kept.read_text("utf-8")
+    kept.write_text(text.replace("sensor_height_cm = 0.0\n", "").replace("height_cm = 0.0\n", "", 1), "utf-8")
+    assert run_study(copy, small(), resume=True).runs[0].finished
+    with pytest.raises(StudyError, match=r"keeps a different profile.toml"):
+        run_study(copy, small(profile="khepera"), resume=True)
+
+
 def test_a_study_that_an_earlier_version_wrote_says_the_same(tmp_path):
     """A file of format 4 as it was written: all that its version read of it, and its packed trials."""
     safe = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}  # not before 3.11.4

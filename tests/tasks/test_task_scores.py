@@ -58,7 +58,7 @@ def test_turns_to_both_sides_cancel():
 
 
 def test_one_full_turn_costs_a_third():
-    """One full turn too many multiplies F by 0.68 (docs/readings.md)."""
+    """One full turn too many in a trial multiplies F by 0.68."""
     difference = 2 * math.pi * PAPER.wheels.track_cm / 20
     score = load_task("avoidance").score
     turned = score(path([4 + difference / 2] * 200, [4 - difference / 2] * 200), room("avoidance"))

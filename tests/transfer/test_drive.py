@@ -198,7 +198,7 @@ def test_kinds_of_sensors_are_a_tuple_of_names(simulation, kinds):
 
 
 def test_a_hand_made_network_drives_the_twin(tmp_path):
-    """`drive` keeps both tracks of each start, and `score` compares them."""
+    """`drive` keeps both tracks of each start, `score` compares them; no other drive is mixed in."""
     words = ["drive", "avoidance", "--controller", str(AVOIDER), "--starts", "2", "--seconds", "4", "--json"]
     result = CliRunner().invoke(realitygap, [*words, "--out", str(tmp_path / "mine")])
     assert result.exit_code == 0, result.output
@@ -206,6 +206,8 @@ def test_a_hand_made_network_drives_the_twin(tmp_path):
     assert [one["start"] for one in told] == [1, 2] and all(one["fitness"]["situated"] > 0 for one in told)
     scored = CliRunner().invoke(realitygap, ["score", str(tmp_path / "mine"), "--task", "avoidance"])
     assert scored.exit_code == 0 and "2 and 2 trials" in scored.stdout, scored.output
+    again = CliRunner().invoke(realitygap, [*words[:3], "constant:5,5", "--out", str(tmp_path / "mine")])
+    assert again.exit_code == 2 and "already holds trials" in again.stderr
 
 
 def test_a_robot_of_another_kind_is_refused():

@@ -47,7 +47,7 @@ def infrared_problems(rows: Rows, base: Profile) -> tuple[dict[str, Problem], st
         "infrared: whether surfaces are Lambertian is not identifiable from these recordings; "
         f"it is assumed that they {chosen}"
     )
-    return problems, "" if abs(for_matt) >= DECIDED else doubt + " (readings before a cylinder would tell)"
+    return problems, "" if abs(for_matt) >= DECIDED else doubt + " (readings before a cylinder tell most)"
 
 
 def preference(rows: Rows, one: Fit, *, over: Fit) -> float:

@@ -36,7 +36,9 @@ USES = {"parquet": "tables", "csv": "tables", "rerun": "log", "mcap": "log"}
     help="Source of RUN's controller. c99: a header and a source file; micropython: a module; "
     "arduino: a sketch's folder; e-puck2: a project on its maker's library.",
 )  # fmt: skip
-@option.out(says="Folder to write into.", required=True)
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder to write into."
+)
 @option.individual
 @click.option("--robot", metavar="ROBOT", help="The trial's robot: its folder in transfer/, such as twin-1.")
 @click.option("--start", type=Whole(1, 10**6), help="Which trial, from 1 [default: the first].")

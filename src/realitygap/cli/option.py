@@ -136,12 +136,10 @@ def runs(says: str) -> Callable[[Decorated], Decorated]:
     return click.option("--runs", type=Whole(1, 10**6, "K"), help=says)
 
 
-def out(
-    default: str | None = None, says: str = "The study's folder.", *, required: bool = False
-) -> Callable[[Decorated], Decorated]:
+def out(default: str | None = None, says: str = "The study's folder.") -> Callable[[Decorated], Decorated]:
     """`--out DIR`."""
     kind, usual = click.Path(path_type=Path), None if default is None else Path(default)
-    return click.option("--out", type=kind, default=usual, required=required, metavar="DIR", help=says)
+    return click.option("--out", type=kind, default=usual, metavar="DIR", help=says)
 
 
 def controller(required: bool = True) -> Callable[[Decorated], Decorated]:

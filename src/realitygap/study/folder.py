@@ -222,7 +222,10 @@ def _refuse_difference(folder: Path, requested: Materials) -> None:
     for name, content in files.items():
         path = inside(folder, name)
         with told(path):
-            where = changed(name, path.read_bytes(), content)
+            kept = path.read_bytes()
+        if name == config.profile:  # an earlier version's lacks the keys that were added since
+            kept = load_profile(path).to_toml().encode()
+        where = changed(name, kept, content)
         if where is not None:
             raise StudyError(
                 f"{folder}: the study keeps a different {name} from the one given now: {where}. {cure}"

@@ -152,8 +152,11 @@ def pairs(
         folder: where to save each trial in start-1, start-2, …, as `realitygap score` reads them.
 
     Raises:
-        UsageError: a robot that does not place itself, or of another kind than the profile's.
+        UsageError: a robot that does not place itself, or of another kind than the profile's; or the folder
+            holds trials, perhaps another controller's, with which these would be mixed.
     """
+    if folder is not None and any(folder.glob("start-*")):
+        raise UsageError(f"{folder} already holds trials (start-1 …). Choose another --out, or remove it.")
     task, profile, scale = simulation.task, simulation.profile, 1.0 if twin_noise is None else twin_noise
     with (
         temporary.Folder("camera") as cameras,
