@@ -1,7 +1,6 @@
 """Writes a recording as it is made, each finished place or trial at once: a kill loses at most one."""
 
 import contextlib
-import fcntl
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
@@ -130,6 +129,8 @@ def alone(folder: Path) -> Iterator[None]:
     Raises:
         RecordingError: another process holds it.
     """
+    import fcntl  # where a system has none, `temporary` has said so
+
     folder.mkdir(parents=True, exist_ok=True)
     held = os.open(folder, os.O_RDONLY)
     try:
