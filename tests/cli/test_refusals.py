@@ -204,7 +204,6 @@ def test_debug_shows_where(capsys, monkeypatch):
     assert "Traceback" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_a_closed_stream_is_no_failure(closed, tmp_path):
     """What would be printed there goes nowhere; the rest of the work is done."""
@@ -216,6 +215,7 @@ def test_a_closed_stream_is_no_failure(closed, tmp_path):
     assert [line.partition(" `")[0] for line in made.stderr.splitlines()] == error
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
 def test_a_full_disk_under_stdout_ends_in_one_line():
     """Output that cannot be written ends in one line, without a complaint of the interpreter's."""
     with open("/dev/full", "w") as full:
@@ -224,6 +224,16 @@ def test_a_full_disk_under_stdout_ends_in_one_line():
     assert made.returncode == 2
     said = "error: No space left on device. Free some space, or take another place; what was saved is kept."
     assert made.stderr.splitlines() == [said]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+@pytest.mark.parametrize("stdout", [subprocess.PIPE, None], ids=["stderr", "both"])
+def test_a_full_disk_under_stderr_keeps_the_exit_code(stdout):
+    """Where nothing can be said the code still tells whose doing it was."""
+    with open("/dev/full", "w") as full:
+        code = [sys.executable, "-m", "realitygap", "profile", "show", "papier" if stdout else "paper"]
+        made = subprocess.run(code, stdout=stdout or full, stderr=full, check=False)
+    assert made.returncode == 2
 
 
 def test_a_reader_that_has_seen_enough_is_no_failure():
