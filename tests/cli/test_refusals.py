@@ -72,6 +72,8 @@ PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
         (("twin", "serve", "--arena", "light", "--noise", 11), "--noise"),
         (("twin", "serve", "--arena", "light", "--baud", "any"), "--baud"),
         (("record", "--robot", "twin", "--plan", "all", "--out", "x", "--twin-noise", 11), "at most 10"),
+        (("record", "--robot", "epuck:x", "--plan", "all", "--out", "x", "--baud", 9600), "Leave it out"),
+        (("robot", "check", "--robot", "thymio:x", "--baud", "any"), "thymio:x has no rate"),
         (("experiment", "noise", "--twin-noise", 11), "at most 10"),
     ],
     ids=lambda value: " ".join(map(str, value)) if isinstance(value, tuple) else None,
