@@ -162,12 +162,6 @@ def test_everything_is_shown(paper):
         ("bands = [484.0, 55.0]", "bands = [55, 484]", "ambient.bands: expected the reading in"),
         ("track_cm = 5.3", "track_cm = 53", "wheels.track_cm: expected 0.58 to 43.5 cm"),
         ("track_cm = 5.3", "track_cm = 0.053", "wheels.track_cm: expected 0.58 to 43.5 cm"),
-        (
-            "[infrared]",
-            "[infrared]\nrange_cm = 6.0",
-            "infrared.range_cm: expected none without curves, got 6.0.",
-        ),
-        ("[infrared]", "[infrared]\nlobe = [1, 0, 0, 0, 0]", "infrared.lobe: expected none without curves"),
         ("dark = 484.0", "dark = 50", "ambient.dark: expected more than floor (55), got 50.0."),
         ("gain = 1.0", "gain = inf", "ambient.sensors[0].gain: expected a finite number, got inf."),
         ("height_cm = 0.0", "height_cm = -1", "body.height_cm: expected 0 (no end) or more, got -1.0."),

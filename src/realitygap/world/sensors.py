@@ -22,8 +22,6 @@ ONE_SIDED = 0.74
 """Half of the angle, in apertures, up to which a cylinder meets no ray of a FAN at ¾ or 1 opposite."""
 TURN = "Turn them round: the first becomes input -10, the second +10."
 """The cure for an input range in the wrong order."""
-OF_CURVES = ("lobe", "overlap", "aperture_deg", "width_cm", "range_cm", "curve_cm")
-"""Keys of [infrared] that mean something only where sensors have curves."""
 RAY_NUMBERS = (10, 16, 18, 20, 24, 27, 30, 32, 36, 40, 45, 48, 50, 54, 60)
 """How many rays reflected light may come in by: up to six fans of eight to ten each."""
 
@@ -126,9 +124,6 @@ class Infrared(Value):
             require(len(self.lobe) == RAYS // 2 and sum(self.lobe) > 0, "lobe", shares, self.lobe)
             require(0 < self.aperture_deg <= 85, "aperture_deg", "degrees above 0 to 85", self.aperture_deg)
             require(self.curve_cm > 0, "curve_cm", "more than 0", self.curve_cm)
-        for key in () if self.measured else OF_CURVES:
-            cure = "The printed law has no such constant: remove it, or give the sensors curves."
-            require(not getattr(self, key), key, "none without curves", getattr(self, key), cure)
         for key in ("exponent", "width_cm", "range_cm", "overlap"):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         require(0 <= self.dead < self.top, "dead", "counts from 0 to below top", self.dead)
