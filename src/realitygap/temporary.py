@@ -4,7 +4,6 @@ Whoever uses one holds a lock on it, which the system takes away from a dead pro
 nobody holds was left by a kill, and making the next one removes it.
 """
 
-import fcntl
 import os
 import re
 import secrets
@@ -12,6 +11,14 @@ import shutil
 import tempfile
 from contextlib import suppress
 from pathlib import Path
+
+try:
+    import fcntl
+except ModuleNotFoundError as missing:
+    raise OSError(
+        f"realitygap needs Linux or macOS (there is no module {missing.name!r} here). "
+        "On Windows install it in WSL."
+    ) from None
 
 __all__ = ["Folder", "hold", "is_ours", "name", "sweep"]
 

@@ -26,6 +26,7 @@ from realitygap.world.profile import load_profile
 from realitygap.world.provenance import Constant
 from tests.calibration.tables import DIRTY, TURN_DEG
 from tests.calibration.written import save_recording
+from tests.kernels.test_measured import measured
 
 PAPER = load_profile("paper")
 
@@ -59,6 +60,15 @@ def test_the_extended_form_finds_the_robot(robot, recorded):
     assert fit.fit.values["turn_1_deg"][0] == pytest.approx(-1.0, abs=0.4)
     assert max(m.ratio for m in fit.sensors) < 0.5
     assert max(fit.by_form, key=fit.by_form.__getitem__) == "paper"
+
+
+def test_a_form_with_a_law_takes_no_curves_from_its_base(recorded):
+    """The paper's form from a base with measured sensors is that from the paper's own, light included."""
+    base, found = measured(PAPER, np.random.default_rng(3)), [recorded("wall"), recorded("lamp", noise=4.5)]
+    here, there = (calibrate(found, one, form="paper").profile for one in (base, PAPER))
+    assert here.infrared == there.infrared and here.ambient == there.ambient
+    made = calibrate(found[1:], base, form="measured").profile
+    assert made.ambient.measured and made.ambient != base.ambient and made.infrared == base.infrared
 
 
 @pytest.mark.parametrize("matt", [0.0, 1.0])

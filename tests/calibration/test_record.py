@@ -179,6 +179,15 @@ def test_one_process_records_into_a_folder_at_a_time(tmp_path):
     assert run(*words, "--resume")[0] == 0
 
 
+def test_a_study_is_not_recorded_into(tmp_path):
+    """Nothing of a recording comes among a study's files, with --resume or without."""
+    (tmp_path / "study.db").touch()
+    for how in ((), ("--resume",)):
+        code, _, error = run("record", "--robot", "twin:1", "--plan", "wheels", "--out", str(tmp_path), *how)
+        assert code == 2 and f"{tmp_path}: holds a study (study.db). Choose another folder." in error
+    assert [path.name for path in tmp_path.iterdir()] == ["study.db"]
+
+
 def test_kill_9_loses_one_place_at_most(tmp_path):
     """What was written stays as it is, a half row is dropped, and --resume comes to the same places."""
     words = [*WORDS, "--robot", "twin:3", "--out", str(tmp_path / "a")]

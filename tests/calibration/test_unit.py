@@ -97,13 +97,15 @@ def test_all_workers_share_a_long_fit(tmp_path, jobs):
         ({"unit": True}, "unit is a whole number from 0 on, got 'True'"),
         ({"seed": -1}, "seed: expected a whole number"),
         ({"workers": "many"}, "workers: expected a whole number from 1 to 1024"),
+        ({"meanwhile": 3}, "meanwhile: expected a list of functions, got 3"),
+        ({"meanwhile": ["sleep"]}, "meanwhile: expected a list of functions"),
     ],
 )
 def test_what_nobody_can_record_is_refused(tmp_path, change, says):
-    """No number or name that is none leaves a profile without a fit, or a traceback."""
+    """No number or name that is none leaves a folder that is claimed, or a traceback."""
     with pytest.raises(UsageError, match=says):
         calibrated_unit(tmp_path / "unit", **SETTINGS | change)
-    assert not (tmp_path / "unit" / "robot.toml").exists()
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_own_robot_by_what_is_no_name_is_refused(tmp_path):
@@ -112,6 +114,16 @@ def test_an_own_robot_by_what_is_no_name_is_refused(tmp_path):
         calibrated_robot(tmp_path / "unit", robot=3, base="paper", seed=0)
     with pytest.raises(UsageError, match="base: expected a path, got 3"):
         calibrated_robot(tmp_path / "unit", robot="twin:1", base=3, seed=0)
+
+
+@pytest.mark.parametrize(
+    ("base", "says"), [("nope", "unknown profile 'nope'"), ("e-puck", "expected 8 proximity sensors")]
+)
+def test_a_base_that_does_not_fit_claims_no_folder(tmp_path, base, says):
+    """A call with the right one can take the folder: the wrong one is not written down."""
+    with pytest.raises(UsageError, match=says):
+        calibrated_robot(tmp_path / "unit", robot=f"{EXAMPLES / 'own_robot.py'}:FiveEyes", base=base, seed=0)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])

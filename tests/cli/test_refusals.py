@@ -72,6 +72,8 @@ PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
         (("twin", "serve", "--arena", "light", "--noise", 11), "--noise"),
         (("twin", "serve", "--arena", "light", "--baud", "any"), "--baud"),
         (("record", "--robot", "twin", "--plan", "all", "--out", "x", "--twin-noise", 11), "at most 10"),
+        (("record", "--robot", "epuck:x", "--plan", "all", "--out", "x", "--baud", 9600), "Leave it out"),
+        (("robot", "check", "--robot", "thymio:x", "--baud", "any"), "thymio:x has no rate"),
         (("experiment", "noise", "--twin-noise", 11), "at most 10"),
     ],
     ids=lambda value: " ".join(map(str, value)) if isinstance(value, tuple) else None,
@@ -204,7 +206,6 @@ def test_debug_shows_where(capsys, monkeypatch):
     assert "Traceback" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_a_closed_stream_is_no_failure(closed, tmp_path):
     """What would be printed there goes nowhere; the rest of the work is done."""
@@ -216,6 +217,7 @@ def test_a_closed_stream_is_no_failure(closed, tmp_path):
     assert [line.partition(" `")[0] for line in made.stderr.splitlines()] == error
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
 def test_a_full_disk_under_stdout_ends_in_one_line():
     """Output that cannot be written ends in one line, without a complaint of the interpreter's."""
     with open("/dev/full", "w") as full:
@@ -224,6 +226,16 @@ def test_a_full_disk_under_stdout_ends_in_one_line():
     assert made.returncode == 2
     said = "error: No space left on device. Free some space, or take another place; what was saved is kept."
     assert made.stderr.splitlines() == [said]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+@pytest.mark.parametrize("stdout", [subprocess.PIPE, None], ids=["stderr", "both"])
+def test_a_full_disk_under_stderr_keeps_the_exit_code(stdout):
+    """Where nothing can be said the code still tells whose doing it was."""
+    with open("/dev/full", "w") as full:
+        code = [sys.executable, "-m", "realitygap", "profile", "show", "papier" if stdout else "paper"]
+        made = subprocess.run(code, stdout=stdout or full, stderr=full, check=False)
+    assert made.returncode == 2
 
 
 def test_a_reader_that_has_seen_enough_is_no_failure():

@@ -148,6 +148,13 @@ def test_a_study_without_runs_is_refused(study, refused, tmp_path):
     assert "no champion" in refused("transfer", study, 1, "--robot", "twin")
 
 
+def test_a_rate_belongs_to_a_robot_with_a_choice(study, refused):
+    """Beside one that has it, it may stand; where none has it, it would do nothing in silence."""
+    words = ("transfer", study, 1, "--seconds", 0.5, "--baud", 9600, "--robot", "enki:khepera")
+    assert "--baud: expected a Khepera or a twin; enki:khepera:1 has no rate" in refused(*words)
+    assert "--baud" not in refused(*words, "--robot", "serial:/dev/nowhere")
+
+
 def test_a_person_is_told_where_to_put_the_robot(study):
     """x, y and the heading in numbers and words; Enter starts; without a person nothing moves."""
     with start_twin({"size_cm": [60, 60]}, unit=1, clock="real", pose=Pose(x=30, y=30, heading=0)) as twin:

@@ -1,6 +1,7 @@
 """A transferred trial as a log, read back with the libraries that such logs are for."""
 
 import json
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,21 @@ def test_mcap_reads_it(one, tmp_path):
         )
         assert kind == "foxglove.SceneUpdate" and len(rays) == 80
         assert np.allclose(body[:-1].mean(0) * 100, (side.track.x[3], side.track.y[3]), atol=0.01)
+
+
+@pytest.mark.parametrize(("kind", "room"), [("rerun", 100_000), ("mcap", 1000)])
+def test_a_log_is_written_whole_or_not_at_all(one, tmp_path, kind, room):
+    """On a full disk the system's word is passed on, the earlier log stays, and nothing lies beside it."""
+    pytest.importorskip(kind, reason=f"no {kind} here")
+    path = write_log(one, kind, tmp_path)
+    before, earlier = resource.getrlimit(resource.RLIMIT_FSIZE), path.read_bytes()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+    try:
+        with pytest.raises(OSError, match=f"File too large: '{path}'"):
+            write_log(one, kind, tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert path.read_bytes() == earlier and [*tmp_path.iterdir()] == [path]
 
 
 def test_the_command_writes_it_and_says_what_there_is(played, tmp_path):

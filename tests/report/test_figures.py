@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import resource
 from dataclasses import replace
 from pathlib import Path
 
@@ -164,6 +165,21 @@ def test_a_figure_is_written_to_the_same_bytes(tmp_path: Path) -> None:
         )
         assert ">5.8 cm</text>" in svg
     assert prints[0] == prints[1]
+
+
+def test_a_figure_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    """On a full disk the earlier files stay, and nothing lies beside them."""
+    names = {tmp_path / f"robot.{ending}" for ending in ("png", "svg")}
+    for name in names:
+        name.write_text("earlier")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with style.styled(), pytest.raises(OSError, match=f"File too large: '{tmp_path / 'robot.png'}'"):
+            style.save_figure(robot_figure(PROFILE), tmp_path, "robot", dpi=60)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert {*tmp_path.iterdir()} == names and all(name.read_text() == "earlier" for name in names)
 
 
 def test_an_inline_svg_has_ids_of_its_own_and_the_pages_colours(tmp_path: Path) -> None:

@@ -282,6 +282,19 @@ def test_nobody_there_says_what_to_check(serial: SerialEpuck, tmp_path: Path) ->
             Address.parse(f"epuck2:{wrong}").open()
 
 
+def test_brackets_about_an_ipv6_address_are_known() -> None:
+    """A Thymio's simulator may have one; an e-puck2 has none, and is told so."""
+    with pytest.raises(UsageError, match=r"expected a port from 1 to 65535 \(an e-puck2 has no IPv6\)"):
+        Address.parse("epuck2:[::1]").open()
+    with socket.socket(socket.AF_INET6) as there:
+        try:
+            there.bind(("::1", 0))
+        except OSError:
+            pytest.skip("no IPv6 here")
+        with pytest.raises(UsageError, match="refused"):  # nobody listens
+            Address.parse(f"thymio:[::1]:{there.getsockname()[1]}").open()
+
+
 def test_a_port_beyond_the_last_is_not_taken_for_another(wifi: WifiEpuck) -> None:
     """The system would take 66536 for 1000, in silence."""
     host, _, port = wifi.place.partition(":")

@@ -31,7 +31,6 @@ from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.work import new_work, quiet
 from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation, batch_streams
-from realitygap.study.reader import DATABASE
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.testing import EngineContract
@@ -236,7 +235,7 @@ def test_without_a_gpu_one_message_says_the_cure(monkeypatch, tmp_path):
         Simulation("obstacle-avoidance", PAPER, engine="cuda")
     with pytest.raises(UsageError, match="engine cuda: expected an NVIDIA GPU"):
         run_study(tmp_path / "study", small(), engine="cuda")
-    assert not (tmp_path / "study" / DATABASE).exists()
+    assert not list(tmp_path.iterdir())
     monkeypatch.setattr(cuda, "cuda_error", lambda: None, raising=False)
     with pytest.raises(UsageError, match=r"expected NVIDIA's compiler NVVM.*pip install"):
         Simulation("obstacle-avoidance", PAPER, engine="cuda")

@@ -227,10 +227,12 @@ OTHERS: dict[str, Callable[[], object]] = {
 
 
 @pytest.mark.parametrize("call", OTHERS.values(), ids=OTHERS.keys())
-def test_everything_else_refuses_what_does_not_fit(call):
-    """Decoding, breeding, algorithms and loaders raise the package's own errors."""
+def test_everything_else_refuses_what_does_not_fit(call, monkeypatch, tmp_path: Path):
+    """Decoding, breeding, algorithms, loaders raise the package's own errors, before they make anything."""
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(RealityGapError):
         call()
+    assert not list(tmp_path.iterdir())
 
 
 def test_values_go_where_their_names_go(tmp_path: Path):

@@ -15,9 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
-from realitygap.cli import realitygap
 from realitygap.errors import RobotError, UsageError
 from realitygap.robots.clock import VirtualClock
 from realitygap.robots.khepera.twin import TwinBody
@@ -254,18 +252,24 @@ def _alive(pid: str) -> bool:
         return False
 
 
-def test_a_system_without_pseudo_terminals_is_told_so(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """As Windows: one line that a person can act on, whoever asks for the twin."""
-    for module in ("twin.port", "twin.server", "twin.process", "robots.khepera.twin"):
-        monkeypatch.delitem(sys.modules, f"realitygap.{module}", raising=False)
-    monkeypatch.setitem(sys.modules, "fcntl", None)
-    for words in ("twin serve --arena light", f"record --robot twin --plan wheels --out {tmp_path}"):
-        made = CliRunner().invoke(realitygap, words.split())
-        assert made.exit_code == 2
-        assert made.stderr.startswith("error: the twin needs pseudo-terminals") and "WSL" in made.stderr
-        assert len(made.stderr.splitlines()) == 1
+@pytest.mark.parametrize(
+    "words",
+    [
+        "twin serve --arena light",
+        "record --robot twin --plan wheels --out made",
+        "record --robot thymio:COM3 --plan wheels --out made",
+        "evolve light --out made",
+    ],
+)
+def test_a_system_without_locks_is_told_so(words: str, tmp_path: Path) -> None:
+    """As Windows: one line that a person can act on, whichever command comes first, and nothing is made."""
+    absent = "import sys; sys.modules |= dict.fromkeys(['fcntl', 'pty', 'termios', 'tty'])"
+    begin = f"{absent}; from realitygap.cli import main; main()"
+    order = [sys.executable, "-c", begin, *words.split()]
+    made = subprocess.run(order, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert made.returncode == 2 and not list(tmp_path.iterdir())
+    assert made.stderr.startswith("error: realitygap needs Linux or macOS") and "WSL" in made.stderr
+    assert len(made.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from realitygap.calibration import misfit
 from realitygap.calibration.channel_fit import LOOKUP, MEASURED, ChannelFit, doubts
 from realitygap.calibration.checks import refuse_nonsense
 from realitygap.calibration.descent import PLAIN
-from realitygap.calibration.forms import Tick, fit_forms, mended, with_columns
+from realitygap.calibration.forms import Tick, by_a_law, fit_forms, mended, with_columns
 from realitygap.calibration.forward import lit_readings
 from realitygap.calibration.infrared import INFRARED_FORMS
 from realitygap.calibration.light import LIGHT_FORMS, as_bright_as_the_paper, with_light
@@ -70,6 +70,7 @@ def fit_infrared(
         tick()
         return replace(found, warnings=(*found.warnings, *said))
     printed = form if form in INFRARED_FORMS else "extended"
+    base = replace(base, infrared=by_a_law(base.infrared)) if form == printed else base
     made, fits, off, doubt = searched(rows, base, printed, pool, tick, measured=form != printed)
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
     best = min(errs, key=errs.__getitem__) if form == AUTO else form

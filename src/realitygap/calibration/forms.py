@@ -13,17 +13,21 @@ from realitygap.calibration.search import DRAWS, search
 from realitygap.calibration.solve import Fit, Free, Measured, Model, Values, solve
 from realitygap.values import Floats
 from realitygap.world.arena import WHITEST
-from realitygap.world.profile import Profile
+from realitygap.world.profile import MEASURED, Profile
 from realitygap.world.sensor_checks import Sensor
+from realitygap.world.sensors import Ambient, Infrared
 
 __all__ = [
-    "FINE_DEG", "Problem", "Tick", "columns_of", "fit_forms", "free_directions", "free_reflectances",
-    "free_turns", "mended", "nominal", "scan", "solve_form", "with_columns",
+    "FINE_DEG", "Problem", "Tick", "by_a_law", "columns_of", "fit_forms", "free_directions",
+    "free_reflectances", "free_turns", "mended", "nominal", "scan", "solve_form", "with_columns",
 ]  # fmt: skip
 
 Tick = Callable[[], None]
 S = TypeVar("S", bound=Sensor)
+L = TypeVar("L", Ambient, Infrared)
 
+OF_CURVES = (MEASURED - {"dead", "table"}) | {"response"}
+"""Keys that stand for curves, or with them."""
 NEUTRAL = {"offset_cm": np.zeros(1), "exponent": np.ones(1)}
 DRAWS_HELD_OUT = 500
 """Fewer draws for held-out fits, of which there are four: a poorer search errs on the safe side."""
@@ -57,6 +61,18 @@ def nominal(sensors: Sequence[S], paper: Sequence[S]) -> Sequence[S]:
     here, there = ([(s.x_cm, s.y_cm) for s in some] for some in (sensors, paper))
     same = len(here) == len(there) and np.allclose(here, there, rtol=0, atol=SAME_CM)
     return paper if same else sensors
+
+
+def by_a_law(law: L) -> L:
+    """Sensors without curves of their own and what goes with them, if they have any: laws begin anew."""
+
+    def unsaid(one: L | Sensor) -> dict[str, Any]:
+        own = one.__dataclass_fields__
+        return {key: own[key].default for key in OF_CURVES & own.keys()}
+
+    if not law.measured:
+        return law
+    return replace(law, sensors=tuple(replace(s, **unsaid(s)) for s in law.sensors), **unsaid(law))
 
 
 def free_turns(rigs: Sequence[str]) -> list[Free]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.curves import Curves, Seen, on_curves, smoothness
-from realitygap.calibration.forms import Problem, nominal, solve_form, with_columns
+from realitygap.calibration.forms import Problem, by_a_law, nominal, solve_form, with_columns
 from realitygap.calibration.light import LIGHT_FORMS, LightMemory, light_frees, light_model, with_light
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Values
@@ -37,6 +37,7 @@ def light_problems(rows: Rows, base: Profile, form: str, *, room: bool, beside: 
         room: whether the walls are known, so that reflected light is informative.
         beside: whether to include all other forms.
     """
+    base = replace(base, ambient=by_a_law(base.ambient))
     names = LIGHT_FORMS if beside else (form,)
     problems = {name: _problem(name, rows, base, room=room) for name in names}
     if room and "linear" in names:

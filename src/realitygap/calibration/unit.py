@@ -28,16 +28,18 @@ from realitygap.calibration.unit_folder import (
     recordings_of,
     settings_of,
 )
+from realitygap.errors import UsageError
+from realitygap.robots.address import Address, as_scale
 from realitygap.text import as_path
 from realitygap.values import as_stream
 from realitygap.work.pool import Pool, Setup, Tell
 from realitygap.work.processes import Processes
 from realitygap.work.workers import Workers, opened, size_of
+from realitygap.world.profile import Profile, load_profile
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
     from realitygap.calibration.recordings.recording import Recording
-    from realitygap.world.profile import Profile
 
 __all__ = ["calibrated_again", "calibrated_robot", "calibrated_unit"]
 
@@ -92,7 +94,6 @@ def calibrated_unit(
         StudyError: its process died repeatedly.
     """
     from realitygap.calibration.recorder.grid import given
-    from realitygap.robots.address import Address, as_scale
 
     which = _known_of(unit) if isinstance(unit, str) else {"unit": Address.parse(f"twin:{unit}").unit}
     chosen = given(bearings, distances_cm) | ({} if parts is None else {"parts": parts_in(parts)})
@@ -146,15 +147,17 @@ def calibrated_robot(
         UsageError: no such robot, or its sensors differ from the base's.
         CalibrationError: the folder belongs to another robot or other settings.
     """
-    settings = {"base": str(as_path(base, "base")), "seed": int(as_stream(seed, "seed")), **_known_of(robot)}
-    return _calibrated(folder, settings, workers, on_progress)
+    known = {"base": str(as_path(base, "base")), "seed": int(as_stream(seed, "seed"))}
+    return _calibrated(folder, known | _known_of(robot, base), workers, on_progress)
 
 
-def _known_of(robot: str) -> dict[str, Any]:
-    """A robot by its address, the parts that it can record, and where, if not at the usual places."""
-    from realitygap.robots.address import Address
+def _known_of(robot: str, base: str | None = None) -> dict[str, Any]:
+    """A robot by its address, which fits its base; the parts that it can record, and its own places."""
+    from realitygap.calibration.recorder.record import Wanted, parts_for
 
+    wanted = Wanted(plan="all", base=None if base is None else load_profile(base))
     with closing(Address.parse(str(robot)).open()) as body:
+        parts_for(wanted, body)
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
         grid = getattr(body, "infrared_grid", None)
     places = {"bearings": grid[0], "distances_cm": list(grid[1])} if grid else {}
@@ -172,6 +175,9 @@ def _calibrated(
     """Make missing recordings and fit, one job for each kind: one kind is fitted while another is recorded,
     and other work is done meanwhile. A fit that all workers share begins when all parts are recorded."""
     folder = as_path(folder, "folder").resolve()
+    size_of(1 if isinstance(workers, Pool) else workers)
+    if not isinstance(meanwhile, Sequence) or not all(map(callable, meanwhile)):
+        raise UsageError(f"meanwhile: expected a list of functions, got {meanwhile!r}.")
     claim(folder, settings)
     if (folder / PROFILE).is_file():
         return folder / PROFILE
@@ -238,8 +244,6 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
     """Record one part of all plans into `folder/recordings/name`, complete or not at all."""
     from realitygap.calibration.recorder.plans import CYLINDER
     from realitygap.calibration.recorder.record import Wanted, record
-    from realitygap.robots.address import Address
-    from realitygap.world.profile import load_profile
 
     known = settings_of(folder)
     base = load_profile(known["base"]) if "base" in known else None
@@ -278,7 +282,6 @@ def fitted(folder: Path, names: Sequence[str], **how: Any) -> Calibration:
 def _profile(folder: Path, fits: Sequence[Calibration]) -> str:
     """The profile of all fits together, as TOML."""
     from realitygap.calibration.calibrate import joined
-    from realitygap.robots.address import Address
 
     known = settings_of(folder)
     name = f"twin-{known['unit']}" if "unit" in known else Address.parse(known["robot"]).folder()
@@ -293,6 +296,5 @@ def _profile(folder: Path, fits: Sequence[Calibration]) -> str:
 def _base(folder: Path, recordings: Sequence[Recording]) -> Profile:
     """The profile that the fits start from."""
     from realitygap.calibration.calibrate import base_of
-    from realitygap.world.profile import load_profile
 
     return load_profile(settings_of(folder).get("base", base_of(recordings)))

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 import click
 
@@ -104,14 +104,14 @@ def guarded(work: Callable[[], Any]) -> int:
 def explain(failure: Exception) -> int:
     """Say on stderr what went wrong; the exit code that goes with it."""
     if isinstance(failure, BrokenPipeError):
-        _close_stdout()  # whoever read our output has seen enough
+        _close(sys.stdout)  # whoever read our output has seen enough
         return 1
     line, code = _describe(failure)
-    click.echo(" ".join(_shortened(word) for word in line.split()), err=True)
-    try:
-        sys.stdout.flush()
-    except OSError:  # stdout itself is full: the interpreter would try it once more
-        _close_stdout()
+    for stream, said in ((sys.stderr, [_shortened(word) for word in line.split()]), (sys.stdout, [])):
+        try:
+            click.echo(" ".join(said), stream, nl=bool(said))
+        except OSError:  # it is full: the interpreter would try it once more
+            _close(stream)
     return code
 
 
@@ -156,10 +156,10 @@ def _from_sqlite(failure: Exception) -> bool:
     return sqlite3 is not None and isinstance(failure, sqlite3.Error)
 
 
-def _close_stdout() -> None:
-    """Point stdout at nothing, so that flushing it at exit cannot fail again."""
+def _close(stream: TextIO) -> None:
+    """Point stdout or stderr at nothing, so that flushing it at exit cannot fail again."""
     with suppress(OSError, ValueError):  # not a real file, as in tests
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def tidy(command: click.Command, ctx: click.Context, args: list[str]) -> list[str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from realitygap.cli.kinds import NOISE, PICTURE, SECONDS, SEED, SHARD, Finite, NumberOrPool, Whole
 from realitygap.robots.address import BAUD_RATES, LARGEST_SCALE
@@ -14,18 +15,21 @@ from realitygap.robots.address import BAUD_RATES, LARGEST_SCALE
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from realitygap.robots.address import Address
     from realitygap.values import Pose
     from realitygap.world.arena import Arena
     from realitygap.world.profile import Profile
 
 __all__ = [
-    "Numbers", "arena", "as_json", "base", "baud", "checked_pose", "controller", "disk", "engine",
-    "evaluations", "given", "individual", "marker", "noise", "out", "picture", "pose", "profile", "resume",
-    "runs", "seconds", "seed", "shard", "spread", "task", "trust", "twin_noise", "unusual", "watch",
-    "workers",
+    "Numbers", "arena", "as_json", "base", "baud", "check_baud", "checked_pose", "controller", "disk",
+    "engine", "evaluations", "given", "individual", "marker", "noise", "out", "picture", "pose",
+    "profile", "resume", "runs", "seconds", "seed", "shard", "spread", "task", "trust", "twin_noise",
+    "unusual", "watch", "workers",
 ]  # fmt: skip
 
 BAUDS = tuple(map(str, BAUD_RATES))
+RATED = ("khepera", "serial", "twin", "stranger")
+"""Robots whose line has a rate that can be chosen."""
 
 Numbers = tuple[float, float, float]
 """A pose as it is typed: x and y in cm, heading in degrees."""
@@ -183,6 +187,14 @@ def baud(
         return None if said == "any" else int(said)
 
     return click.option("--baud", type=kind, default="38400", callback=rate, help=says)
+
+
+def check_baud(*robots: Address) -> None:
+    """Refuse `--baud` beside robots of which none has a rate that can be chosen."""
+    default = click.get_current_context().get_parameter_source("baud") is ParameterSource.DEFAULT
+    if not default and not any(robot.kind in RATED for robot in robots):
+        told = f"{robots[0]} has no rate that can be chosen. Leave it out."
+        raise click.UsageError(f"--baud: expected a Khepera or a twin; {told}")
 
 
 def given(options: dict[str, Any]) -> dict[str, Any]:

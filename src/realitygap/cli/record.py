@@ -91,6 +91,7 @@ def record(
     from realitygap.calibration.recorder.record import Wanted
     from realitygap.world.profile import load_profile
 
+    option.check_baud(robot)
     plan, base = words["plan"], words.pop("base")
     for key in ("object", "bearings", "distances_cm"):
         if words[key] is not None and plan not in ("infrared", "all"):

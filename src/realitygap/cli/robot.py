@@ -89,6 +89,7 @@ def check(
     if (address is None) == (port is None):
         raise click.UsageError("expected --robot R or --port P, one of them.")
     where = Address(kind="serial", rest=port or "") if address is None else address
+    option.check_baud(where)
     settings = {"baud": baud, "clock_channel": clock_channel}
     named = click.get_current_context().get_parameter_source("profile") is not ParameterSource.DEFAULT
     load_profile(profile)  # refused before the robot is asked anything

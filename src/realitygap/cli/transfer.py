@@ -128,6 +128,7 @@ def transfer(
     ask_trust(study, trust)
     loaded = load_study(study)
     options = Transfer(**words)
+    option.check_baud(*options.bodies)
     trials = (len(options.runs) or len(loaded.runs)) * len(options.robots) * options.starts
     consider(trials=trials if shard is None else len(shard.own(range(trials))), workers=workers)
     carry = partial(_carry, seen=options.eye is not None)

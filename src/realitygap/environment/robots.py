@@ -188,9 +188,9 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             self._seeds = self.np_random.integers(0, 2**63, self.num_envs, np.uint64)
         if seed is None:
             return
-        first = isinstance(seed, int | np.integer)
-        given = [seed + i for i in range(self.num_envs)] if first else seed  # type: ignore[operator]
-        if not isinstance(given, Sequence | np.ndarray) or len(given) != self.num_envs:
+        first = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+        given: Any = [seed + i for i in range(self.num_envs)] if first else seed  # type: ignore[operator]
+        if not (isinstance(given, Sequence) or np.ndim(given)) or len(given) != self.num_envs:
             expected = f"a whole number, or {self.num_envs} of them, one for each robot"
             raise UsageError(f"seed: expected {expected}, got {seed!r}.")
         for i in which:

@@ -81,6 +81,7 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
             RealityGapError: an invalid seed, pose or setting, a pose where something stands, or a
                 robot that does not answer.
         """
+        seed = None if seed is None else int(as_stream(seed, "seed"))
         super().reset(seed=seed)
         given = spaces.checked_options(options, {"pose", "reality", *SETTINGS})
         pose = given.pop("pose", None)
@@ -114,7 +115,7 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
             UsageError: before the first reset, after the trial's end, or an action that is not finite.
             RobotError: the robot was lost; it was told to stop.
         """
-        seen, rewards, terminated, truncated, info = self._inner.step(np.asarray(action)[np.newaxis])
+        seen, rewards, terminated, truncated, info = self._inner.step([action])  # type: ignore[arg-type]
         ended = {"score": float(info["score"][0])} if "score" in info else {}
         return seen[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), ended
 

@@ -86,7 +86,7 @@ def commands_of(actions: object, shape: tuple[int, ...]) -> NDArray[np.int64]:
         UsageError: another shape, or a number that is not finite.
     """
     try:
-        given = np.asarray(actions, np.float64)
+        given = np.asarray(actions).astype(np.float64, casting="same_kind")  # no text, no complex numbers
     except (TypeError, ValueError):
         given = np.empty(0)
     if given.shape != shape or not np.isfinite(given).all():

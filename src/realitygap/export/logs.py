@@ -57,7 +57,8 @@ def write_log(one: Lived, kind: str, folder: Path) -> Path:
 def _rerun(rr: Any, one: Lived, path: Path) -> None:
     """Places in cm, z up; a row a step, in columns."""
     stream = rr.RecordingStream("realitygap", recording_id=one.name)
-    stream.save(path, default_blueprint=_blueprint(one))
+    made = stream.memory_recording()  # its own writer hangs on a full disk, or says nothing of what is lost
+    stream.send_blueprint(_blueprint(one), make_active=False)
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for name, lines, colour in _room(one.task.arena):
         stream.log(
@@ -74,8 +75,7 @@ def _rerun(rr: Any, one: Lived, path: Path) -> None:
         when = rr.TimeColumn(TIMELINE, duration=frames * 1e-9 - one.lead_s)
         columns = rr.VideoFrameReference.columns_nanos(frames)
         stream.send_columns("situated/film", indexes=[when], columns=columns)
-    stream.flush()
-    stream.disconnect()
+    path.write_bytes(made.drain_as_bytes())
 
 
 def _rerun_side(rr: Any, stream: Any, one: Lived, side: Side) -> None:

@@ -132,7 +132,8 @@ def new_figure(
 def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 200) -> str:
     """Write NAME.png and NAME.svg into a folder, if given; returns the SVG's text.
 
-    The same figure gives the same bytes: no date, fixed ids.
+    The same figure gives the same bytes: no date, fixed ids. Each file replaces an earlier one only when it
+    is complete.
 
     Args:
         figure: the figure.
@@ -141,14 +142,14 @@ def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 20
         dpi: of the PNG.
     """
     buffer = io.StringIO()
-    if folder is not None:
-        with whole.named(folder / f"{name}.png") as picture:
-            figure.savefig(picture, dpi=dpi, metadata={"Software": None}, pil_kwargs={"compress_level": 4})
+    if folder is not None:  # figures can be drawn again: the disk is not waited for
+        with whole.together(folder), whole.new(folder / f"{name}.png") as new:
+            figure.savefig(new, dpi=dpi, metadata={"Software": None}, pil_kwargs={"compress_level": 4})
     figure.savefig(buffer, format="svg", dpi=dpi, metadata={"Date": None, "Creator": "realitygap"})
     svg = buffer.getvalue()
     if folder is not None:
-        with whole.named(folder / f"{name}.svg") as file:
-            file.write_text(svg, encoding="utf-8")
+        with whole.together(folder):
+            whole.write(folder / f"{name}.svg", svg)
     return svg
 
 

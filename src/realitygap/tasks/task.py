@@ -56,7 +56,7 @@ class Task:
         arena: an Arena, the name of one that comes with the package, or the path of a TOML file
             (relative to the file that defines `score`).
         feeds: "proximity", "ambient", or both: which of the robot's sensors the network reads. Both are
-            written ("proximity", "ambient") and kept as "proximity+ambient".
+            written ("proximity", "ambient"), in any order, and kept as "proximity+ambient".
         sensors: which of them feeds each input of the network; none named: all that the robot has. Of
             both kinds the numbers continue: a Khepera's 0 to 7 are proximity sensors, 8 to 15 ambient.
         start: where a trial begins.

@@ -1,21 +1,12 @@
 """The twin's end of the serial line: a pseudo-terminal that any program can open."""
 
 import errno
+import fcntl
 import os
+import pty
 import select
-
-from realitygap.errors import UsageError
-
-try:
-    import fcntl
-    import pty
-    import termios
-    import tty
-except ModuleNotFoundError as missing:
-    raise UsageError(
-        f"the twin needs pseudo-terminals, which Linux and macOS have (no module {missing.name!r} here). "
-        "On Windows install realitygap in WSL."
-    ) from None
+import termios
+import tty
 
 __all__ = ["Port"]
 

@@ -18,7 +18,7 @@ from realitygap.world.provenance import Provenance
 from realitygap.world.rays import RAY_ANGLES_DEG
 from realitygap.world.sensors import UNLIT, Ambient, Infrared
 
-__all__ = ["Noise", "Profile", "Wheels", "largest_pole", "load_profile", "profile_names"]
+__all__ = ["MEASURED", "Noise", "Profile", "Wheels", "largest_pole", "load_profile", "profile_names"]
 
 FEEDS = ("proximity", "ambient", "proximity+ambient")
 """What may be fed to a network; the index is `params.Trial.feed`."""

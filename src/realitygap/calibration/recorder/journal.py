@@ -1,7 +1,6 @@
 """Writes a recording as it is made, each finished place or trial at once: a kill loses at most one."""
 
 import contextlib
-import fcntl
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
@@ -16,7 +15,7 @@ from realitygap.toml import read_toml, to_toml
 
 __all__ = ["ARENA", "Journal", "alone", "refuse_another"]
 
-ARENA = "arena.toml"
+ARENA, STUDY = "arena.toml", "study.db"
 SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "marker", "seed", "repeats", "bearings",
         "distances_cm", "places")  # fmt: skip
 """Facts that must not change when a recording is resumed."""
@@ -128,8 +127,12 @@ def alone(folder: Path) -> Iterator[None]:
     """A folder to record into, for one process at a time; an empty one is removed at the end.
 
     Raises:
-        RecordingError: another process holds it.
+        RecordingError: another process holds it, or it is a study's.
     """
+    import fcntl  # where a system has none, `temporary` has said so
+
+    if (folder / STUDY).exists():
+        raise RecordingError(f"{folder}: holds a study ({STUDY}). Choose another folder.")
     folder.mkdir(parents=True, exist_ok=True)
     held = os.open(folder, os.O_RDONLY)
     try:

@@ -31,7 +31,7 @@ from realitygap.robots.body import Body, Filmed, Placing, Seen, attend, channel,
 from realitygap.values import Pose
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["REPEATS", "Made", "Wanted", "check_period", "record"]
+__all__ = ["REPEATS", "Made", "Wanted", "check_period", "parts_for", "record"]
 
 REPEATS = 10
 
@@ -130,7 +130,7 @@ def record(
     """
     if wanted.base is None and "base" in (own := facts_of(body)):
         wanted = replace(wanted, base=load_profile(own["base"]))
-    parts = _parts(wanted, body)
+    parts = parts_for(wanted, body)
     places = [Path(folder) / part.name if len(parts) > 1 else Path(folder) for part in parts]
     made: list[Made] = []
     with alone(Path(folder)):
@@ -146,7 +146,7 @@ def record(
     return made
 
 
-def _parts(wanted: Wanted, body: Body) -> list[Part]:
+def parts_for(wanted: Wanted, body: Body) -> list[Part]:
     """The parts of the plan for which the robot has sensors.
 
     Raises:

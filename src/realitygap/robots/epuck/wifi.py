@@ -45,7 +45,8 @@ class PacketLine(Line):
         host, _, port = self.device.partition(":")
         try:
             if port and not (port.isdecimal() and 0 < int(port) < 2**16):  # glibc takes the lower 16 bits
-                raise ValueError(f"expected a port from 1 to 65535, got {port!r}")
+                told = " (an e-puck2 has no IPv6)" if ":" in port else f", got {port!r}"
+                raise ValueError(f"expected a port from 1 to 65535{told}")
             made = socket.create_connection((host, int(port or PORT)), CONNECT_S)
         except (OSError, ValueError) as error:
             raise UsageError(

@@ -55,7 +55,7 @@ def opened(place: str) -> Any:
         if colon and port.isdecimal() and not os.path.exists(place):
             if not 0 < int(port) < 2**16:  # glibc takes the lower 16 bits
                 raise OverflowError(f"expected a port from 1 to 65535, got {port}")
-            return _connected((host, int(port)))
+            return _connected((host.strip("[]"), int(port)))
         import serial
 
         return serial.Serial(place, BAUD, timeout=0, write_timeout=0.5, exclusive=True)
