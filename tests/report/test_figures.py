@@ -17,6 +17,7 @@ from realitygap.report.curves import Curves, curves_figure, mean_curve
 from realitygap.report.paths import PathPanel, Scene, draw_path, panels_figure, sheet_figure, tail
 from realitygap.report.robots import robot_figure
 from realitygap.report.statistics import difference, mean_of, running_best, student
+from realitygap.report.words import robot_words
 from realitygap.tasks import load_task
 from realitygap.world.profile import load_profile
 from tests.report.scenes import LEVELS, circle
@@ -149,6 +150,19 @@ def test_noise_levels_keep_their_look() -> None:
     assert all(shown[level] == style.noise_styles([level])[level] for level in (0.0, 1.0, 2.0))
     assert len({(s.colour) for s in shown.values()}) == len({s.marker for s in shown.values()}) == 5
     assert len({str(s.line) for s in shown.values()}) == 5
+
+
+@pytest.mark.parametrize(("share", "names"), [(0.97, ""), (0.5, "a0 a1 a2 a3 a4 a5 a6 a7")])
+def test_sensors_that_a_calibration_moved_apart_are_drawn_as_one(share: float, names: str) -> None:
+    """A light sensor a millimetre from an infrared one has no number of its own, to cover that one's."""
+    light = PROFILE.ambient
+    moved = tuple(replace(one, x_cm=share * one.x_cm, y_cm=share * one.y_cm) for one in light.sensors)
+    robot = replace(PROFILE, ambient=replace(light, sensors=moved))
+    with style.styled():
+        shown = [text.get_text() for text in robot_figure(robot).axes[0].texts]
+    wanted = [*"01234567", *names.split()]
+    assert [name for name in shown if name and "cm" not in name] == wanted
+    assert f": {len(wanted)} sensors " in robot_words(robot).caption
 
 
 def test_a_figure_is_written_to_the_same_bytes(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from realitygap.report.gather import PER_CONDITION
 from realitygap.report.page import Words
+from realitygap.report.robots import shown_sensors
 from realitygap.report.tables import TaskPart, counted
 from realitygap.report.transfers import Pair
 from realitygap.report.wiring import read_wiring
@@ -22,9 +23,8 @@ __all__ = [
 
 def robot_words(profile: Profile) -> Words:
     """Words for the robot's picture."""
-    robot = profile.to_kernel()
-    count = max(len(robot.proximity_place), len(robot.ambient_place))
-    text = f"The robot from above, to scale: {count} sensors with their numbers and directions, two wheels."
+    sensors = counted(sum(1 for _ in shown_sensors(profile.to_kernel())), "sensor")
+    text = f"The robot from above, to scale: {sensors} with their numbers and directions, two wheels."
     return Words(text, text + " It faces up; in the arenas a line points to its front.")
 
 
