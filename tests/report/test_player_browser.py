@@ -168,6 +168,16 @@ def test_paper_keeps_a_picture_of_the_player(page: Browser, played: Study) -> No
     assert page.run("document.documentElement.dataset.theme === undefined")
 
 
+def test_a_table_keeps_its_headings_on_every_sheet_of_paper(page: Browser) -> None:
+    """Buttons are not repeated with a table's head, so on paper a heading is text; on the screen it sorts."""
+    is_text = "(one) => getComputedStyle(one).display === 'contents'"
+    shown = f"[...document.querySelectorAll('th .sort')].map({is_text})"
+    assert not any(page.run(shown))
+    page.call("Emulation.setEmulatedMedia", media="print")
+    assert all(page.run(shown))
+    page.call("Emulation.setEmulatedMedia", media="")
+
+
 def test_readings_and_neurons_follow_the_time(page: Browser) -> None:
     """Both sides show numbers of their own; the motor neurons show the commands at every step."""
     page.run(FOCUS)
