@@ -258,6 +258,17 @@ def test_a_phone_needs_no_sideways_scrolling(page: Browser, played: Study) -> No
     assert min(min(size) for size in page.run(sizes)) >= 40
 
 
+def test_sensors_of_two_kinds_stand_in_rows_of_eight(page: Browser, played: Study) -> None:
+    """Sixteen bars make no phone scroll sideways, and are as wide as eight."""
+    page.show(played.folder / "report" / "index.html", wide=360, tall=800)
+    wide = page.run("document.querySelector('.bar').offsetWidth")
+    twice = "box.append(...[...box.children].map(bar => bar.cloneNode(true)))"
+    page.run(f"document.querySelectorAll('.bars').forEach(box => {twice})")
+    widths = page.run("[...document.querySelectorAll('.bar')].map(bar => bar.offsetWidth)")
+    assert len(widths) == 32 and all(abs(one - wide) <= 1 for one in widths)
+    assert page.run("document.documentElement.scrollWidth") <= 360
+
+
 @pytest.mark.parametrize("wide", [360, 1200])
 def test_a_long_title_makes_no_page_wider_than_its_window(page: Browser, played: Study, wide: int) -> None:
     """Neither a study's title nor a task's, in its heading, its link and the player's list, is too wide."""
