@@ -126,6 +126,21 @@ def test_curves_have_units_and_an_entry_for_each_noise_level(runs: int) -> None:
     assert len(axes.collections) == (3 if runs > 1 else 0)
 
 
+@pytest.mark.parametrize("fresh", [0.02, -0.3])
+def test_curves_are_not_pressed_flat_or_covered(fresh: float) -> None:
+    """Two unlike runs' interval does not set the scale; no legend covers a curve or an open marker."""
+    runs = [np.linspace(0.1, 0.2, 20), np.linspace(0.1, 0.6, 20)]
+    with style.styled():
+        figure = curves_figure(Curves(runs={1.0: runs}, names={1.0: LEVELS[1.0]}, fresh={1.0: fresh}))
+        figure.draw_without_rendering()
+    axes = figure.axes[0]
+    low, high = axes.get_ylim()
+    assert low == pytest.approx(min(0, fresh)) and 0.6 < high < 0.75
+    legend = axes.get_legend().get_window_extent()
+    for line in axes.lines:
+        assert not legend.count_contains(axes.transData.transform(line.get_xydata()))
+
+
 def test_running_best_never_falls() -> None:
     """It is the highest fitness so far."""
     assert running_best([1, 3, 2, 4]).tolist() == [1, 3, 3, 4]

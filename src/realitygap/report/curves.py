@@ -64,13 +64,15 @@ def curves_figure(curves: Curves) -> Figure:
             [longest * 1.035], [value / scale], marker=look.marker, color=look.colour, markersize=5,
             markerfacecolor="none", clip_on=False, linestyle="none", zorder=4,
         )  # fmt: skip
-    lowest = min((float(run.min()) for runs in drawn.values() for run in runs), default=0.0)
+    seen = [float(end) for runs in drawn.values() for run in runs for end in (run.min(), run.max())]
+    low, *_, high = sorted([0.0, *seen, *curves.fresh.values()])
     ax.set(xlim=(0, longest * 1.06), xlabel="evaluations")
-    ax.set_ylim(bottom=min(0.0, lowest / scale))
+    # Two runs' interval may be many times as high as they: it is cut.
+    ax.set_ylim(low / scale, min(ax.get_ylim()[1], (1.1 * high - 0.1 * low) / scale) or None)
     ax.set_ylabel("fitness of the fittest" + (f" ({curves.unit})" if curves.unit else ""))
     ax.grid(axis="y")
     ax.set_axisbelow(True)
-    ax.legend(loc="lower right")
+    ax.legend()
     return figure
 
 
