@@ -6,6 +6,7 @@ Skipped where there is no Chromium (in the PATH, or named by CHROMIUM).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -143,6 +144,19 @@ def test_a_link_leads_to_one_run_trial_and_moment(page: Browser, played: Study) 
     page.run("location.hash = '#run=obstacle-avoidance/zero/9'")
     page.until("!document.getElementById('player-lost').hidden")
     assert page.run(lists) == chosen
+
+
+def test_a_step_of_another_length_has_a_time_and_a_link_of_its_own(
+    page: Browser, played: Study, tmp_path: Path
+) -> None:
+    """Steps of 0.05 s are told from each other, and a link leads to its own."""
+    copy = tmp_path / "index.html"
+    words = (played.folder / "report" / "index.html").read_text()
+    assert words.count('"step_s":0.1,') == 1
+    copy.write_text(words.replace('"step_s":0.1,', '"step_s":0.05,'))
+    page.show(copy, at="#run=obstacle-avoidance/zero/1&at=0.35")
+    assert page.run(STEP) == 7 and page.run(text("time")) == "0.35 of 1.00 s"
+    assert page.run("document.getElementById('player-link').hash").endswith("&at=0.35")
 
 
 def test_paper_keeps_a_picture_of_the_player(page: Browser, played: Study) -> None:

@@ -83,7 +83,7 @@ def path_words(part: TaskPart, seen: str) -> Words:
     caption = (
         f"Simulated paths of {part.task.seconds:g} s at the noise that each individual evolved under. {which}"
         f"After the colon: this trial's score{unit}. Ring: start, the same for all; each stroke of the tail "
-        "joins the robot's centre to its leading edge, every 0.1 s, and none is erased."
+        "joins the robot's centre to its leading edge at each step, and none is erased."
     )
     return Words(f"Paths. {seen}.", caption)
 
@@ -168,7 +168,7 @@ def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
         + f"For each noise level the run that is {_median(part)}, where it was transferred. " * many
         + "Both from the same start (ring). After the colon: the path’s score"
         + (f" in {unit}. " if unit else ". ")
-        + "Each stroke of the tail joins the robot’s centre to its leading edge, every 0.1 s; none is erased."
+        + "Each stroke of the tail joins the robot’s centre to its leading edge at each step; none is erased."
     )
     ends = "; ".join(
         f"{part.names[p.level]}: from ({before.x[0]:.0f}, {before.y[0]:.0f}) simulated to "
