@@ -37,6 +37,22 @@ def test_an_arena_is_drawn_to_scale(task) -> None:
     assert {tuple(map(float, c)) for c in task.arena.to_kernel().cylinders} <= drawn
 
 
+@pytest.mark.parametrize("size", [(100.0, 60.0), (300.0, 60.0)])
+@pytest.mark.parametrize("y", [0.0, 30.0, 60.0])
+def test_a_lamps_name_can_be_read(size: tuple[float, float], y: float) -> None:
+    """It stands inside the room, off the wall that its lamp is on, and in a long room it is as large."""
+    lamp = replace(TASKS[1].arena.lamps[0], x_cm=30.0, y_cm=y, line_deg=0.0)
+    room = replace(TASKS[1].arena, size_cm=size, lamps=(lamp,))
+    with style.styled():
+        figure = arena_figure(room, PROFILE, "proximity", np.array([20.0, 30.0, 5.0, 0.0, 6.3]))
+        figure.draw_without_rendering()
+    axes = figure.axes[0]
+    name = next(text for text in axes.texts if text.get_text() == "lamp").get_window_extent()
+    (_, floor), (_, top) = axes.transData.transform([(0, 0), size])
+    assert floor + 1 < name.y0 and name.y1 < top - 1
+    assert figure.get_figwidth() <= 5.4
+
+
 def test_what_surfaces_throw_back_is_written_on_them() -> None:
     """Where reflectances are stated those of walls and cylinders stand in the picture."""
     room = TASKS[0].arena

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Rectangle
 from realitygap.kernels.params import RAYS, Arena, Robot
 from realitygap.report import style
 from realitygap.report.robots import F, draw_robot, light_rays
-from realitygap.report.style import PAGE, new_figure
+from realitygap.report.style import COLUMN, new_figure
 from realitygap.world import arena as world
 from realitygap.world.profile import Profile
 
@@ -82,8 +82,9 @@ def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:
         )  # fmt: skip
         if names:
             aside, side = (-10, "right") if centre[0] > arena.size[0] / 2 else (10, "left")
+            up = float(np.interp(centre[1] / arena.size[1], (0.05, 0.1, 0.9, 0.95), (8, 0, 0, -8)))
             ax.annotate(
-                "lamp", tuple(centre), xytext=(aside, 0), textcoords="offset points", ha=side, va="center",
+                "lamp", tuple(centre), xytext=(aside, up), textcoords="offset points", ha=side, va="center",
                 fontsize=7.5,
             )  # fmt: skip
 
@@ -201,7 +202,7 @@ def arena_figure(room: world.Arena, profile: Profile, feeds: str, start: np.ndar
     """
     arena, robot = room.to_kernel(), profile.to_kernel()
     width, depth = (float(v) for v in arena.size)
-    wide = min(PAGE, 3.3 * max(width / depth, 0.7) ** 0.75)
+    wide = min(1.6 * COLUMN, 3.3 * max(width / depth, 0.7) ** 0.75)
     figure = new_figure(wide, (wide - 0.6) * depth / width + 0.55, layout="constrained")
     ax = figure.add_subplot()
     draw_arena(ax, arena, names=True)
