@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
 from realitygap.report import player
 from realitygap.report.build import scripts
-from realitygap.report.gather import Paths, parts_of
+from realitygap.report.gather import Paths, individual, parts_of
 from realitygap.report.player_tracks import LOST, activity, pack, track
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.recording import Recording
@@ -62,6 +63,18 @@ def test_a_situated_drive_is_the_recording(played: Study) -> None:
     poses = _unpacked(told["poses"], "<i2").reshape(-1, 3) / 100
     assert np.allclose(poses[:, 0], pair.paths[1].x, atol=0.0051)
     assert np.allclose(poses[:, 1], pair.situated.y, atol=0.0051)
+
+
+def test_commands_in_a_robots_own_units_are_shown_as_the_networks(played: Study) -> None:
+    """A robot whose top command is 240 is shown as one whose is 10, with its network's neurons."""
+    run, (pair, *_) = played.runs[0], pairs_of(played, parts_of(played))["obstacle-avoidance"]
+    genes, kept = individual(run), Recording.from_folder(pair.folder)
+    task = played.task(run.task)
+    shown = []
+    for top, recorded in ((10.0, kept), (240.0, replace(kept, commands=24 * kept.commands))):
+        cast = player._Cast(task=task, genes=genes, slots=range(10), top_command=top)
+        shown.append(cast.drive("a robot", "0.5", pair.situated, recorded, genes))
+    assert shown[0] == shown[1] and shown[1]["outputs"] is not None
 
 
 @pytest.mark.parametrize("who", ["simulated", "situated"])

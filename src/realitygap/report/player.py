@@ -29,7 +29,7 @@ from realitygap.transfer.trial import SIMULATED, SITUATED
 from realitygap.values import fed
 from realitygap.world.arena import Arena
 from realitygap.world.noise import noise_name
-from realitygap.world.profile import Profile
+from realitygap.world.profile import TOP_INPUT, Profile
 from realitygap.world.rays import RAY_ANGLES_DEG
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
@@ -83,7 +83,7 @@ def replay_data(simulation: Simulation, genes: Genes, lived: tuple[Trajectory, f
     """
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genes, task, profile)
-    cast = _Cast(task=task, genes=genes, slots=slots)
+    cast = _Cast(task=task, genes=genes, slots=slots, top_command=profile.wheels.top_command)
     one, score = lived
     drive = cast.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genes)
     trial = {"name": "simulated", "link": "simulated", "simulated": drive, "situated": None}
@@ -118,6 +118,8 @@ class _Cast:
     genes: Genes
     slots: Sequence[int]
     """Neurons of the network, in the order of their packed outputs."""
+    top_command: float
+    """Of a network's 10, in the robot's units: a recording's, not a trajectory's."""
 
     def drive(
         self, who: str, score: str, path: Track, kept: Trajectory | Recording | None, drove: Genes | None
@@ -126,13 +128,13 @@ class _Cast:
         unit = _unit_cm(self.task)
         if kept is None:
             return track(who, score, poses_of(path), unit)
-        readings, outputs = fed(kept, self.task.feeds), None
+        readings, commands, outputs = fed(kept, self.task.feeds), kept.commands, None
+        if isinstance(kept, Recording):
+            commands = np.rint(commands * (TOP_INPUT / self.top_command)).astype(np.int64)
         same = drove is not None and np.array_equal(self.genes, drove)
         if same and kept.inputs.shape[1] == len(self.task.sensors):  # the drawn network is the one that drove
-            outputs = activity(self.genes, kept.inputs, kept.commands, self.slots)
-        return track(
-            who, score, poses_of(path), unit, readings=readings, commands=kept.commands, outputs=outputs
-        )
+            outputs = activity(self.genes, kept.inputs, commands, self.slots)
+        return track(who, score, poses_of(path), unit, readings=readings, commands=commands, outputs=outputs)
 
 
 class _Gather:
@@ -166,7 +168,8 @@ class _Gather:
         """A run: its network and its trials, transferred ones if there are any."""
         run, genes, task = row.run, individual(row.run), part.task
         drawing, slots = network_drawing(genes, task, self.study.profile)
-        cast = _Cast(task=task, genes=genes, slots=slots)
+        top = self.study.profile.wheels.top_command
+        cast = _Cast(task=task, genes=genes, slots=slots, top_command=top)
         order = {robot: i for i, robot in enumerate(robots_of(pairs))}
         there = sorted(
             (p for p in pairs if len(p.paths[1])),

@@ -80,7 +80,7 @@ def track(
         poses: [n + 1, 3] cm, cm, degrees.
         unit_cm: unit of packed positions.
         readings: [n, S] counts of the sensors that the task feeds, if known.
-        commands: [n, 2] in the robot's own units, if known.
+        commands: [n, 2], −10 to 10, if known.
         outputs: [n, N] of the network's neurons, if known.
     """
     steps = len(poses) - 1
