@@ -15,6 +15,7 @@ import pytest
 
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
+from realitygap.export import trial
 from realitygap.report import player
 from realitygap.report.build import scripts
 from realitygap.report.gather import Paths, individual, parts_of
@@ -66,15 +67,18 @@ def test_a_situated_drive_is_the_recording(played: Study) -> None:
 
 
 def test_commands_in_a_robots_own_units_are_shown_as_the_networks(played: Study) -> None:
-    """A robot whose top command is 240 is shown as one whose is 10, with its network's neurons."""
+    """Whether its top command is 10 or 30: the same, with the network's neurons, on the page and in a log."""
     run, (pair, *_) = played.runs[0], pairs_of(played, parts_of(played))["obstacle-avoidance"]
-    genes, kept = individual(run), Recording.from_folder(pair.folder)
-    task = played.task(run.task)
-    shown = []
-    for top, recorded in ((10.0, kept), (240.0, replace(kept, commands=24 * kept.commands))):
-        cast = player._Cast(task=task, genes=genes, slots=range(10), top_command=top)
+    genes, kept, task = individual(run), Recording.from_folder(pair.folder), played.task(run.task)
+    other = replace(played.profile, wheels=replace(played.profile.wheels, top_command=30.0))
+    shown, logged = [], []
+    for profile, recorded in ((played.profile, kept), (other, replace(kept, commands=3 * kept.commands))):
+        cast = player._Cast(task=task, genes=genes, slots=range(10), profile=profile)
         shown.append(cast.drive("a robot", "0.5", pair.situated, recorded, genes))
+        side = trial._side("situated", pair.situated, recorded, (genes, [*range(10)]), (task, profile))
+        logged.append({name: values.tolist() for name, values in side.inside.items()})
     assert shown[0] == shown[1] and shown[1]["outputs"] is not None
+    assert logged[0] == logged[1] and {"commands", "outputs"} <= logged[1].keys()
 
 
 @pytest.mark.parametrize("who", ["simulated", "situated"])

@@ -13,7 +13,7 @@ import numpy as np
 from realitygap.controller.layout import Genes
 from realitygap.report.gather import PER_CONDITION, Paths, chosen, individual
 from realitygap.report.network import network_drawing
-from realitygap.report.player_tracks import activity, poses_of, track
+from realitygap.report.player_tracks import activity, decided, poses_of, track
 from realitygap.report.robots import WHEEL_CM, front
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import NoiseClass, Row, TaskPart
@@ -29,7 +29,7 @@ from realitygap.transfer.trial import SIMULATED, SITUATED
 from realitygap.values import fed
 from realitygap.world.arena import Arena
 from realitygap.world.noise import noise_name
-from realitygap.world.profile import TOP_INPUT, Profile
+from realitygap.world.profile import Profile
 from realitygap.world.rays import RAY_ANGLES_DEG
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 
@@ -83,7 +83,7 @@ def replay_data(simulation: Simulation, genes: Genes, lived: tuple[Trajectory, f
     """
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genes, task, profile)
-    cast = _Cast(task=task, genes=genes, slots=slots, top_command=profile.wheels.top_command)
+    cast = _Cast(task=task, genes=genes, slots=slots, profile=profile)
     one, score = lived
     drive = cast.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genes)
     trial = {"name": "simulated", "link": "simulated", "simulated": drive, "situated": None}
@@ -118,8 +118,7 @@ class _Cast:
     genes: Genes
     slots: Sequence[int]
     """Neurons of the network, in the order of their packed outputs."""
-    top_command: float
-    """Of a network's 10, in the robot's units: a recording's, not a trajectory's."""
+    profile: Profile
 
     def drive(
         self, who: str, score: str, path: Track, kept: Trajectory | Recording | None, drove: Genes | None
@@ -128,9 +127,7 @@ class _Cast:
         unit = _unit_cm(self.task)
         if kept is None:
             return track(who, score, poses_of(path), unit)
-        readings, commands, outputs = fed(kept, self.task.feeds), kept.commands, None
-        if isinstance(kept, Recording):
-            commands = np.rint(commands * (TOP_INPUT / self.top_command)).astype(np.int64)
+        readings, commands, outputs = fed(kept, self.task.feeds), decided(kept, self.profile), None
         same = drove is not None and np.array_equal(self.genes, drove)
         if same and kept.inputs.shape[1] == len(self.task.sensors):  # the drawn network is the one that drove
             outputs = activity(self.genes, kept.inputs, commands, self.slots)
@@ -168,8 +165,7 @@ class _Gather:
         """A run: its network and its trials, transferred ones if there are any."""
         run, genes, task = row.run, individual(row.run), part.task
         drawing, slots = network_drawing(genes, task, self.study.profile)
-        top = self.study.profile.wheels.top_command
-        cast = _Cast(task=task, genes=genes, slots=slots, top_command=top)
+        cast = _Cast(task=task, genes=genes, slots=slots, profile=self.study.profile)
         order = {robot: i for i, robot in enumerate(robots_of(pairs))}
         there = sorted(
             (p for p in pairs if len(p.paths[1])),
