@@ -21,6 +21,8 @@ FOUND = {
 }
 
 
+KHEPERAS = ("paper", "khepera", "enki-khepera")
+"""Shipped profiles of the paper's robot; the others are other robots'."""
 NO_GAIN = 1e-3
 """Below this the wheels' integral gain, printed as 800, has no effect: a fit ends near its bound."""
 
@@ -55,7 +57,9 @@ def lead(study: Study, parts: Sequence[TaskPart]) -> str:
 
 
 def departures(profile: Profile) -> str:
-    """The paper's printed equations that a calibrated simulation no longer has; "" if it has all."""
+    """The paper's printed equations that a calibrated simulation of its robot no longer has; "" for none."""
+    if (profile.provenance.base or profile.name) not in KHEPERAS:
+        return ""
     forms = {fit.channel: fit.form for fit in profile.provenance.fits}
     other = [forms.get(channel, "paper") != "paper" for channel in ("infrared", "ambient")]
     sensors = {
@@ -85,17 +89,19 @@ def _other_rates(config: StudyConfig) -> bool:
 
 def _is_khepera(profile: Profile) -> bool:
     """Whether its constants are a Khepera's: shipped, or fitted to recordings starting from such."""
-    if profile.name in shipped("profiles"):
+    if profile.name in KHEPERAS:
         return profile == load_profile(profile.name)
-    return bool(profile.provenance.fits) and profile.provenance.base in shipped("profiles")
+    return bool(profile.provenance.fits) and profile.provenance.base in KHEPERAS
 
 
 def _robot(profile: Profile) -> str:
     """The robot and the source of its constants, in words."""
     name, unit = f"profile “{profile.name}”", twin_unit(profile)
     if profile.name in shipped("profiles"):
+        if profile != load_profile(profile.name):
+            return f"the robot of a changed {name}"
         constants = "the paper’s constants" if profile.name == "paper" else name
-        return f"a Khepera robot ({constants})" if _is_khepera(profile) else f"the robot of a changed {name}"
+        return f"a Khepera robot ({constants})" if profile.name in KHEPERAS else f"the robot of {name}"
     if not profile.provenance.fits:
         return f"the robot of {name}"
     if unit:
