@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.patches import Circle
 
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import neurons
@@ -63,6 +64,21 @@ def test_a_motor_stands_clear_of_sensors_over_its_wheel(unit: float) -> None:
     assert places[0] == pytest.approx([-beside[0, 1], beside[0, 0]])
     gaps = [np.hypot(*(places[8 + k] - places[k])) for k in (0, 1)]
     assert min(gaps) > 0.9 * unit and places[8][0] < -0.5 * unit < 0.5 * unit < places[9][0]
+
+
+@pytest.mark.parametrize("name", ["paper", "e-puck", "thymio"])
+def test_no_neuron_is_cut_off(name: str) -> None:
+    """Those at sensors on the body's edge, in front of it on a Thymio, are whole."""
+    profile = load_profile(name)
+    count = len(profile.infrared.sensors)
+    genes = random_genes(1, hidden=0, inputs=count)
+    with styled():
+        axes = network_figure(genes, profile, feeds="proximity", sensors=range(count)).axes[0]
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    discs = [patch for patch in axes.patches if isinstance(patch, Circle)]
+    assert len(discs) >= count
+    for (x, y), r in ((disc.center, disc.radius) for disc in discs):
+        assert left <= x - r and x + r <= right and low <= y - r and y + r <= high
 
 
 @pytest.mark.parametrize(("period", "delay"), [(0.1, "20 ms"), (0.05, "10 ms")])

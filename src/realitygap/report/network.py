@@ -65,8 +65,10 @@ def draw_network(
     labels = label_places([c for _, c in working], where, np.array(list(laid.sizes.values())), unit)
     for (link, _), spot in zip(working, labels, strict=True):
         _label(ax, link, spot, unit)
+    reach = np.maximum(robot.radius, np.abs(where).max(axis=0) + 0.4 * unit) + 0.12
+    wide, high = reach.tolist()
     low = min(-robot.radius, float(where[:, 1].min()) - 0.4 * unit) - 0.12
-    ax.set(xlim=(-robot.radius - 0.12, robot.radius + 0.12), ylim=(low, robot.radius + 0.12), aspect="equal")
+    ax.set(xlim=(-wide, wide), ylim=(low, high), aspect="equal")
     ax.axis("off")
 
 
