@@ -19,6 +19,7 @@ from realitygap.report.robots import robot_figure
 from realitygap.report.statistics import difference, mean_of, running_best, student
 from realitygap.report.words import robot_words
 from realitygap.tasks import load_task
+from realitygap.world.arena import load_arena
 from realitygap.world.profile import load_profile
 from tests.report.scenes import LEVELS, circle
 
@@ -51,6 +52,18 @@ def test_a_lamps_name_can_be_read(size: tuple[float, float], y: float) -> None:
     (_, floor), (_, top) = axes.transData.transform([(0, 0), size])
     assert floor + 1 < name.y0 and name.y1 < top - 1
     assert figure.get_figwidth() <= 5.4
+
+
+@pytest.mark.parametrize("name", ["obstacle-avoidance", "obstacle-avoidance-large"])
+def test_the_starts_name_is_inside_the_room(name: str) -> None:
+    """Below the starts in the paper's arena, beside them in a larger one, where the lower wall is near."""
+    with style.styled():
+        figure = arena_figure(load_arena(name), PROFILE, "proximity", np.array([25.0, 25.0, 3.0, 0.0, 6.3]))
+        figure.draw_without_rendering()
+    axes = figure.axes[0]
+    words = next(text for text in axes.texts if text.get_text() == "start")
+    floor = axes.transData.transform((0, 0))[1]
+    assert words.get_window_extent().y0 > floor + 1
 
 
 def test_what_surfaces_throw_back_is_written_on_them() -> None:

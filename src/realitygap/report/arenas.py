@@ -90,7 +90,10 @@ def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:
 
 
 def draw_start(ax: Axes, start: np.ndarray) -> None:
-    """The disc that starts are drawn from ([5]: x, y, radius, lowest and highest heading), and its name."""
+    """The disc that starts are drawn from ([5]: x, y, radius, lowest and highest heading), and its name.
+
+    The name is below it, or beside it where the lower wall is near.
+    """
     x, y, radius = (float(v) for v in start[:3])
     if radius > 0:
         disc = Circle((x, y), radius, fill=False, edgecolor=style.INK, linewidth=1.0, linestyle=(0, (2, 1.5)))
@@ -98,8 +101,13 @@ def draw_start(ax: Axes, start: np.ndarray) -> None:
     else:
         ax.plot([x], [y], "+", color=style.INK, markersize=6, markeredgewidth=1.0, zorder=7)
     line = {"arrowstyle": "-", "color": style.INK, "lw": 0.7, "shrinkA": 1, "shrinkB": 0}
+    low, high = ax.get_ylim()
+    if y - radius > 0.4 * (high - low):
+        tip, words, sides = (x, y - radius), (0, -32), ("center", "top")
+    else:
+        tip, words, sides = (x + radius, y), (10, 0), ("left", "center")
     ax.annotate(
-        "start", (x, y - radius), xytext=(0, -32), textcoords="offset points", ha="center", va="top",
+        "start", tip, xytext=words, textcoords="offset points", ha=sides[0], va=sides[1],
         fontsize=7.5, zorder=8, arrowprops=line,
     )  # fmt: skip
 
