@@ -283,6 +283,17 @@ def test_sensors_of_two_kinds_stand_in_rows_of_eight(page: Browser, played: Stud
     assert page.run("document.documentElement.scrollWidth") <= 360
 
 
+def test_a_wide_tables_caption_fits_a_phone(page: Browser, played: Study) -> None:
+    """It is read without the sideways scrolling that the table needs."""
+    page.show(played.folder / "report" / "index.html", wide=360, tall=800)
+    words = "<caption class=caption>' + 'word '.repeat(60) + '</caption><tr><td>' + 'wide'.repeat(50) + '"
+    table = f"'<div class=scroll id=it><table>{words}</table></div>'"
+    page.run(f"document.querySelector('main').insertAdjacentHTML('beforeend', {table})")
+    box = "document.getElementById('it')"
+    assert page.run(f"{box}.scrollWidth > {box}.clientWidth")
+    assert page.run(f"{box}.querySelector('caption').getBoundingClientRect().right") <= 360 - 20
+
+
 @pytest.mark.parametrize("wide", [360, 1200])
 def test_a_long_title_makes_no_page_wider_than_its_window(page: Browser, played: Study, wide: int) -> None:
     """Neither a study's title nor a task's, in its heading, its link and the player's list, is too wide."""
