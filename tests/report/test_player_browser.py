@@ -192,6 +192,20 @@ def test_a_table_keeps_its_headings_on_every_sheet_of_paper(page: Browser) -> No
     page.call("Emulation.setEmulatedMedia", media="")
 
 
+def test_paper_has_no_heading_without_what_it_heads(page: Browser) -> None:
+    """Neither above a fold that is closed, which is not printed, nor a table's on the sheet before."""
+    words = "<section id=it><h2>Constants</h2><details><summary>All</summary>many</details></section>"
+    page.run(f"document.querySelector('main').insertAdjacentHTML('beforeend', '{words}')")
+    height = "document.getElementById('it').offsetHeight"
+    assert page.run(height) > 0
+    page.call("Emulation.setEmulatedMedia", media="print")
+    assert page.run(height) == 0
+    page.run("document.querySelector('#it details').open = true")
+    assert page.run(height) > 0
+    assert page.run("getComputedStyle(document.querySelector('thead')).breakAfter") == "avoid"
+    page.call("Emulation.setEmulatedMedia", media="")
+
+
 def test_readings_and_neurons_follow_the_time(page: Browser) -> None:
     """Both sides show numbers of their own; the motor neurons show the commands at every step."""
     page.run(FOCUS)
