@@ -212,9 +212,10 @@ class Job:
         return list(simulated.values()), situated, lost
 
     def _trial(self, track: Track, one: Transferred, unit: str) -> Trial:
-        radius = self.bench.study.profile.body.radius_cm
-        made = resampled(track, start=str(one.start), unit=unit, radius_cm=radius)
-        setting_of([made], self.bench.task)  # a path from counters may leave the arena
+        body = self.bench.study.profile.body
+        made = resampled(track, start=str(one.start), unit=unit, radius_cm=body.radius_cm)
+        # A path from counters may leave the arena. An outline's near side may touch what is in it.
+        setting_of([replace(made, radius_cm=body.depth_cm(0.0, 0.0))], self.bench.task)
         return made
 
 
