@@ -13,7 +13,7 @@ from markupsafe import escape
 from realitygap.experiments.reproduction import ASKED, Reproduction, again
 from realitygap.report import build_report
 from realitygap.report.gather import parts_of
-from realitygap.report.lead import departures, is_paper, lead
+from realitygap.report.lead import departures, is_paper, lead, made_of
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
 from realitygap.study.runner import run_study
@@ -165,6 +165,17 @@ def test_a_calibrated_simulation_is_not_passed_off_as_the_printed_one(page, tmp_
     config = config.with_settings(["profile=khepera", *SHORT])
     text = _page(run_study(tmp_path / "measured", config, workers=1))
     assert f"The simulation is calibrated, not the paper’s as printed: {both}." in text
+
+
+def test_the_robot_has_the_sensors_that_it_has():
+    """Infrared that also measures light, infrared alone, light alone, and both apart."""
+    paper, hexagon = load_profile("paper"), load_profile(HEXAGON)
+    also = "infrared sensors, which can also measure the light that falls on them"
+    assert made_of(paper) == f"disc on two wheels with {also}"
+    assert made_of(load_profile("thymio")) == "body on two wheels with infrared sensors"
+    assert made_of(hexagon) == "disc on two wheels with infrared and light sensors"
+    blind = replace(hexagon, infrared=replace(hexagon.infrared, sensors=()))
+    assert made_of(blind) == "disc on two wheels with light sensors"
 
 
 def test_the_lead_says_noise_and_length(tmp_path):

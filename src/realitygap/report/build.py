@@ -14,7 +14,7 @@ from realitygap.experiments.reproduction import again
 from realitygap.report import words
 from realitygap.report.calibrated import calibrated_part
 from realitygap.report.gather import PER_CONDITION, parts_of
-from realitygap.report.lead import departures, is_paper, lead
+from realitygap.report.lead import departures, is_paper, lead, made_of
 from realitygap.report.page import Figures, OnProgress, Steps, noise_key, report_folder, write_page
 from realitygap.report.player import player_data, player_json
 from realitygap.report.robots import robot_figure
@@ -89,6 +89,7 @@ def _told(study: Study, parts: Sequence[TaskPart]) -> dict[str, object]:
     return {
         "lead": lead(study, parts),
         "departures": departures(study.profile),
+        "made_of": made_of(study.profile),
         "key": noise_key(dict(levels)),
         "config": study.config,
         "profile": study.profile,

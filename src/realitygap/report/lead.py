@@ -12,7 +12,7 @@ from realitygap.world.files import shipped
 from realitygap.world.noise import NOISE_LEVELS, noise_name
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["departures", "is_paper", "lead", "twin_unit"]
+__all__ = ["departures", "is_paper", "lead", "made_of", "twin_unit"]
 
 FOUND = {
     "torus": "evolved by the paper’s distributed genetic algorithm",
@@ -74,6 +74,16 @@ def departures(profile: Profile) -> str:
     ]
     told = [sensors, f"the wheels have no {' and no '.join(gone)}" if gone and forms else ""]
     return ", and ".join(words for words in told if words)
+
+
+def made_of(profile: Profile) -> str:
+    """A robot's shape and sensors, in words."""
+    near, light = len(profile.infrared.sensors), len(profile.ambient.sensors)
+    sensors = f"{'infrared' if near else 'light'} sensors"
+    if near and light:
+        same = "infrared sensors, which can also measure the light that falls on them"
+        sensors = same if near == light else "infrared and light sensors"
+    return f"{'body' if profile.body.outline_cm else 'disc'} on two wheels with {sensors}"
 
 
 def twin_unit(profile: Profile) -> str:
