@@ -14,6 +14,7 @@ from matplotlib.patches import Circle
 from realitygap.report import style
 from realitygap.report.arenas import arena_figure, cast, sensor_rays
 from realitygap.report.curves import Curves, curves_figure, mean_curve
+from realitygap.report.page import noise_key
 from realitygap.report.paths import PathPanel, Scene, draw_path, panels_figure, sheet_figure, tail
 from realitygap.report.robots import robot_figure
 from realitygap.report.statistics import difference, mean_of, running_best, student
@@ -194,6 +195,22 @@ def test_noise_levels_keep_their_look() -> None:
     assert all(shown[level] == style.noise_styles([level])[level] for level in (0.0, 1.0, 2.0))
     assert len({(s.colour) for s in shown.values()}) == len({s.marker for s in shown.values()}) == 5
     assert len({str(s.line) for s in shown.values()}) == 5
+    many = style.noise_styles([k / 4 for k in range(11)])
+    assert len({(s.marker, str(s.line)) for s in many.values()}) == 11
+    assert all(sign for _, _, sign in noise_key(dict.fromkeys(many, "")))
+
+
+def test_a_level_looks_the_same_in_all_figures_of_a_page() -> None:
+    """Also where only some levels have runs, or drove a robot."""
+    look = style.noise_styles([0.5, 1.5])[1.5]
+    assert look != style.noise_styles([1.5])[1.5]
+    path = PathPanel(noise=1.5, title="", trajectory=circle())
+    with style.styled():
+        paths = panels_figure(Scene.of(TASKS[0], PROFILE)._replace(levels=(0.5, 1.5)), [path])
+        curves = curves_figure(Curves(runs={1.5: [np.linspace(0, 1, 20)]}, names={0.5: "", 1.5: "1.5 noise"}))
+    assert curves.axes[0].lines[0].get_color() == look.colour
+    assert curves.axes[0].lines[0].get_marker() == look.marker
+    assert look.colour in {line.get_color() for line in paths.axes[0].lines}
 
 
 @pytest.mark.parametrize(("share", "names"), [(0.97, ""), (0.5, "a0 a1 a2 a3 a4 a5 a6 a7")])

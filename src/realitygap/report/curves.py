@@ -32,7 +32,7 @@ class Curves:
 
     Attributes:
         runs: the running best fitness of each run, from evaluation 1.
-        names: of the noise levels.
+        names: of the page's noise levels, also of those without runs.
         fresh: a mean on fresh trials, drawn as a mark behind the curve's end.
         scale: divisor of fitness; unit: the resulting unit, shown on the axis.
     """
@@ -48,7 +48,7 @@ def curves_figure(curves: Curves) -> Figure:
     """Figure 4 or 6 in one column of a paper: a curve a noise level with its 95 % band."""
     figure = new_figure(COLUMN * 1.25, COLUMN * 0.85, layout="constrained")
     ax = figure.add_subplot()
-    styles, scale = noise_styles(curves.runs), curves.scale
+    styles, scale = noise_styles(curves.names), curves.scale
     drawn = {level: [run for run in runs if len(run)] for level, runs in curves.runs.items()}
     longest = max(
         (
