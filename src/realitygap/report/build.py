@@ -119,9 +119,9 @@ def _stand_in(sections: Sequence[dict[str, Any]]) -> dict[str, str]:
     driven = {group.kind for s in sections if s["situated"] for group in s["situated"].groups}
     kinds = {name == ROBOT for name in driven}
     which = "both" if len(kinds) > 1 else "" if not kinds else "robot" if True in kinds else "twin"
-    told = "a physics twin of the robot"
-    if any(name.startswith("Enki") for name in driven):
-        told = "a robot of EPFL’s simulator Enki"
-    elif any(name.startswith("stranger") for name in driven):
-        told = "a second physics twin of the robot"
-    return {"stand_in": which, "stand_in_is": told}
+    names = {
+        "twin": "a physics twin of the robot", "stranger": "a second physics twin of the robot",
+        "Enki": "a robot of EPFL’s simulator Enki",
+    }  # fmt: skip
+    told = [words for kind, words in names.items() if any(name.startswith(kind) for name in driven)]
+    return {"stand_in": which, "stand_in_is": " or ".join(told) or names["twin"]}

@@ -129,15 +129,16 @@ SOURCES = {
 """Sources of situated paths."""
 
 
+NO_ROBOT = ". It is not a robot"
 STAND_INS = {
     "robot": "a robot",
     "twin": "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
     "called pseudo-reality, which shares no code with the simulation, though sizes of noise, arenas "
-    "and starts have common sources. It is not a robot",
+    "and starts have common sources" + NO_ROBOT,
     "stranger": "a second physics twin of the robot, outside the family of laws that the calibration can "
-    "fit: a stand-in, called pseudo-reality. It is not a robot",
+    "fit: a stand-in, called pseudo-reality" + NO_ROBOT,
     "Enki": "a robot of EPFL’s simulator Enki, with sensor models and noise made by others: a stand-in, "
-    "called pseudo-reality. It is not a robot",
+    "called pseudo-reality" + NO_ROBOT,
 }
 """What a situated individual drives, by the first word of its kind."""
 
@@ -146,8 +147,10 @@ def about(pairs: Sequence[Pair]) -> str:
     """The meaning of "situated" on this page."""
     kinds = {pair.kind.split()[0] for pair in pairs}
     places = [words for name, words in STAND_INS.items() if name in kinds]
-    which = "; each row says which" if len(places) > 1 else ""
-    return f"Situated means: on {', or on '.join(places)}{which}."
+    if len(places) == 1:
+        return f"Situated means: on {places[0]}."
+    short = "; or on ".join(words.removesuffix(NO_ROBOT) for words in places)
+    return f"Situated means: on {short}. Each row says which; a stand-in is not a robot."
 
 
 def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
