@@ -159,6 +159,19 @@ def test_a_step_of_another_length_has_a_time_and_a_link_of_its_own(
     assert page.run("document.getElementById('player-link').hash").endswith("&at=0.35")
 
 
+@pytest.mark.parametrize("depth", ["50.0", "500.0"])
+def test_the_ticks_of_a_deep_room_are_whole(page: Browser, played: Study, tmp_path: Path, depth: str) -> None:
+    """Three digits have room beside the wall; nothing is drawn at the picture's left edge."""
+    copy = tmp_path / "index.html"
+    words = (played.folder / "report" / "index.html").read_text()
+    assert '"size_cm":[50.0,50.0]' in words
+    copy.write_text(words.replace('"size_cm":[50.0,50.0]', f'"size_cm":[50.0,{depth}]'))
+    page.show(copy)
+    canvas = "document.getElementById('player-arena-0')"
+    edge = f"{canvas}.getContext('2d').getImageData(0, 0, 2, {canvas}.height - 30).data"
+    assert page.run(f"[...{edge}].every(value => value === 0)")
+
+
 def test_paper_keeps_a_picture_of_the_player(page: Browser, played: Study) -> None:
     """Light, with words for what it shows instead of its controls; afterwards the page is as it was."""
     page.show(played.folder / "report" / "index.html", prefers_color_scheme="light")

@@ -26,11 +26,12 @@ const MARGIN = { left: 22, right: 12, top: 8, bottom: 20 };
 // A stage: the pen, and how cm become pixels.
 function openStage(canvas, arena) {
   const [width, depth] = arena.size_cm;
-  const room = Math.max(1, canvas.clientWidth - MARGIN.left - MARGIN.right);
+  const left = MARGIN.left + 7 * Math.max(0, `${Math.floor(depth)}`.length - 2); // room for its longest tick
+  const room = Math.max(1, canvas.clientWidth - left - MARGIN.right);
   const ratio = ((room * depth) / width + MARGIN.top + MARGIN.bottom) / Math.max(1, canvas.clientWidth);
   const { pen, wide, tall } = fitCanvas(canvas, ratio);
   const scale = room / width;
-  const x = (cm) => MARGIN.left + cm * scale;
+  const x = (cm) => left + cm * scale;
   const y = (cm) => MARGIN.top + (depth - cm) * scale;
   return { pen, wide, tall, scale, x, y, width, depth };
 }
