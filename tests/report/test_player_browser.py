@@ -160,8 +160,8 @@ def test_a_step_of_another_length_has_a_time_and_a_link_of_its_own(
 
 
 @pytest.mark.parametrize("depth", ["50.0", "500.0"])
-def test_the_ticks_of_a_deep_room_are_whole(page: Browser, played: Study, tmp_path: Path, depth: str) -> None:
-    """Three digits have room beside the wall; nothing is drawn at the picture's left edge."""
+def test_a_deep_room_fits_with_its_ticks(page: Browser, played: Study, tmp_path: Path, depth: str) -> None:
+    """It is at most half as high again as wide; ticks of three digits are whole: at the left is nothing."""
     copy = tmp_path / "index.html"
     words = (played.folder / "report" / "index.html").read_text()
     assert '"size_cm":[50.0,50.0]' in words
@@ -170,6 +170,7 @@ def test_the_ticks_of_a_deep_room_are_whole(page: Browser, played: Study, tmp_pa
     canvas = "document.getElementById('player-arena-0')"
     edge = f"{canvas}.getContext('2d').getImageData(0, 0, 2, {canvas}.height - 30).data"
     assert page.run(f"[...{edge}].every(value => value === 0)")
+    assert page.run(f"{canvas}.height < 1.6 * {canvas}.width")
 
 
 def test_paper_keeps_a_picture_of_the_player(page: Browser, played: Study) -> None:
