@@ -15,10 +15,13 @@ from matplotlib.patches import Circle
 from realitygap.report import style
 from realitygap.report.arenas import arena_figure, cast, sensor_rays
 from realitygap.report.curves import Curves, curves_figure, mean_curve
+from realitygap.report.page import noise_key
 from realitygap.report.paths import PathPanel, Scene, draw_path, panels_figure, sheet_figure, tail
 from realitygap.report.robots import robot_figure
 from realitygap.report.statistics import difference, mean_of, running_best, student
+from realitygap.report.words import robot_words
 from realitygap.tasks import load_task
+from realitygap.world.arena import load_arena
 from realitygap.world.profile import load_profile
 from tests.report.scenes import LEVELS, circle
 
@@ -35,6 +38,34 @@ def test_an_arena_is_drawn_to_scale(task) -> None:
     assert "(cm)" in axes.get_xlabel() and "(cm)" in axes.get_ylabel()
     drawn = {(*patch.center, patch.radius) for patch in axes.patches if isinstance(patch, Circle)}
     assert {tuple(map(float, c)) for c in task.arena.to_kernel().cylinders} <= drawn
+
+
+@pytest.mark.parametrize("size", [(100.0, 60.0), (300.0, 60.0)])
+@pytest.mark.parametrize("y", [0.0, 30.0, 60.0])
+def test_a_lamps_name_can_be_read(size: tuple[float, float], y: float) -> None:
+    """It stands inside the room, off the wall that its lamp is on, and in a long room it is as large."""
+    lamp = replace(TASKS[1].arena.lamps[0], x_cm=30.0, y_cm=y, line_deg=0.0)
+    room = replace(TASKS[1].arena, size_cm=size, lamps=(lamp,))
+    with style.styled():
+        figure = arena_figure(room, PROFILE, "proximity", np.array([20.0, 30.0, 5.0, 0.0, 6.3]))
+        figure.draw_without_rendering()
+    axes = figure.axes[0]
+    name = next(text for text in axes.texts if text.get_text() == "lamp").get_window_extent()
+    (_, floor), (_, top) = axes.transData.transform([(0, 0), size])
+    assert floor + 1 < name.y0 and name.y1 < top - 1
+    assert figure.get_figwidth() <= 5.4
+
+
+@pytest.mark.parametrize("name", ["obstacle-avoidance", "obstacle-avoidance-large"])
+def test_the_starts_name_is_inside_the_room(name: str) -> None:
+    """Below the starts in the paper's arena, beside them in a larger one, where the lower wall is near."""
+    with style.styled():
+        figure = arena_figure(load_arena(name), PROFILE, "proximity", np.array([25.0, 25.0, 3.0, 0.0, 6.3]))
+        figure.draw_without_rendering()
+    axes = figure.axes[0]
+    words = next(text for text in axes.texts if text.get_text() == "start")
+    floor = axes.transData.transform((0, 0))[1]
+    assert words.get_window_extent().y0 > floor + 1
 
 
 def test_what_surfaces_throw_back_is_written_on_them() -> None:
@@ -126,6 +157,21 @@ def test_curves_have_units_and_an_entry_for_each_noise_level(runs: int) -> None:
     assert len(axes.collections) == (3 if runs > 1 else 0)
 
 
+@pytest.mark.parametrize("fresh", [0.02, -0.3])
+def test_curves_are_not_pressed_flat_or_covered(fresh: float) -> None:
+    """Two unlike runs' interval does not set the scale; no legend covers a curve or an open marker."""
+    runs = [np.linspace(0.1, 0.2, 20), np.linspace(0.1, 0.6, 20)]
+    with style.styled():
+        figure = curves_figure(Curves(runs={1.0: runs}, names={1.0: LEVELS[1.0]}, fresh={1.0: fresh}))
+        figure.draw_without_rendering()
+    axes = figure.axes[0]
+    low, high = axes.get_ylim()
+    assert low == pytest.approx(min(0, fresh)) and 0.6 < high < 0.75
+    legend = axes.get_legend().get_window_extent()
+    for line in axes.lines:
+        assert not legend.count_contains(axes.transData.transform(line.get_xydata()))
+
+
 def test_running_best_never_falls() -> None:
     """It is the highest fitness so far."""
     assert running_best([1, 3, 2, 4]).tolist() == [1, 3, 3, 4]
@@ -150,6 +196,35 @@ def test_noise_levels_keep_their_look() -> None:
     assert all(shown[level] == style.noise_styles([level])[level] for level in (0.0, 1.0, 2.0))
     assert len({(s.colour) for s in shown.values()}) == len({s.marker for s in shown.values()}) == 5
     assert len({str(s.line) for s in shown.values()}) == 5
+    many = style.noise_styles([k / 4 for k in range(11)])
+    assert len({(s.marker, str(s.line)) for s in many.values()}) == 11
+    assert all(sign for _, _, sign in noise_key(dict.fromkeys(many, "")))
+
+
+def test_a_level_looks_the_same_in_all_figures_of_a_page() -> None:
+    """Also where only some levels have runs, or drove a robot."""
+    look = style.noise_styles([0.5, 1.5])[1.5]
+    assert look != style.noise_styles([1.5])[1.5]
+    path = PathPanel(noise=1.5, title="", trajectory=circle())
+    with style.styled():
+        paths = panels_figure(Scene.of(TASKS[0], PROFILE)._replace(levels=(0.5, 1.5)), [path])
+        curves = curves_figure(Curves(runs={1.5: [np.linspace(0, 1, 20)]}, names={0.5: "", 1.5: "1.5 noise"}))
+    assert curves.axes[0].lines[0].get_color() == look.colour
+    assert curves.axes[0].lines[0].get_marker() == look.marker
+    assert look.colour in {line.get_color() for line in paths.axes[0].lines}
+
+
+@pytest.mark.parametrize(("share", "names"), [(0.97, ""), (0.5, "a0 a1 a2 a3 a4 a5 a6 a7")])
+def test_sensors_that_a_calibration_moved_apart_are_drawn_as_one(share: float, names: str) -> None:
+    """A light sensor a millimetre from an infrared one has no number of its own, to cover that one's."""
+    light = PROFILE.ambient
+    moved = tuple(replace(one, x_cm=share * one.x_cm, y_cm=share * one.y_cm) for one in light.sensors)
+    robot = replace(PROFILE, ambient=replace(light, sensors=moved))
+    with style.styled():
+        shown = [text.get_text() for text in robot_figure(robot).axes[0].texts]
+    wanted = [*"01234567", *names.split()]
+    assert [name for name in shown if name and "cm" not in name] == wanted
+    assert f": {len(wanted)} sensors " in robot_words(robot).caption
 
 
 def test_a_figure_is_written_to_the_same_bytes(tmp_path: Path) -> None:

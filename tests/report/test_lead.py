@@ -13,7 +13,7 @@ from markupsafe import escape
 from realitygap.experiments.reproduction import ASKED, Reproduction, again
 from realitygap.report import build_report
 from realitygap.report.gather import parts_of
-from realitygap.report.lead import departures, is_paper, lead
+from realitygap.report.lead import departures, is_paper, lead, made_of
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
 from realitygap.study.runner import run_study
@@ -55,10 +55,10 @@ def _like(study: Study, folder: Path, **changes: object) -> SimpleNamespace:
     return SimpleNamespace(**{**same, "folder": folder, **changes})
 
 
-def _calibrated(name: str) -> Profile:
-    """A Khepera's profile that was fitted to recordings."""
+def _calibrated(name: str, base: str = "paper") -> Profile:
+    """A profile that was fitted to recordings, a Khepera's if its base is."""
     fits = (FittedChannel(channel="infrared", form="paper", rmse=20.0),)
-    return replace(load_profile("paper"), name=name, provenance=Provenance(base="paper", fits=fits))
+    return replace(load_profile("paper"), name=name, provenance=Provenance(base=base, fits=fits))
 
 
 def test_the_page_prints_the_command_that_makes_the_study_again(page):
@@ -119,6 +119,12 @@ def test_another_arena_is_another_study(reproduced, tmp_path):
             "genetic algorithm in a simulation of the robot of profile “hexagon”, at",
         ),
         ([], replace(load_profile("paper"), source="mine"), "the robot of a changed profile “paper”"),
+        ([], load_profile("enki-thymio2"), "the robot of profile “enki-thymio2”, at"),
+        (
+            [],
+            _calibrated("mine", base="e-puck"),
+            "the robot of profile “mine”, calibrated to recordings of it",
+        ),
     ],
 )
 def test_a_study_that_is_not_the_papers_is_not_called_so(reproduced, tmp_path, settings, profile, says):
@@ -145,6 +151,7 @@ def test_a_calibrated_simulation_is_not_passed_off_as_the_printed_one(page, tmp_
     assert departures(load_profile("paper")) == ""
     both = "none of the printed sensor equations is used as it stands"
     assert departures(load_profile("khepera")) == both  # its wheels are the paper's
+    assert departures(load_profile("thymio")) == ""  # the paper printed no Thymio's
     paper = load_profile("paper")
     infrared = FittedChannel(channel="infrared", form="extended", rmse=1.0)
     near = replace(paper, provenance=Provenance(base="paper", fits=(infrared,)))
@@ -158,6 +165,17 @@ def test_a_calibrated_simulation_is_not_passed_off_as_the_printed_one(page, tmp_
     config = config.with_settings(["profile=khepera", *SHORT])
     text = _page(run_study(tmp_path / "measured", config, workers=1))
     assert f"The simulation is calibrated, not the paper’s as printed: {both}." in text
+
+
+def test_the_robot_has_the_sensors_that_it_has():
+    """Infrared that also measures light, infrared alone, light alone, and both apart."""
+    paper, hexagon = load_profile("paper"), load_profile(HEXAGON)
+    also = "infrared sensors, which can also measure the light that falls on them"
+    assert made_of(paper) == f"disc on two wheels with {also}"
+    assert made_of(load_profile("thymio")) == "body on two wheels with infrared sensors"
+    assert made_of(hexagon) == "disc on two wheels with infrared and light sensors"
+    blind = replace(hexagon, infrared=replace(hexagon.infrared, sensors=()))
+    assert made_of(blind) == "disc on two wheels with light sensors"
 
 
 def test_the_lead_says_noise_and_length(tmp_path):

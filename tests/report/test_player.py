@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,10 @@ import pytest
 
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import NetworkController
+from realitygap.export import trial
 from realitygap.report import player
 from realitygap.report.build import scripts
-from realitygap.report.gather import Paths, parts_of
+from realitygap.report.gather import Paths, individual, parts_of
 from realitygap.report.player_tracks import LOST, activity, pack, track
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.recording import Recording
@@ -62,6 +64,21 @@ def test_a_situated_drive_is_the_recording(played: Study) -> None:
     poses = _unpacked(told["poses"], "<i2").reshape(-1, 3) / 100
     assert np.allclose(poses[:, 0], pair.paths[1].x, atol=0.0051)
     assert np.allclose(poses[:, 1], pair.situated.y, atol=0.0051)
+
+
+def test_commands_in_a_robots_own_units_are_shown_as_the_networks(played: Study) -> None:
+    """Whether its top command is 10 or 30: the same, with the network's neurons, on the page and in a log."""
+    run, (pair, *_) = played.runs[0], pairs_of(played, parts_of(played))["obstacle-avoidance"]
+    genes, kept, task = individual(run), Recording.from_folder(pair.folder), played.task(run.task)
+    other = replace(played.profile, wheels=replace(played.profile.wheels, top_command=30.0))
+    shown, logged = [], []
+    for profile, recorded in ((played.profile, kept), (other, replace(kept, commands=3 * kept.commands))):
+        cast = player._Cast(task=task, genes=genes, slots=range(10), profile=profile)
+        shown.append(cast.drive("a robot", "0.5", pair.situated, recorded, genes))
+        side = trial._side("situated", pair.situated, recorded, (genes, [*range(10)]), (task, profile))
+        logged.append({name: values.tolist() for name, values in side.inside.items()})
+    assert shown[0] == shown[1] and shown[1]["outputs"] is not None
+    assert logged[0] == logged[1] and {"commands", "outputs"} <= logged[1].keys()
 
 
 @pytest.mark.parametrize("who", ["simulated", "situated"])

@@ -6,6 +6,7 @@ Skipped where there is no Chromium (in the PATH, or named by CHROMIUM).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -145,6 +146,33 @@ def test_a_link_leads_to_one_run_trial_and_moment(page: Browser, played: Study) 
     assert page.run(lists) == chosen
 
 
+def test_a_step_of_another_length_has_a_time_and_a_link_of_its_own(
+    page: Browser, played: Study, tmp_path: Path
+) -> None:
+    """Steps of 0.05 s are told from each other, and a link leads to its own."""
+    copy = tmp_path / "index.html"
+    words = (played.folder / "report" / "index.html").read_text()
+    assert words.count('"step_s":0.1,') == 1
+    copy.write_text(words.replace('"step_s":0.1,', '"step_s":0.05,'))
+    page.show(copy, at="#run=obstacle-avoidance/zero/1&at=0.35")
+    assert page.run(STEP) == 7 and page.run(text("time")) == "0.35 of 1.00 s"
+    assert page.run("document.getElementById('player-link').hash").endswith("&at=0.35")
+
+
+@pytest.mark.parametrize("depth", ["50.0", "500.0"])
+def test_a_deep_room_fits_with_its_ticks(page: Browser, played: Study, tmp_path: Path, depth: str) -> None:
+    """It is at most half as high again as wide; ticks of three digits are whole: at the left is nothing."""
+    copy = tmp_path / "index.html"
+    words = (played.folder / "report" / "index.html").read_text()
+    assert '"size_cm":[50.0,50.0]' in words
+    copy.write_text(words.replace('"size_cm":[50.0,50.0]', f'"size_cm":[50.0,{depth}]'))
+    page.show(copy)
+    canvas = "document.getElementById('player-arena-0')"
+    edge = f"{canvas}.getContext('2d').getImageData(0, 0, 2, {canvas}.height - 30).data"
+    assert page.run(f"[...{edge}].every(value => value === 0)")
+    assert page.run(f"{canvas}.height < 1.6 * {canvas}.width")
+
+
 def test_paper_keeps_a_picture_of_the_player(page: Browser, played: Study) -> None:
     """Light, with words for what it shows instead of its controls; afterwards the page is as it was."""
     page.show(played.folder / "report" / "index.html", prefers_color_scheme="light")
@@ -166,6 +194,30 @@ def test_paper_keeps_a_picture_of_the_player(page: Browser, played: Study) -> No
     page.call("Emulation.setEmulatedMedia", media="")
     page.run("dispatchEvent(new Event('afterprint'))")
     assert page.run("document.documentElement.dataset.theme === undefined")
+
+
+def test_a_table_keeps_its_headings_on_every_sheet_of_paper(page: Browser) -> None:
+    """Buttons are not repeated with a table's head, so on paper a heading is text; on the screen it sorts."""
+    is_text = "(one) => getComputedStyle(one).display === 'contents'"
+    shown = f"[...document.querySelectorAll('th .sort')].map({is_text})"
+    assert not any(page.run(shown))
+    page.call("Emulation.setEmulatedMedia", media="print")
+    assert all(page.run(shown))
+    page.call("Emulation.setEmulatedMedia", media="")
+
+
+def test_paper_has_no_heading_without_what_it_heads(page: Browser) -> None:
+    """Neither above a fold that is closed, which is not printed, nor a table's on the sheet before."""
+    words = "<section id=it><h2>Constants</h2><details><summary>All</summary>many</details></section>"
+    page.run(f"document.querySelector('main').insertAdjacentHTML('beforeend', '{words}')")
+    height = "document.getElementById('it').offsetHeight"
+    assert page.run(height) > 0
+    page.call("Emulation.setEmulatedMedia", media="print")
+    assert page.run(height) == 0
+    page.run("document.querySelector('#it details').open = true")
+    assert page.run(height) > 0
+    assert page.run("getComputedStyle(document.querySelector('thead')).breakAfter") == "avoid"
+    page.call("Emulation.setEmulatedMedia", media="")
 
 
 def test_readings_and_neurons_follow_the_time(page: Browser) -> None:
@@ -246,6 +298,28 @@ def test_a_phone_needs_no_sideways_scrolling(page: Browser, played: Study) -> No
         assert page.run("document.documentElement.scrollWidth") <= 360
     sizes = "[...document.querySelectorAll('.controls button')].map(b => [b.offsetHeight, b.offsetWidth])"
     assert min(min(size) for size in page.run(sizes)) >= 40
+
+
+def test_sensors_of_two_kinds_stand_in_rows_of_eight(page: Browser, played: Study) -> None:
+    """Sixteen bars make no phone scroll sideways, and are as wide as eight."""
+    page.show(played.folder / "report" / "index.html", wide=360, tall=800)
+    wide = page.run("document.querySelector('.bar').offsetWidth")
+    twice = "box.append(...[...box.children].map(bar => bar.cloneNode(true)))"
+    page.run(f"document.querySelectorAll('.bars').forEach(box => {twice})")
+    widths = page.run("[...document.querySelectorAll('.bar')].map(bar => bar.offsetWidth)")
+    assert len(widths) == 32 and all(abs(one - wide) <= 1 for one in widths)
+    assert page.run("document.documentElement.scrollWidth") <= 360
+
+
+def test_a_wide_tables_caption_fits_a_phone(page: Browser, played: Study) -> None:
+    """It is read without the sideways scrolling that the table needs."""
+    page.show(played.folder / "report" / "index.html", wide=360, tall=800)
+    words = "<caption class=caption>' + 'word '.repeat(60) + '</caption><tr><td>' + 'wide'.repeat(50) + '"
+    table = f"'<div class=scroll id=it><table>{words}</table></div>'"
+    page.run(f"document.querySelector('main').insertAdjacentHTML('beforeend', {table})")
+    box = "document.getElementById('it')"
+    assert page.run(f"{box}.scrollWidth > {box}.clientWidth")
+    assert page.run(f"{box}.querySelector('caption').getBoundingClientRect().right") <= 360 - 20
 
 
 @pytest.mark.parametrize("wide", [360, 1200])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,10 @@ def test_the_words_say_the_averages_beside_the_papers() -> None:
     """And whether the runs tell the highest level from the others."""
     (table,) = score_tables(AVOID, LEVELS, marks(SPREAD))
     (said,) = read_scores(table)
+    (other,) = read_scores(replace(table, individual="fittest"))
+    assert said.startswith("The behaviour score") and other.startswith(
+        "The fittest individuals’ behaviour score"
+    )
     assert "on the twin averages 5.0 at zero noise, 7.5 at observed noise, 5.2 at double" in said
     assert "the paper’s judges: 6.2, 8, 6.8" in said and "do not tell observed noise" in said
     (clear,) = score_tables(AVOID, LEVELS, marks({0.0: [4.0, 4.1], 1.0: [8.0, 8.1], 2.0: [5.0, 5.1]}))

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from realitygap.report import build_report, style
+from realitygap.report.build import _stand_in
 from realitygap.report.gather import parts_of
 from realitygap.report.page import Figures
 from realitygap.report.paths import PathPanel, Scene, pairs_figure
@@ -224,8 +225,23 @@ def test_the_table_has_every_transfer(study: Study) -> None:
     assert [row["where"] for row in shown[0][1][:-1]] == ["Khepera on ttyUSB0"] * 2
     means = [float(value) for value, _ in shown[1][1][-1]["cells"]]
     assert means == pytest.approx([0.7, 0.15, 0.55]) and not shown[1][1][0]["average"]
-    assert "on a robot, or on a physics twin" in made.about
+    assert "on a robot; or on a physics twin" in made.about
     assert len(made.sentences) == 2 and "(pseudo-reality)" in made.sentences[1]
+
+
+def test_stand_ins_of_several_kinds_are_all_named(study: Study) -> None:
+    """Each once, and that none is a robot; alone, one is named as before."""
+    write_transfer(study, study.runs[0])
+    alone = _situated(study, AVOID)
+    assert alone.about.endswith("common sources. It is not a robot.")
+    for robot in ("enki-khepera-1", "stranger-1"):
+        write_transfer(study, study.runs[0], robot=robot)
+    made = _situated(study, AVOID)
+    assert made.about.count("or on ") == 2 and "It is not a robot" not in made.about
+    assert made.about.endswith("Each row says which; a stand-in is not a robot.")
+    told = [_stand_in([{"situated": one}])["stand_in_is"] for one in (alone, made)]
+    several = " or ".join([told[0], "a second physics twin of the robot", "a robot of EPFL’s simulator Enki"])
+    assert told == ["a physics twin of the robot", several]
 
 
 def test_a_mean_is_over_runs(study: Study) -> None:

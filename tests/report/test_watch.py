@@ -42,6 +42,17 @@ def test_watching_changes_no_bit(tmp_path, monkeypatch):
     page = (tmp_path / "seen" / "watch.html").read_text("utf-8")
     assert '>finished; <a href="report/index.html">' in page and 'http-equiv="refresh"' not in page
     assert "src=" not in page and "http:" not in page and "https:" not in page
+    assert re.search(r"up to [0-9.]+, over 6 evaluations", page) and re.search(r"fitness [0-9.]+\.<", page)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_levels_are_not_told_by_colour_alone(tmp_path, monkeypatch):
+    """Each curve ends in its level's sign, as in the key."""
+    monkeypatch.setattr(watch, "EVERY_S", 0.0)
+    evolve("--out", str(tmp_path / "study"), "--watch", "--noise", "0", "--noise", "1", "--runs", "2")
+    page = (tmp_path / "study" / "watch.html").read_text("utf-8")
+    assert re.findall(r"<text [^>]*>(.)</text>", page) == ["●", "●", "■", "■"]
+    assert re.findall(r'<span style="color: [^"]*">(.)</span>', page) == ["●", "■"]
 
 
 def test_the_page_grows(tmp_path, monkeypatch):

@@ -6,19 +6,26 @@ import json
 import math
 import pickle
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
+from realitygap.errors import TrackError
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
+from realitygap.tasks import load_task
 from realitygap.toml import to_toml
+from realitygap.track import Track
 from realitygap.transfer import score_row as module
 from realitygap.transfer.packed import Packed
 from realitygap.transfer.score_rows import MARKS, marks_of
 from realitygap.work.pool import messages_of
+from realitygap.world.profile import load_profile
 from tests.study.helpers import small
 
 SECONDS, STARTS = 8, 3
@@ -108,6 +115,20 @@ def test_a_trial_in_which_the_robot_was_lost_is_left_out_and_said(study: Study) 
     mark = marks_of(study)[0]
     assert mark.starts == STARTS - 1 and mark.correspondence is not None
     assert "twin-1, start 1" in mark.why and "lost" in mark.why
+
+
+@pytest.mark.parametrize(("x", "fits"), [(25.0, True), (21.5, True), (20.0, False)])
+def test_a_body_with_an_outline_may_stand_with_its_side_at_an_obstacle(x: float, fits: bool) -> None:
+    """A Thymio's middle comes 3 cm near with its back, not only 8, the radius about it, and no nearer."""
+    study = SimpleNamespace(profile=load_profile("thymio"))
+    controller = SimpleNamespace(bench=SimpleNamespace(study=study, task=load_task("avoidance")))
+    t = np.arange(0.0, 5.0, 0.1)
+    track = Track(t=t, x=np.full_like(t, x), y=np.full_like(t, 15.0), heading=0.01 * t, seen_by="camera")
+    with (
+        nullcontext() if fits else pytest.raises(TrackError, match="its path leaves the room or goes through")
+    ):
+        made = module.Job._trial(controller, track, SimpleNamespace(start=1), "enki-thymio2-1")
+        assert made.radius_cm == study.profile.body.radius_cm
 
 
 def test_marks_are_computed_once(study: Study, monkeypatch) -> None:

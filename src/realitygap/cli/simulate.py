@@ -29,7 +29,7 @@ def simulate(
     """Simulate one trial of TASK.
 
     TASK is obstacle-avoidance, light-seeking or a Python file of your own. With --json there is
-    an entry for each step of 0.1 s: the robot's readings, decision and pose at that time, what its
+    an entry for each step (0.1 s, or the profile's): the robot's readings, decision and pose then, what its
     wheels achieved in the following step, and whether it touched something.
 
     \b

@@ -11,7 +11,7 @@ from realitygap.controller.layout import Genes
 from realitygap.errors import StudyError
 from realitygap.report.arenas import rays_of
 from realitygap.report.network import network_drawing
-from realitygap.report.player_tracks import activity
+from realitygap.report.player_tracks import activity, decided
 from realitygap.report.robots import front
 from realitygap.robots.recording import Recording
 from realitygap.study.load import Run
@@ -33,8 +33,8 @@ class Side(NamedTuple):
     Attributes:
         name: "simulated" or "situated".
         track: [n + 1] poses; NaN where it was lost.
-        inside: what is known of each step, [n, k] by name: proximity, ambient (counts), inputs, commands, and
-            outputs of the network's neurons, in the order of the drawing's.
+        inside: what is known of each step, [n, k] by name: proximity, ambient (counts), inputs, commands
+            (−10 to 10), and outputs of the network's neurons, in the order of the drawing's.
         rays: [n + 1, rays, 2 ends, 2] cm; NaN where it was lost.
     """
 
@@ -133,8 +133,9 @@ def _side(
     rays[~track.found] = np.nan
     inside: dict[str, NDArray[Any]] = {}
     if kept is not None:
-        inside = {key: getattr(kept, key) for key in ("proximity", "ambient", "inputs", "commands")}
-        outputs = None if drove[0] is None else activity(drove[0], kept.inputs, kept.commands, drove[1])
+        inside = {key: getattr(kept, key) for key in ("proximity", "ambient", "inputs")}
+        inside["commands"] = decided(kept, profile)
+        outputs = None if drove[0] is None else activity(drove[0], kept.inputs, inside["commands"], drove[1])
         inside |= {} if outputs is None else {"outputs": outputs}
     return Side(name, track, {k: v for k, v in inside.items() if v.shape[0] == steps and v.shape[1]}, rays)
 

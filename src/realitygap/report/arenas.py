@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Rectangle
 from realitygap.kernels.params import RAYS, Arena, Robot
 from realitygap.report import style
 from realitygap.report.robots import F, draw_robot, light_rays
-from realitygap.report.style import PAGE, new_figure
+from realitygap.report.style import COLUMN, new_figure
 from realitygap.world import arena as world
 from realitygap.world.profile import Profile
 
@@ -82,14 +82,18 @@ def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:
         )  # fmt: skip
         if names:
             aside, side = (-10, "right") if centre[0] > arena.size[0] / 2 else (10, "left")
+            up = float(np.interp(centre[1] / arena.size[1], (0.05, 0.1, 0.9, 0.95), (8, 0, 0, -8)))
             ax.annotate(
-                "lamp", tuple(centre), xytext=(aside, 0), textcoords="offset points", ha=side, va="center",
+                "lamp", tuple(centre), xytext=(aside, up), textcoords="offset points", ha=side, va="center",
                 fontsize=7.5,
             )  # fmt: skip
 
 
 def draw_start(ax: Axes, start: np.ndarray) -> None:
-    """The disc that starts are drawn from ([5]: x, y, radius, lowest and highest heading), and its name."""
+    """The disc that starts are drawn from ([5]: x, y, radius, lowest and highest heading), and its name.
+
+    The name is below it, or beside it where the lower wall is near.
+    """
     x, y, radius = (float(v) for v in start[:3])
     if radius > 0:
         disc = Circle((x, y), radius, fill=False, edgecolor=style.INK, linewidth=1.0, linestyle=(0, (2, 1.5)))
@@ -97,8 +101,13 @@ def draw_start(ax: Axes, start: np.ndarray) -> None:
     else:
         ax.plot([x], [y], "+", color=style.INK, markersize=6, markeredgewidth=1.0, zorder=7)
     line = {"arrowstyle": "-", "color": style.INK, "lw": 0.7, "shrinkA": 1, "shrinkB": 0}
+    low, high = ax.get_ylim()
+    if y - radius > 0.4 * (high - low):
+        tip, words, sides = (x, y - radius), (0, -32), ("center", "top")
+    else:
+        tip, words, sides = (x + radius, y), (10, 0), ("left", "center")
     ax.annotate(
-        "start", (x, y - radius), xytext=(0, -32), textcoords="offset points", ha="center", va="top",
+        "start", tip, xytext=words, textcoords="offset points", ha=sides[0], va=sides[1],
         fontsize=7.5, zorder=8, arrowprops=line,
     )  # fmt: skip
 
@@ -201,7 +210,7 @@ def arena_figure(room: world.Arena, profile: Profile, feeds: str, start: np.ndar
     """
     arena, robot = room.to_kernel(), profile.to_kernel()
     width, depth = (float(v) for v in arena.size)
-    wide = min(PAGE, 3.3 * max(width / depth, 0.7) ** 0.75)
+    wide = min(1.6 * COLUMN, 3.3 * max(width / depth, 0.7) ** 0.75)
     figure = new_figure(wide, (wide - 0.6) * depth / width + 0.55, layout="constrained")
     ax = figure.add_subplot()
     draw_arena(ax, arena, names=True)

@@ -14,7 +14,7 @@ from realitygap.experiments.reproduction import again
 from realitygap.report import words
 from realitygap.report.calibrated import calibrated_part
 from realitygap.report.gather import PER_CONDITION, parts_of
-from realitygap.report.lead import departures, is_paper, lead
+from realitygap.report.lead import departures, is_paper, lead, made_of
 from realitygap.report.page import Figures, OnProgress, Steps, noise_key, report_folder, write_page
 from realitygap.report.player import player_data, player_json
 from realitygap.report.robots import robot_figure
@@ -89,6 +89,7 @@ def _told(study: Study, parts: Sequence[TaskPart]) -> dict[str, object]:
     return {
         "lead": lead(study, parts),
         "departures": departures(study.profile),
+        "made_of": made_of(study.profile),
         "key": noise_key(dict(levels)),
         "config": study.config,
         "profile": study.profile,
@@ -118,9 +119,9 @@ def _stand_in(sections: Sequence[dict[str, Any]]) -> dict[str, str]:
     driven = {group.kind for s in sections if s["situated"] for group in s["situated"].groups}
     kinds = {name == ROBOT for name in driven}
     which = "both" if len(kinds) > 1 else "" if not kinds else "robot" if True in kinds else "twin"
-    told = "a physics twin of the robot"
-    if any(name.startswith("Enki") for name in driven):
-        told = "a robot of EPFL’s simulator Enki"
-    elif any(name.startswith("stranger") for name in driven):
-        told = "a second physics twin of the robot"
-    return {"stand_in": which, "stand_in_is": told}
+    names = {
+        "twin": "a physics twin of the robot", "stranger": "a second physics twin of the robot",
+        "Enki": "a robot of EPFL’s simulator Enki",
+    }  # fmt: skip
+    told = [words for kind, words in names.items() if any(name.startswith(kind) for name in driven)]
+    return {"stand_in": which, "stand_in_is": " or ".join(told) or names["twin"]}

@@ -32,7 +32,7 @@ class Curves:
 
     Attributes:
         runs: the running best fitness of each run, from evaluation 1.
-        names: of the noise levels.
+        names: of the page's noise levels, also of those without runs.
         fresh: a mean on fresh trials, drawn as a mark behind the curve's end.
         scale: divisor of fitness; unit: the resulting unit, shown on the axis.
     """
@@ -48,7 +48,7 @@ def curves_figure(curves: Curves) -> Figure:
     """Figure 4 or 6 in one column of a paper: a curve a noise level with its 95 % band."""
     figure = new_figure(COLUMN * 1.25, COLUMN * 0.85, layout="constrained")
     ax = figure.add_subplot()
-    styles, scale = noise_styles(curves.runs), curves.scale
+    styles, scale = noise_styles(curves.names), curves.scale
     drawn = {level: [run for run in runs if len(run)] for level, runs in curves.runs.items()}
     longest = max(
         (
@@ -64,13 +64,15 @@ def curves_figure(curves: Curves) -> Figure:
             [longest * 1.035], [value / scale], marker=look.marker, color=look.colour, markersize=5,
             markerfacecolor="none", clip_on=False, linestyle="none", zorder=4,
         )  # fmt: skip
-    lowest = min((float(run.min()) for runs in drawn.values() for run in runs), default=0.0)
+    seen = [float(end) for runs in drawn.values() for run in runs for end in (run.min(), run.max())]
+    low, *_, high = sorted([0.0, *seen, *curves.fresh.values()])
     ax.set(xlim=(0, longest * 1.06), xlabel="evaluations")
-    ax.set_ylim(bottom=min(0.0, lowest / scale))
+    # Two runs' interval may be many times as high as they: it is cut.
+    ax.set_ylim(low / scale, min(ax.get_ylim()[1], (1.1 * high - 0.1 * low) / scale) or None)
     ax.set_ylabel("fitness of the fittest" + (f" ({curves.unit})" if curves.unit else ""))
     ax.grid(axis="y")
     ax.set_axisbelow(True)
-    ax.legend(loc="lower right")
+    ax.legend()
     return figure
 
 

@@ -12,7 +12,7 @@ from realitygap.world.files import shipped
 from realitygap.world.noise import NOISE_LEVELS, noise_name
 from realitygap.world.profile import Profile, load_profile
 
-__all__ = ["departures", "is_paper", "lead", "twin_unit"]
+__all__ = ["departures", "is_paper", "lead", "made_of", "twin_unit"]
 
 FOUND = {
     "torus": "evolved by the paper’s distributed genetic algorithm",
@@ -21,6 +21,8 @@ FOUND = {
 }
 
 
+KHEPERAS = ("paper", "khepera", "enki-khepera")
+"""Shipped profiles of the paper's robot; the others are other robots'."""
 NO_GAIN = 1e-3
 """Below this the wheels' integral gain, printed as 800, has no effect: a fit ends near its bound."""
 
@@ -55,7 +57,9 @@ def lead(study: Study, parts: Sequence[TaskPart]) -> str:
 
 
 def departures(profile: Profile) -> str:
-    """The paper's printed equations that a calibrated simulation no longer has; "" if it has all."""
+    """The paper's printed equations that a calibrated simulation of its robot no longer has; "" for none."""
+    if (profile.provenance.base or profile.name) not in KHEPERAS:
+        return ""
     forms = {fit.channel: fit.form for fit in profile.provenance.fits}
     other = [forms.get(channel, "paper") != "paper" for channel in ("infrared", "ambient")]
     sensors = {
@@ -72,6 +76,16 @@ def departures(profile: Profile) -> str:
     return ", and ".join(words for words in told if words)
 
 
+def made_of(profile: Profile) -> str:
+    """A robot's shape and sensors, in words."""
+    near, light = len(profile.infrared.sensors), len(profile.ambient.sensors)
+    sensors = f"{'infrared' if near else 'light'} sensors"
+    if near and light:
+        same = "infrared sensors, which can also measure the light that falls on them"
+        sensors = same if near == light else "infrared and light sensors"
+    return f"{'body' if profile.body.outline_cm else 'disc'} on two wheels with {sensors}"
+
+
 def twin_unit(profile: Profile) -> str:
     """Number of the twin's unit that a profile was calibrated to, from its name; "" for other robots."""
     start, _, unit = profile.name.partition("-")
@@ -85,17 +99,19 @@ def _other_rates(config: StudyConfig) -> bool:
 
 def _is_khepera(profile: Profile) -> bool:
     """Whether its constants are a Khepera's: shipped, or fitted to recordings starting from such."""
-    if profile.name in shipped("profiles"):
+    if profile.name in KHEPERAS:
         return profile == load_profile(profile.name)
-    return bool(profile.provenance.fits) and profile.provenance.base in shipped("profiles")
+    return bool(profile.provenance.fits) and profile.provenance.base in KHEPERAS
 
 
 def _robot(profile: Profile) -> str:
     """The robot and the source of its constants, in words."""
     name, unit = f"profile “{profile.name}”", twin_unit(profile)
     if profile.name in shipped("profiles"):
+        if profile != load_profile(profile.name):
+            return f"the robot of a changed {name}"
         constants = "the paper’s constants" if profile.name == "paper" else name
-        return f"a Khepera robot ({constants})" if _is_khepera(profile) else f"the robot of a changed {name}"
+        return f"a Khepera robot ({constants})" if profile.name in KHEPERAS else f"the robot of {name}"
     if not profile.provenance.fits:
         return f"the robot of {name}"
     if unit:

@@ -43,7 +43,7 @@ def draw_network(
     """A genotype's network on its robot, which faces up.
 
     Excitatory links are dark and end in an arrow, inhibitory ones purple and end in a dot; width and
-    number are the weight, "d2" is a delay of two network updates (20 ms); what cannot reach a motor is pale.
+    number are the weight, "d2" is a delay of two network updates; what cannot reach a motor is pale.
 
     Args:
         ax: where to draw; its axes become cm.
@@ -65,8 +65,10 @@ def draw_network(
     labels = label_places([c for _, c in working], where, np.array(list(laid.sizes.values())), unit)
     for (link, _), spot in zip(working, labels, strict=True):
         _label(ax, link, spot, unit)
+    reach = np.maximum(robot.radius, np.abs(where).max(axis=0) + 0.4 * unit) + 0.12
+    wide, high = reach.tolist()
     low = min(-robot.radius, float(where[:, 1].min()) - 0.4 * unit) - 0.12
-    ax.set(xlim=(-robot.radius - 0.12, robot.radius + 0.12), ylim=(low, robot.radius + 0.12), aspect="equal")
+    ax.set(xlim=(-wide, wide), ylim=(low, high), aspect="equal")
     ax.axis("off")
 
 
@@ -178,7 +180,7 @@ def network_figure(
         (10.5, 7, "excitatory"),
         (39.5, 7, "inhibitory"),
         (62, 7, "θ threshold (lower)"),
-        (1, 2.3, "+3 d2: weight +3, delay of 2 updates (20 ms)"),
+        (1, 2.3, f"+3 d2: weight +3, delay of 2 updates ({200 * profile.period_s:g} ms)"),
         (72, 2.3, "pale: no effect"),
     ):
         legend.text(x, y, words, va="center", fontsize=6)

@@ -24,6 +24,7 @@ from realitygap.report.page import Figures, rendered
 from realitygap.report.player import player_data, player_json, replay_data
 from realitygap.report.robots import robot_figure
 from realitygap.report.style import new_figure, save_figure, styled
+from realitygap.report.tables import counted
 from realitygap.report.transfers import pairs_of
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Run, Study
@@ -148,7 +149,8 @@ def study_html(study: Study) -> str:
     ]  # fmt: skip
     more = len(study.runs) - len(rows)
     title = study.config.title or study.folder.name
-    said = f"{title}: {len(study.runs)} runs, seed {study.config.seed}, profile {study.profile.name}"
+    runs = counted(len(study.runs), "run")
+    said = f"{title}: {runs}, seed {study.config.seed}, profile {study.profile.name}"
     head = ("run", "evaluations", "best fitness", "champion, retested", "")
     return _table(said, head, rows) + (f"<p>… and {more} more</p>" if more else "")
 

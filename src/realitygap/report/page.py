@@ -33,7 +33,10 @@ TEMPLATES = Environment(
 )  # fmt: skip
 """Each is compiled once."""
 
-GLYPHS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
+GLYPHS = {
+    "o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖",
+    "<": "◀", ">": "▶", "*": "★", "p": "⬟",
+}  # fmt: skip
 
 
 class Words(NamedTuple):

@@ -24,10 +24,11 @@ __all__ = ["PathPanel", "Scene", "draw_path", "pairs_figure", "panels_figure", "
 
 
 class Scene(NamedTuple):
-    """Where a path is drawn: the arena, and the robot that drove."""
+    """Where a path is drawn: arena, robot, and all noise levels of the page, for their colours."""
 
     arena: Arena
     robot: Robot
+    levels: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, task: Task, profile: Profile) -> Self:
@@ -111,7 +112,7 @@ def _grid(
     heads: Sequence[str] = (),
 ) -> Figure:
     """Panels in rows; all arenas at the same scale, laid out by hand (cheap and deterministic)."""
-    styles = noise_styles(panel.noise for row in rows for panel in row if panel)
+    styles = noise_styles([*scene.levels, *(panel.noise for row in rows for panel in row if panel)])
     columns = max(len(row) for row in rows)
     left, bottom, gap, head = (0.46, 0.42, 0.14, 0.27) if labels else (0.06, 0.06, 0.1, 0.2)
     if labels and columns == 1:

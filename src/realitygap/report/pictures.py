@@ -159,7 +159,7 @@ def _stage(
     upper.set_xticks(range(0, readings.shape[1], 1 + readings.shape[1] // 10))
     lower = figure.add_axes(((wide + 0.35) / total, 0.13, 1.9 / total, 0.22))
     limit = max(10.0, float(np.abs(trajectory.commands).max(initial=0)))
-    lower.set(title="wheel commands (robot's units)", ylim=(-limit, limit), xlim=(-0.7, 1.7))
+    lower.set(title="wheel commands (−10 to 10)", ylim=(-limit, limit), xlim=(-0.7, 1.7))
     lower.set_xticks([0, 1], ["left", "right"])
     lower.axhline(0, color=style.MUTED, linewidth=0.7)
     bars = [

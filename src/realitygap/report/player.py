@@ -13,7 +13,7 @@ import numpy as np
 from realitygap.controller.layout import Genes
 from realitygap.report.gather import PER_CONDITION, Paths, chosen, individual
 from realitygap.report.network import network_drawing
-from realitygap.report.player_tracks import activity, poses_of, track
+from realitygap.report.player_tracks import activity, decided, poses_of, track
 from realitygap.report.robots import WHEEL_CM, front
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import NoiseClass, Row, TaskPart
@@ -83,7 +83,7 @@ def replay_data(simulation: Simulation, genes: Genes, lived: tuple[Trajectory, f
     """
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genes, task, profile)
-    cast = _Cast(task=task, genes=genes, slots=slots)
+    cast = _Cast(task=task, genes=genes, slots=slots, profile=profile)
     one, score = lived
     drive = cast.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genes)
     trial = {"name": "simulated", "link": "simulated", "simulated": drive, "situated": None}
@@ -118,6 +118,7 @@ class _Cast:
     genes: Genes
     slots: Sequence[int]
     """Neurons of the network, in the order of their packed outputs."""
+    profile: Profile
 
     def drive(
         self, who: str, score: str, path: Track, kept: Trajectory | Recording | None, drove: Genes | None
@@ -126,13 +127,11 @@ class _Cast:
         unit = _unit_cm(self.task)
         if kept is None:
             return track(who, score, poses_of(path), unit)
-        readings, outputs = fed(kept, self.task.feeds), None
+        readings, commands, outputs = fed(kept, self.task.feeds), decided(kept, self.profile), None
         same = drove is not None and np.array_equal(self.genes, drove)
         if same and kept.inputs.shape[1] == len(self.task.sensors):  # the drawn network is the one that drove
-            outputs = activity(self.genes, kept.inputs, kept.commands, self.slots)
-        return track(
-            who, score, poses_of(path), unit, readings=readings, commands=kept.commands, outputs=outputs
-        )
+            outputs = activity(self.genes, kept.inputs, commands, self.slots)
+        return track(who, score, poses_of(path), unit, readings=readings, commands=commands, outputs=outputs)
 
 
 class _Gather:
@@ -166,7 +165,7 @@ class _Gather:
         """A run: its network and its trials, transferred ones if there are any."""
         run, genes, task = row.run, individual(row.run), part.task
         drawing, slots = network_drawing(genes, task, self.study.profile)
-        cast = _Cast(task=task, genes=genes, slots=slots)
+        cast = _Cast(task=task, genes=genes, slots=slots, profile=self.study.profile)
         order = {robot: i for i, robot in enumerate(robots_of(pairs))}
         there = sorted(
             (p for p in pairs if len(p.paths[1])),

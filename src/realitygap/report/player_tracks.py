@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap.controller.layout import Genes, Layout
 from realitygap.controller.network import NetworkController
-from realitygap.track import Track
+from realitygap.robots.recording import Recording
+from realitygap.track import Track, Trajectory
 from realitygap.values import Floats
+from realitygap.world.profile import TOP_INPUT, Profile
 
-__all__ = ["LOST", "activity", "pack", "poses_of", "track"]
+__all__ = ["LOST", "activity", "decided", "pack", "poses_of", "track"]
 
 LOST = -32768
 """A missing number: the camera lost the robot."""
@@ -37,6 +39,14 @@ def pack(values: ArrayLike, kind: str) -> str:
 def poses_of(track: Track) -> Floats:
     """Poses [n, 3] in cm, cm, degrees, with exactly a file's digits; NaN where the robot was lost."""
     return np.stack([track.x, track.y, track.heading_deg.round(DIGITS)], axis=1)
+
+
+def decided(drive: Trajectory | Recording, profile: Profile) -> NDArray[np.int64]:
+    """A drive's commands [n, 2] from −10 to 10: a recording has them in the robot's own units."""
+    if isinstance(drive, Trajectory):
+        return drive.commands
+    outputs = np.rint(drive.commands * (TOP_INPUT / profile.wheels.top_command))
+    return np.asarray(outputs, np.int64)
 
 
 def activity(
@@ -80,7 +90,7 @@ def track(
         poses: [n + 1, 3] cm, cm, degrees.
         unit_cm: unit of packed positions.
         readings: [n, S] counts of the sensors that the task feeds, if known.
-        commands: [n, 2] in the robot's own units, if known.
+        commands: [n, 2], −10 to 10, if known.
         outputs: [n, N] of the network's neurons, if known.
     """
     steps = len(poses) - 1

@@ -111,9 +111,10 @@ def _robustness(table: TaskPart) -> list[str]:
 def read_scores(table: ScoreTable) -> list[str]:
     """Change of both scores with the noise level; empty if there are none."""
     where = f" on the {table.kind}" if table.kind else ""
+    whose = "The fittest individuals’" if table.individual == "fittest" else "The"
     told = [
-        *_told_scores(table, "behaviour", "The behaviour score averages"),
-        *_told_scores(table, "correspondence", f"The correspondence score{where} averages"),
+        *_told_scores(table, "behaviour", f"{whose} behaviour score averages"),
+        *_told_scores(table, "correspondence", f"{whose} correspondence score{where} averages"),
     ]
     return [" ".join(told)] if told else []
 

@@ -15,12 +15,14 @@ from realitygap.report import style
 from realitygap.report.style import SIMULATED, Look, new_figure
 from realitygap.world.profile import Profile
 
-__all__ = ["WHEEL_CM", "draw_robot", "front", "light_rays", "robot_figure"]
+__all__ = ["WHEEL_CM", "draw_robot", "front", "light_rays", "robot_figure", "shown_sensors"]
 
 F = NDArray[np.float64]
 
 WHEEL_CM = (1.9, 0.45)
 """Length and width of a drawn wheel."""
+DISC_CM = 0.34
+"""Radius of a drawn sensor: nearer than this, two are one, as a calibration places them."""
 
 
 def draw_robot(
@@ -66,7 +68,7 @@ def robot_figure(profile: Profile) -> Figure:
     ax = figure.add_subplot()
     span = robot.radius * 1.75
     draw_robot(ax, robot, (0.0, 0.0, math.pi / 2))
-    for place, ray, name in _sensors(robot):
+    for place, ray, name in shown_sensors(robot):
         _draw_sensor(ax, place, ray, name)
     ax.plot([-robot.radius, robot.radius], [-span * 0.93] * 2, color=style.INK, linewidth=0.9, marker="|")
     ax.text(0, -span * 0.98, f"{2 * robot.radius:.3g} cm", ha="center", va="top", fontsize=7.5)
@@ -86,19 +88,18 @@ def _draw_sensor(ax: Axes, place: F, ray: F, name: str) -> None:
     spot = np.array([-place[1], place[0]])
     facing = math.atan2(*ray[:, : ray.shape[1]].mean(axis=1)[::-1]) + math.pi / 2
     out, turn = np.array([math.cos(facing), math.sin(facing)]), math.degrees(facing)
-    half = Wedge(tuple(spot), 0.34, turn - 90, turn + 90, facecolor=style.RAY, edgecolor="none", zorder=6)
+    half = Wedge(tuple(spot), DISC_CM, turn - 90, turn + 90, facecolor=style.RAY, edgecolor="none", zorder=6)
     ax.add_patch(half)
     arrow = {"arrowstyle": "-|>", "color": style.RAY, "lw": 0.8, "mutation_scale": 6}
-    ax.annotate("", tuple(spot + 1.35 * out), tuple(spot + 0.34 * out), zorder=6, arrowprops=arrow)
+    ax.annotate("", tuple(spot + 1.35 * out), tuple(spot + DISC_CM * out), zorder=6, arrowprops=arrow)
     x, y = spot + 1.75 * out
     ax.text(x, y, name, ha="center", va="center", fontsize=8, zorder=7)
 
 
-def _sensors(robot: Robot) -> Iterator[tuple[F, F, str]]:
+def shown_sensors(robot: Robot) -> Iterator[tuple[F, F, str]]:
     """Position, rays and number of every sensor, except ambient ones at a proximity sensor's position."""
-    taken = {tuple(np.round(place, 6)) for place in robot.proximity_place}
     for i, (place, ray) in enumerate(zip(robot.proximity_place, robot.proximity_ray, strict=True)):
         yield place, ray, str(i)
     for i, (place, ray) in enumerate(zip(robot.ambient_place, light_rays(robot), strict=True)):
-        if tuple(np.round(place, 6)) not in taken:
+        if np.hypot(*(robot.proximity_place - place).T).min(initial=np.inf) > DISC_CM:
             yield place, ray, f"a{i}"

@@ -87,7 +87,12 @@ class Sections:
         return made
 
     def _scene(self, part: TaskPart) -> Scene:
-        return Scene.of(part.task, self.study.profile)
+        return Scene.of(part.task, self.study.profile)._replace(levels=self._levels)
+
+    @property
+    def _levels(self) -> tuple[float, ...]:
+        """All noise levels of the page: each has one look in all of its figures."""
+        return tuple(sorted({run.noise for run in self.study.runs}))
 
     def _curves(self, part: TaskPart, label: str) -> Picture | None:
         runs = best_so_far(self.study, part)
@@ -96,9 +101,8 @@ class Sections:
         means = {c.level: mean_of(c.means("fittest", c.level)) for c in part.conditions}
         fresh = {level: mean.value for level, mean in means.items() if mean is not None}
         task, told = part.task, words.curve_words(part, runs, bool(fresh))
-        curves = Curves(
-            runs=runs, names=part.names, fresh=fresh, scale=task.fitness_scale, unit=task.fitness_unit
-        )
+        names = dict.fromkeys(self._levels, "") | part.names
+        curves = Curves(runs=runs, names=names, fresh=fresh, scale=task.fitness_scale, unit=task.fitness_unit)
         return self.figures.add(f"{task.name}-curves", partial(curves_figure, curves), told, label)
 
     def _chosen_paths(self, part: TaskPart, label: str) -> Picture | None:

@@ -97,6 +97,10 @@ _OTHERS = (
     NoiseStyle(colour="#56b4e9", line=(0, (3, 1, 1, 1, 1, 1)), marker="v"),
     NoiseStyle(colour="#e69f00", line=(0, (8, 2)), marker="P"),
     NoiseStyle(colour=MUTED, line=(0, (1, 2)), marker="X"),
+    NoiseStyle(colour="#0072b2", line=(0, (2, 2)), marker="<"),
+    NoiseStyle(colour="#d55e00", line=(0, (8, 2, 1, 2)), marker=">"),
+    NoiseStyle(colour="#009e73", line=(0, (2, 1, 2, 4)), marker="*"),
+    NoiseStyle(colour="#cc79a7", line=(0, (12, 3)), marker="p"),
 )
 
 

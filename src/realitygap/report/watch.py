@@ -16,7 +16,6 @@ from realitygap import whole
 from realitygap.errors import RealityGapError
 from realitygap.report.gather import best_so_far, parts_of
 from realitygap.report.page import noise_key, rendered
-from realitygap.report.style import noise_styles
 from realitygap.report.tables import TaskPart
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Run, Study, load_study
@@ -76,20 +75,20 @@ class Watch:
 
     def _part(self, study: Study, part: TaskPart) -> dict[str, Any]:
         """A task's curves and its best robot."""
-        styles, scale = noise_styles(part.names), part.task.fitness_scale
+        scale, unit = part.task.fitness_scale, part.task.fitness_unit
+        key = noise_key(part.names)
+        looks = dict(zip(part.names, (look for _, *look in key), strict=True))
         curves = [
-            (styles[level].colour, best / scale)
-            for level, runs in best_so_far(study, part).items()
-            for best in runs
+            (looks[level], best / scale) for level, runs in best_so_far(study, part).items() for best in runs
         ]
         most = max((float(best[-1]) for _, best in curves), default=0.0) or 1.0
         total = study.config.evaluations
         every = [row.run for one in part.conditions for row in one.begun]
         best = max(every, key=lambda run: run.best_fitness or 0.0, default=None)
         return {
-            "title": part.task.title, "unit": part.task.fitness_unit, "most": f"{most:.3g}", "total": total,
-            "curves": [(colour, _line(best, total, most)) for colour, best in curves],
-            "key": noise_key(part.names), "drive": None if best is None else self._drive(part.task, best),
+            "title": part.task.title, "unit": unit and f" {unit}", "most": f"{most:.3g}", "total": total,
+            "curves": [(*look, _line(best, total, most)) for look, best in curves], "key": key,
+            "drive": None if best is None else self._drive(part.task, best),
         }  # fmt: skip
 
     def _drive(self, task: Task, run: Run) -> dict[str, Any]:

@@ -111,8 +111,8 @@ def width_inches(hidden: int) -> float:
 def place_neurons(
     wiring: Wiring, robot: Robot, sensor_places: F, sensors: Sequence[int], unit: float
 ) -> dict[int, F]:
-    """Inputs at their sensors, outputs beside their wheels, hidden neurons near their neighbours; arguments
-    as of `lay_out`."""
+    """Inputs at their sensors, outputs beside their wheels but clear of sensors, hidden neurons near their
+    neighbours; arguments as of `lay_out`."""
     places: dict[int, F] = {}
     for i in range(wiring.inputs):
         sensor = sensors[i] if i < len(sensors) else -1
@@ -122,7 +122,10 @@ def place_neurons(
         else:
             places[i] = np.array([0.8 * unit * (i - (wiring.inputs - 1) / 2), -robot.radius - 0.5 * unit])
     for k, side in enumerate((-1, 1)):
-        places[wiring.inputs + k] = np.array([side * (robot.track / 2 - 0.3 - 0.42 * unit), -0.28 * unit])
+        wheel = np.array([side * (robot.track / 2 - 0.3 - 0.42 * unit), -0.28 * unit])
+        while any(np.hypot(*(wheel - p)) < 0.95 * unit for p in places.values()) and abs(wheel[0]) > unit:
+            wheel[0] *= 0.95
+        places[wiring.inputs + k] = wheel
     _place_hidden(wiring, robot.radius, places, unit)
     return places
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from realitygap.report.gather import PER_CONDITION
 from realitygap.report.page import Words
+from realitygap.report.robots import shown_sensors
 from realitygap.report.tables import TaskPart, counted
 from realitygap.report.transfers import Pair
 from realitygap.report.wiring import read_wiring
@@ -22,9 +23,8 @@ __all__ = [
 
 def robot_words(profile: Profile) -> Words:
     """Words for the robot's picture."""
-    robot = profile.to_kernel()
-    count = max(len(robot.proximity_place), len(robot.ambient_place))
-    text = f"The robot from above, to scale: {count} sensors with their numbers and directions, two wheels."
+    sensors = counted(sum(1 for _ in shown_sensors(profile.to_kernel())), "sensor")
+    text = f"The robot from above, to scale: {sensors} with their numbers and directions, two wheels."
     return Words(text, text + " It faces up; in the arenas a line points to its front.")
 
 
@@ -83,7 +83,7 @@ def path_words(part: TaskPart, seen: str) -> Words:
     caption = (
         f"Simulated paths of {part.task.seconds:g} s at the noise that each individual evolved under. {which}"
         f"After the colon: this trial's score{unit}. Ring: start, the same for all; each stroke of the tail "
-        "joins the robot's centre to its leading edge, every 0.1 s, and none is erased."
+        "joins the robot's centre to its leading edge at each step, and none is erased."
     )
     return Words(f"Paths. {seen}.", caption)
 
@@ -129,15 +129,16 @@ SOURCES = {
 """Sources of situated paths."""
 
 
+NO_ROBOT = ". It is not a robot"
 STAND_INS = {
     "robot": "a robot",
     "twin": "a physics twin of the robot, with sensors, wheels and noise of its own: a stand-in, "
     "called pseudo-reality, which shares no code with the simulation, though sizes of noise, arenas "
-    "and starts have common sources. It is not a robot",
+    "and starts have common sources" + NO_ROBOT,
     "stranger": "a second physics twin of the robot, outside the family of laws that the calibration can "
-    "fit: a stand-in, called pseudo-reality. It is not a robot",
+    "fit: a stand-in, called pseudo-reality" + NO_ROBOT,
     "Enki": "a robot of EPFL’s simulator Enki, with sensor models and noise made by others: a stand-in, "
-    "called pseudo-reality. It is not a robot",
+    "called pseudo-reality" + NO_ROBOT,
 }
 """What a situated individual drives, by the first word of its kind."""
 
@@ -146,8 +147,10 @@ def about(pairs: Sequence[Pair]) -> str:
     """The meaning of "situated" on this page."""
     kinds = {pair.kind.split()[0] for pair in pairs}
     places = [words for name, words in STAND_INS.items() if name in kinds]
-    which = "; each row says which" if len(places) > 1 else ""
-    return f"Situated means: on {', or on '.join(places)}{which}."
+    if len(places) == 1:
+        return f"Situated means: on {places[0]}."
+    short = "; or on ".join(words.removesuffix(NO_ROBOT) for words in places)
+    return f"Situated means: on {short}. Each row says which; a stand-in is not a robot."
 
 
 def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
@@ -168,7 +171,7 @@ def pair_words(part: TaskPart, shown: Sequence[Pair]) -> Words:
         + f"For each noise level the run that is {_median(part)}, where it was transferred. " * many
         + "Both from the same start (ring). After the colon: the path’s score"
         + (f" in {unit}. " if unit else ". ")
-        + "Each stroke of the tail joins the robot’s centre to its leading edge, every 0.1 s; none is erased."
+        + "Each stroke of the tail joins the robot’s centre to its leading edge at each step; none is erased."
     )
     ends = "; ".join(
         f"{part.names[p.level]}: from ({before.x[0]:.0f}, {before.y[0]:.0f}) simulated to "

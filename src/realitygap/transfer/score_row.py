@@ -18,7 +18,7 @@ from realitygap.correspondence.distances import matched_starts
 from realitygap.correspondence.names import Namer, common_name, namer
 from realitygap.correspondence.scale import Scale, exemplar_scale
 from realitygap.correspondence.score import behaviour_score, compare, ends_of
-from realitygap.correspondence.setting import Setting, setting_of
+from realitygap.correspondence.setting import Setting, fits, setting_of
 from realitygap.correspondence.trials import SHORTEST_S, Trial, resampled, trial_of
 from realitygap.errors import TrackError, UsageError
 from realitygap.kernels.rng import substream
@@ -212,9 +212,11 @@ class Job:
         return list(simulated.values()), situated, lost
 
     def _trial(self, track: Track, one: Transferred, unit: str) -> Trial:
-        radius = self.bench.study.profile.body.radius_cm
-        made = resampled(track, start=str(one.start), unit=unit, radius_cm=radius)
-        setting_of([made], self.bench.task)  # a path from counters may leave the arena
+        body = self.bench.study.profile.body
+        made = resampled(track, start=str(one.start), unit=unit, radius_cm=body.radius_cm)
+        # A path from counters may leave the arena. An outline's near side may touch what is in it.
+        if not fits(self.bench.task.arena, made.x, made.y, body.depth_cm(0.0, 0.0)):
+            raise TrackError("its path leaves the room or goes through what stands there.")
         return made
 
 

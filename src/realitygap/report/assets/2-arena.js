@@ -26,11 +26,14 @@ const MARGIN = { left: 22, right: 12, top: 8, bottom: 20 };
 // A stage: the pen, and how cm become pixels.
 function openStage(canvas, arena) {
   const [width, depth] = arena.size_cm;
-  const room = Math.max(1, canvas.clientWidth - MARGIN.left - MARGIN.right);
+  const ticks = MARGIN.left + 7 * Math.max(0, `${Math.floor(depth)}`.length - 2); // the longest is whole
+  const free = Math.max(1, canvas.clientWidth - ticks - MARGIN.right);
+  const room = Math.min(free, (1.5 * free * width) / depth); // a deep room fits the window
+  const left = ticks + (free - room) / 2;
   const ratio = ((room * depth) / width + MARGIN.top + MARGIN.bottom) / Math.max(1, canvas.clientWidth);
   const { pen, wide, tall } = fitCanvas(canvas, ratio);
   const scale = room / width;
-  const x = (cm) => MARGIN.left + cm * scale;
+  const x = (cm) => left + cm * scale;
   const y = (cm) => MARGIN.top + (depth - cm) * scale;
   return { pen, wide, tall, scale, x, y, width, depth };
 }

@@ -11,9 +11,10 @@ function made(name, attributes = {}, parent = null, text = null) {
   return element;
 }
 
-// Upright bars for the sensors; returns a function that shows one row of readings.
+// Upright bars for the sensors, eight in a row; returns a function that shows one row of readings.
 function makeReadings(box, sensors) {
   box.replaceChildren();
+  box.style.gridTemplateColumns = `repeat(${Math.min(8, sensors.each.length)}, minmax(0, 1fr))`;
   const bars = sensors.each.map((sensor, i) => {
     const column = made("div", { class: "bar" + (sensors.fed.includes(i) ? "" : " unfed") }, box);
     const value = made("b", {}, column, "–");

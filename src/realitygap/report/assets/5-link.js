@@ -10,7 +10,7 @@ function makeLink(root, choice, time) {
   function address() {
     const [, , run, trial] = choice.chosen();
     const second = time.second();
-    const at = second === null ? "" : `&at=${second.toFixed(1)}`;
+    const at = second === null ? "" : `&at=${second}`;
     const plain = (text) => encodeURIComponent(text).replaceAll("%2F", "/");
     return `#run=${plain(run.link)}&trial=${plain(trial.link)}${at}`;
   }

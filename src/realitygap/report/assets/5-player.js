@@ -28,8 +28,9 @@ function openPlayer() {
     show();
     link.renew(byHand);
   });
+  const places = `${data.step_s}`.split(".")[1]?.length ?? 1; // of a time, so that no two steps have the same
   const link = makeLink(root, choice, {
-    second: () => (now.position < scene.steps - 1e-9 ? now.position * data.step_s : null),
+    second: () => (now.position < scene.steps - 1e-9 ? (now.position * data.step_s).toFixed(places) : null),
     go: (second) => goTo(second / data.step_s),
   });
 
@@ -69,7 +70,7 @@ function openPlayer() {
       parts.arenas[i].setAttribute("aria-label", `${side.track.who} robot in its arena, ${place}`);
     });
     const [at, end] = [step * data.step_s, scene.steps * data.step_s];
-    parts.time.textContent = `${at.toFixed(1)} of ${end.toFixed(1)} s`;
+    parts.time.textContent = `${at.toFixed(places)} of ${end.toFixed(places)} s`;
     parts.scrub.value = step;
     parts.scrub.setAttribute("aria-valuetext", parts.time.textContent);
     parts.play.classList.toggle("on", now.playing);
