@@ -8,6 +8,7 @@ import logging
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -158,6 +159,15 @@ def test_what_is_no_cluster_is_refused(address, monkeypatch):
         Dask(address)
 
 
+def test_what_listens_but_never_answers_is_no_scheduler(monkeypatch):
+    """A port where something else listens, as a wrong number may be, is refused instead of waited for."""
+    monkeypatch.setattr("realitygap.work.cluster.WAIT_S", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        port = mute.getsockname()[1]
+        with pytest.raises(ConfigError, match=rf"no Dask scheduler answers .*{port}.*what listens"):
+            Dask(f"tcp://127.0.0.1:{port}")
+
+
 def test_what_goes_wrong_is_told_once(address):
     """A lost scheduler is the message's to name: the client, which has a level of its own, logs nothing."""
     Dask(address).close()
@@ -174,7 +184,11 @@ def test_a_failed_client_is_gone_before_another_starts(address, monkeypatch):
             made.append(weakref.ref(self))
             super().__init__(*args, **settings)
 
+    async def unasked(address):
+        """The scheduler is lost after its first words."""
+
     monkeypatch.setattr(distributed, "Client", Watched)
+    monkeypatch.setattr(cluster, "_greeted", unasked)
     monkeypatch.setattr(cluster, "WAIT_S", 0.5)
     gc.disable()
     try:

@@ -7,10 +7,12 @@
 A job's messages come when it is done. The scheduler gives the jobs of a lost worker to others.
 """
 
+import asyncio
 import gc
 import logging
 import platform
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import blake2b
@@ -34,6 +36,7 @@ TRIES = 3
 WAIT_S = 10.0
 PATIENCE_S = 600.0
 """How long there may be no worker at all."""
+MUTE = "what listens there is none"
 AHEAD = 3
 """Jobs that are sent for each thread of the cluster, so that none waits and new workers find some."""
 
@@ -43,6 +46,16 @@ class _Answer(NamedTuple):
 
     messages: list[Any]
     error: RealityGapError | None = None
+
+
+async def _greeted(address: str) -> None:
+    """Exchange first words with a scheduler, for which a client would wait without end."""
+    from distributed.comm import connect
+    from distributed.security import Security
+
+    how = Security().get_connection_args("client")
+    comm = await asyncio.wait_for(connect(address, timeout=WAIT_S, **how), WAIT_S)
+    await comm.close()
 
 
 class Dask:
@@ -68,14 +81,16 @@ class Dask:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         gc.collect()  # a client that failed earlier waits for ever if it is collected while this one starts
         try:
+            with ThreadPoolExecutor(1) as apart:  # a notebook's thread has a loop of its own
+                apart.submit(asyncio.run, _greeted(address)).result()
             try:
                 self._client = Client(address, timeout=WAIT_S, set_as_default=False)
             except AssertionError:  # its own thread had not begun within ten seconds: the machine stood still
                 self._client = Client(address, timeout=WAIT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise ConfigError(
-                f"workers: no Dask scheduler answers at {address!r} ({error}). Start one (`dask scheduler`), "
-                "or give the address that it prints, such as dask:tcp://HOST:8786."
+                f"workers: no Dask scheduler answers at {address!r} ({str(error) or MUTE}). Start one "
+                "(`dask scheduler`), or give the address that it prints, such as dask:tcp://HOST:8786."
             ) from None
         try:
             self._check_workers()
