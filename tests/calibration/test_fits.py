@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -362,6 +363,19 @@ def test_nonsense_is_refused(recorded, spoil, words):
     """No profile is made of mirrored bearings, swapped columns, dead tables, wrong units or shuffled rows."""
     with pytest.raises(CalibrationError, match=words):
         calibrate([spoil(recorded("wall", repeats=1))], PAPER, form="extended")
+
+
+def test_the_wildest_reading_is_named(recorded):
+    """Where a few readings spoil a fit, the furthest off is named, as it is in the table."""
+    sound = recorded("wall", repeats=1)
+    counts = sound.counts.copy()
+    counts[::9] = 1023.0 - counts[::9]
+    with pytest.raises(
+        CalibrationError, match=r"explains only .* The furthest off is reading \d+ of \d+: s\d is"
+    ) as it:
+        calibrate([replace(sound, counts=counts)], PAPER, form="extended")
+    row, sensor, read = map(int, re.findall(r"reading (\d+) of \d+: s(\d) is (\d+)", str(it.value))[0])
+    assert round(counts[row - 1, sensor]) == read and (row - 1) % 9 == 0
 
 
 @pytest.mark.parametrize("object", ["wall", "lamp"])

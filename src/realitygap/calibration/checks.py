@@ -215,13 +215,17 @@ def refuse_nonsense(where: str, counts: Floats, model: Floats, dead: dict[int, s
         CalibrationError: names the share.
     """
     live = [k for k in range(counts.shape[1]) if k not in dead]
-    off = np.nansum((counts - model)[:, live] ** 2)
+    errors = np.nan_to_num(counts - model)[:, live] ** 2
+    off = errors.sum()
     spread = np.nansum((counts[:, live] - np.nanmean(counts[:, live], axis=0)) ** 2)
     if off > (1.0 - EXPLAINED) * spread:
+        row, sensor = np.unravel_index(errors.argmax(), errors.shape)
+        read, by_law = (float(table[row, live[sensor]]) for table in (counts, model))
         raise CalibrationError(
             f"{where}: the fitted law explains only {max(0.0, 1 - off / spread):.0%} of how the readings "
             "change: this is no recording of such an object, or its distances (cm from the body's edge) and "
-            "bearings (degrees) are not those of its rows."
+            f"bearings (degrees) are not those of its rows. The furthest off is reading {row + 1} of {len(counts)}: "
+            f"s{live[sensor]} is {read:.0f}, by the law {by_law:.0f}."
         )
 
 

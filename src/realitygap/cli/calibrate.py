@@ -221,10 +221,10 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
 def _tell_misplaced(found: ChannelFit | Judgement) -> None:
     """How much of a model error over noise a millimetre's error of each place explains, where set by hand."""
     if isfinite(found.ratio_placed):
-        click.echo(
-            f"  places set by hand, if each is a millimetre off, explain {found.misplaced:.2f} of it and "
-            f"leave {found.ratio_placed:.2f}"
-        )
+        share = f"{found.misplaced:.2f} of it and leave {found.ratio_placed:.2f}"
+        all_of_it = f"all of it: alone they would make {found.misplaced:.2f}"
+        said = share if found.ratio_placed else all_of_it
+        click.echo(f"  places set by hand, if each is a millimetre off, explain {said}")
 
 
 def _tell_alike(alike: tuple[tuple[str, str, float], ...]) -> None:

@@ -145,9 +145,11 @@ def _read(fit: ChannelFit) -> list[str]:
             + ("; and others." if len(fit.fit.alike) > 3 else ".")
         )
     if isfinite(fit.misplaced):
+        share = f"{fit.misplaced:.2f} of it and leave {fit.ratio_placed:.2f}"
+        all_of_it = f"all of it: alone they would make {fit.misplaced:.2f}"
         out.append(
             f"Model error over noise on places held out is {fit.ratio:.2f}; places set by hand, if each is a "
-            f"millimetre off, explain {fit.misplaced:.2f} of it and leave {fit.ratio_placed:.2f}."
+            f"millimetre off, explain {share if fit.ratio_placed else all_of_it}."
         )
     turns = [c for c in fit.fit.constants if c.key.startswith("turn_")]
     if turns:
