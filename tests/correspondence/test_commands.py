@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 from realitygap.correspondence.judging import Pair, blind_pairs
-from realitygap.correspondence.reading import agreement
+from realitygap.correspondence.reading import agreement, read_transfer
+from realitygap.correspondence.score import compare
 from realitygap.correspondence.setting import setting_of
+from realitygap.study.config import Condition
+from realitygap.study.load import load_study
+from realitygap.study.runner import run_study
 from tests.correspondence.tracks import write
 from tests.exemplars.kinds import Behaviour
+from tests.study.helpers import small
 
 ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
 
@@ -26,6 +31,23 @@ def trials():
 @pytest.fixture
 def tracks(tmp_path, trials):
     return write(tmp_path / "a.csv", trials)
+
+
+def test_a_transfer_is_scored_in_the_arena_of_its_study(json_of, trials, tmp_path):
+    """Not in the first of the paper's that its tracks fit in; away from its study the arena is a guess."""
+    wide = "obstacle-avoidance-large"
+    config = small(conditions=(Condition(task="avoidance"),), arenas={"obstacle-avoidance": wide})
+    folder = run_study(tmp_path / "study", config, workers=1).folder / "transfer" / "twin-1" / "run"
+    for start, trial in enumerate(trials[:2]):
+        (place := folder / f"start-{start}").mkdir(parents=True)
+        (place / "transfer.toml").write_text('task = "obstacle-avoidance"\n')
+        for name, kept in (("simulated.csv", trial), ("situated.csv", trials[start + 2])):
+            write(place / name, [kept], named=False)
+    there, task = json_of("score", folder), load_study(tmp_path / "study").task("obstacle-avoidance")
+    away = json_of("score", shutil.copytree(folder, tmp_path / "away"))
+    made = compare(*read_transfer(folder), setting_of([], task))
+    assert there["setting"] == "obstacle-avoidance" and there["score"] == made.score
+    assert "guessed" in away["setting"] and away["distances"] != there["distances"]
 
 
 def test_score_of_the_same_tracks(json_of, call, tracks):

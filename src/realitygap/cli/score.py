@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,11 +11,13 @@ import click
 
 from realitygap.cli import option
 from realitygap.cli.output import Figure, table, tell, warn
+from realitygap.errors import RealityGapError, TrackError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from realitygap.correspondence.score import Comparison
+    from realitygap.tasks.task import Task
     from realitygap.transfer.order import Order
     from realitygap.transfer.without_camera import WithoutCamera
 
@@ -71,19 +73,41 @@ def score(
     from realitygap.tasks.load import load_task
     from realitygap.transfer.packed import unpacked
 
+    whose = None
+
     with ExitStack() as stack:
 
         def there(path: str) -> Path:
             return stack.enter_context(unpacked(Path(path)))
 
-        sets = read_transfer(there(a)) if b is None else (read_trials(there(a)), read_trials(there(b)))
+        if b is None:
+            sets = read_transfer(there(a))
+            whose = _task_of(Path(a), there(a)) if task is None else None
+        else:
+            sets = read_trials(there(a)), read_trials(there(b))
         others = read_trials(there(ceiling)) if ceiling is not None else None
     every = [trial for trials in (*sets, others or []) for trial in trials]
-    setting = setting_of(every, load_task(task) if task else None)
+    setting = setting_of(every, load_task(task)) if task else setting_of([] if whose else every, whose)
     made = compare(sets[0], sets[1], setting, ceiling=others)
     warnings = doubts_of(every)
     tell(json_output, {"a": a, "b": b, **made.to_dict(), "warnings": warnings}, *_told(made))
     warn(warnings)
+
+
+def _task_of(folder: Path, trials: Path) -> Task | None:
+    """The task of a transfer in its study, whose arena it is; None for trials that left their study, and
+    where the task is a program that nobody agreed to run."""
+    from realitygap.correspondence.reading import TRANSFER
+    from realitygap.study.load import load_study
+    from realitygap.study.reader import DATABASE
+    from realitygap.toml import read_toml
+
+    above = next((one for one in folder.resolve().parents if (one / DATABASE).is_file()), None)
+    with suppress(RealityGapError):
+        if above is not None:
+            name = read_toml(next(trials.rglob(TRANSFER)), TrackError, "Transfer again.")["task"]
+            return load_study(above).task(name)
+    return None
 
 
 def _score_without_camera(folder: str, others: dict[str, str | None], trust: bool, json_output: bool) -> None:
