@@ -60,6 +60,7 @@ def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path
         (("slurm", "--shards", "2", "evolve", "light", "--runs", "0"), "'--runs': expected 1 or more"),
         (("slurm", "--shards", "2", "evolve", "light", "--workers", "2"), "--workers: the script sets it"),
         (("slurm", "--shards", "2", "evolve", "light", "--noise", "loud"), "'--noise'"),
+        (("slurm", "--shards", "2", "evolve", "light", "--out", "a\nb"), "expected words of one line"),
         (("slurm", "--shards", "2", "evolve", "light", "--watch"), "--watch: expected none with shards"),
         (
             (

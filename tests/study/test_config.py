@@ -94,7 +94,7 @@ def test_wrong_settings_are_refused_by_key(setting, words):
 
 def test_the_same_condition_twice_is_refused():
     """Two equal conditions would be the same runs: refused."""
-    with pytest.raises(ConfigError, match="conditions: expected different ones"):
+    with pytest.raises(ConfigError, match="different ones, got light, noise 1, twice"):
         StudyConfig(conditions=(Condition(task="light"), Condition(task="light")))
 
 

@@ -65,6 +65,7 @@ def test_an_older_database_is_asked_in_the_same_way(finished, tmp_path):
         ("DELETE FROM run", "sql: attempt to write a readonly database"),
         ("SELECT 1 AS a, 2 AS a", "two columns have one name"),
         ("", "sql: expected a SELECT from runs.*got ''"),
+        ("SELECT 1; SELECT 2", r"one statement at a time\. Expected"),
         ("-- all of them", "sql: expected a SELECT from runs.*got '-- all of them'"),
     ],
 )

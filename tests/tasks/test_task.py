@@ -58,6 +58,7 @@ def test_unknown_task():
     [
         ({"name": "My task"}, "name: expected lower-case letters"),
         ({"name": None}, "name: expected lower-case letters"),
+        ({"title": 3}, "title: expected a text, got 3"),
         ({"seconds": 0.25}, r"seconds: expected a multiple of 0\.1 from 0\.1 to 100000, got 0\.25"),
         ({"seconds": 0}, "seconds: expected a multiple"),
         ({"seconds": math.nan}, "seconds: expected a number, got nan"),

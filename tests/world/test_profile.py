@@ -179,6 +179,14 @@ def test_wrong_values_are_refused_by_key(refused, old, new, told):
     assert refused(old, new).startswith(told)
 
 
+def test_lengths_beyond_a_computer_are_refused():
+    """Not a Python error when their square is taken."""
+    law = load_profile("thymio").infrared
+    for key, value in (("width_cm", 1e300), ("curve_cm", 1e-300), ("curve_cm", 1e300)):
+        with pytest.raises(ConfigError, match=f"{key}: expected .*below a million"):
+            replace(law, **{key: value})
+
+
 @pytest.mark.parametrize("part", ["infrared", "ambient"])
 def test_directions_in_radians_are_refused(paper, part):
     """Sensors that would look where they sit if their directions were radians."""

@@ -66,6 +66,8 @@ def _checked(ctx: click.Context, words: list[str]) -> dict[str, Any]:
     for word in words:
         if word.partition("=")[0] in OURS:
             raise click.UsageError(f"{word}: the script sets it; leave it out.", ctx)
+        if not word.isprintable():
+            raise click.UsageError(f"expected words of one line for a script, got {word!r}.", ctx)
     assert ctx.parent is not None
     group, above, typed = ctx.parent.command, ctx.parent, " ".join(words[:2])
     while isinstance(group, click.Group) and words:

@@ -74,7 +74,9 @@ class StudyConfig(Value):
         require(bool(self.conditions), "conditions", "one or more, each a task and a noise level", [])
         cure = "Each condition is run `runs` times: leave out the repetition."
         pairs = [(c.task, c.noise, c.spread, c.spread_wheels) for c in self.conditions]
-        require(len(set(pairs)) == len(pairs), "conditions", "different ones", pairs, cure)
+        twice = next((f"{p[0]}, noise {p[1]:g}, twice" for k, p in enumerate(pairs) if p in pairs[:k]), None)
+        if twice:
+            raise ConfigError(f"conditions: expected different ones, got {twice}. {cure}")
         plain = self.variation.layout == Layout()
         layout = self.variation.layout
         require(plain, "variation.layout", "nothing: use encoding.slots and encoding.links", layout)

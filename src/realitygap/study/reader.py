@@ -151,8 +151,9 @@ class Reader:
                 names = [column[0] for column in rows.description or ()]
                 found = rows.fetchall()
             except sqlite3.Error as error:
+                why = str(error).rstrip(".")
                 raise StudyError(
-                    f"sql: {error}. Expected a SELECT from {', '.join(NAMES)} or a table of the study."
+                    f"sql: {why}. Expected a SELECT from {', '.join(NAMES)} or a table of the study."
                 ) from None
         if not names:
             raise StudyError(f"sql: expected a SELECT from {', '.join(NAMES)}, got {sql!r}.")

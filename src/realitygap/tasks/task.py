@@ -260,6 +260,7 @@ class Task:
         feeds: Any = self.feeds
         if isinstance(feeds, list | tuple):
             put(self, "feeds", "+".join(sorted(set(map(str, feeds)), reverse=True)))
+        require(isinstance(self.title, str), "title", "a text", self.title)
         put(self, "title", self.title or self.name.replace("-", " ").capitalize())
         require(isinstance(self.sensors, list | tuple | range), "sensors", "a tuple of numbers", self.sensors)
         put(self, "sensors", tuple(self.sensors))

@@ -123,9 +123,9 @@ class Infrared(Value):
             shares = f"{RAYS // 2} shares from the middle outwards, their sum above 0"
             require(len(self.lobe) == RAYS // 2 and sum(self.lobe) > 0, "lobe", shares, self.lobe)
             require(0 < self.aperture_deg <= 85, "aperture_deg", "degrees above 0 to 85", self.aperture_deg)
-            require(self.curve_cm > 0, "curve_cm", "more than 0", self.curve_cm)
+            require(1e-6 < self.curve_cm < 1e6, "curve_cm", "cm above 0, below a million", self.curve_cm)
         for key in ("exponent", "width_cm", "range_cm", "overlap"):
-            require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
+            require(0 <= getattr(self, key) < 1e6, key, "0 or more, below a million", getattr(self, key))
         require(0 <= self.dead < self.top, "dead", "counts from 0 to below top", self.dead)
         far, near = self.bands
         require(far < near, "bands", "the reading far away, then the reading close by", self.bands, TURN)
