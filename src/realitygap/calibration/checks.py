@@ -224,8 +224,8 @@ def refuse_nonsense(where: str, counts: Floats, model: Floats, dead: dict[int, s
         raise CalibrationError(
             f"{where}: the fitted law explains only {max(0.0, 1 - off / spread):.0%} of how the readings "
             "change: this is no recording of such an object, or its distances (cm from the body's edge) and "
-            f"bearings (degrees) are not those of its rows. The furthest off is reading {row + 1} of {len(counts)}: "
-            f"s{live[sensor]} is {read:.0f}, by the law {by_law:.0f}."
+            f"bearings (degrees) are not those of its rows. The furthest off is reading {row + 1} of "
+            f"{len(counts)}: s{live[sensor]} is {read:.0f}, by the law {by_law:.0f}."
         )
 
 
