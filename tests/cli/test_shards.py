@@ -46,15 +46,21 @@ def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path
     assert merged["runs"] == alone["runs"] and merged["tables"] == alone["tables"]
     said = refused("merge", "many-shard-1-of-2", "many-shard-2-of-2")
     assert "many exists already" in said and "`realitygap report many` makes that" in said
+    (tmp_path / "many-shard-2-of-2" / "transfer").mkdir()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("realitygap.transfer.score_rows.marks_of", _stopped)
         told = call("merge", "many-shard-1-of-2", "many-shard-2-of-2", "--out", "again")
     assert told.exit_code == 130 and "in again; resume with `realitygap report again`" in told.stderr
+    assert "warning: many-shard-2-of-2: its transfers stay there" in told.stderr
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (
+            ("evolve", "light", "--shard", "2/3", "--out", "a-shard-1-of-3"),
+            "or shard 2/3's, got another's",
+        ),
         (("evolve", "light", "--shard", "4/3"), "--shard': expected I/N, share I (from 1 to N) of N"),
         (("slurm", "--shards", "2", "show", "x"), "expected a command that can be sharded (evolve"),
         (("slurm", "--shards", "2", "evolve", "light", "--runs", "0"), "'--runs': expected 1 or more"),

@@ -12,7 +12,7 @@ from realitygap.cli import option
 from realitygap.cli.estimate import ask_trust, note_versions
 from realitygap.cli.experiment import show_noise
 from realitygap.cli.failure import resumable
-from realitygap.cli.output import tell
+from realitygap.cli.output import tell, warn
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import reported, show_study
 from realitygap.cli.transfer import told_transfers
@@ -52,6 +52,7 @@ def merge(
     from realitygap.study.load import load_study
     from realitygap.study.merge import all_shards, merge_runs
     from realitygap.study.reader import DATABASE
+    from realitygap.transfer.plan import FOLDER as TRANSFERS
     from realitygap.work.shard import read_mark, whole_of
 
     found = all_shards(shards)
@@ -72,6 +73,8 @@ def merge(
         return
     for folder in found.values():
         ask_trust(str(folder), trust)
+    driven = [folder for folder in found.values() if (folder / TRANSFERS).is_dir()]
+    warn(f"{folder}: its transfers stay there; drive the merged study anew." for folder in driven)
     with resumable(target, f"realitygap report {shlex.quote(str(target))}", DATABASE):
         study = merge_runs(found, target)
         note_versions([study.versions()])

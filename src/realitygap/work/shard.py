@@ -60,10 +60,18 @@ class Shard:
         return list(every)[self.number - 1 :: self.of]
 
     def folder(self, out: Path) -> Path:
-        """Its folder, beside the one that the whole is to have."""
+        """Its folder, beside the one that the whole is to have.
+
+        Raises:
+            ConfigError: the folder's name is that of another shard.
+        """
         out = out if out.name.strip(".") else out.resolve()
         suffix = f"-shard-{self.number}-of-{self.of}"
-        return out if out.name.endswith(suffix) else out.with_name(out.name + suffix)
+        if out.name.endswith(suffix):
+            return out
+        if _SUFFIX.search(out.name):
+            raise ConfigError(f"{out}: expected a name for the whole, or shard {self}'s, got another's.")
+        return out.with_name(out.name + suffix)
 
 
 def _no_shard(text: str) -> ConfigError:
