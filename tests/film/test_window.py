@@ -64,10 +64,16 @@ def test_compiled_masks_find_what_plain_ones_do(camera: CameraModel, poses: np.n
         if k == 7:
             picture = random.integers(0, 255, picture.shape, np.uint8)
         place = np.array(pose[:2]) + random.normal(0, 0.8, 2)
-        masks = responses(finder._laid_out(picture, place, square), disk, 1 / finder._step)
-        found = sightings(*masks[:2], square.aim, square.tops, square.found)
+        window, room = finder._laid_out(picture, place, square), square.room
+        for kept in room:
+            kept[:] = np.nan
+        found = sightings(window, square.aim, room, square.tops, square.found)
+        masks = [kept[:, : len(window)] for kept in (room.for_centre, room.for_front, room.fine)]
         plain = slow_masks.sightings(*masks[:2], square.aim, len(square.found))
         assert [tuple(points) for points in square.found[:found].tolist()] == plain
+        for mine, whole in zip(masks, responses(window, disk, 1 / finder._step), strict=True):
+            made = ~np.isnan(mine)
+            assert np.allclose(mine[made], whole[made], atol=1e-3)
         count += found
         for points in square.found[:found]:
             columns, rows = np.empty((2, len(pattern.white), 1), np.float32)

@@ -87,8 +87,7 @@ class SlowWheel:
         self._volt = nominal_volt
         self.set_speed_gains(*SPEED_GAINS)
         self.set_position_gains(*POSITION_GAINS)
-        self.state = self
-        self.profile: tuple[int, int] = PROFILE
+        self.set_profile(*PROFILE)
         self.reset()
 
     def reset(self) -> None:
@@ -105,6 +104,9 @@ class SlowWheel:
         self._reference = 0.0
         self._pace = 0.0
         self._pwm = 0
+
+    def set_profile(self, *profile: int) -> None:
+        self.profile = profile
 
     def set_speed_gains(self, *gains: int) -> None:
         self._speed_volts = tuple(g * s for g, s in zip(gains, SPEED_SCALE, strict=True))

@@ -76,9 +76,9 @@ def test_weaker_gains_are_slower() -> None:
 
 def test_commands_are_cut_to_the_range() -> None:
     """Speeds stay within −127 to 127 pulses in 10 ms, a share of the voltage within −255 to 255."""
-    wheels = np.zeros(1, STATE).view(np.recarray)
+    wheels = np.zeros(1, STATE)
     wheel = Wheel(5.0, wheels[0])
     wheel.go(500)
     assert wheel.error == 127
     wheel.push(-900)
-    assert wheels[0].pwm == -255
+    assert wheels[0]["pwm"] == -255

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from realitygap.errors import FilmError
 from realitygap.film.camera import OUTSIDE, CameraModel, turning_point
 from realitygap.film.disk import Disk
-from realitygap.film.pattern import OUTER, Grey, Picture, correlation, pattern_of, responses, spots
-from realitygap.film.window import Aim, Optics, lay_out, sightings
+from realitygap.film.masks import LANES, OUTER, Picture, Room, curves
+from realitygap.film.pattern import Grey, correlation, pattern_of, responses, spots
+from realitygap.film.window import UPHILL, Aim, Optics, lay_out, sightings
 from realitygap.values import Floats, Pose
 
 __all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Look", "Sighting", "first_look"]
@@ -68,10 +69,11 @@ class Sighting(NamedTuple):
 
 
 class _Square(NamedTuple):
-    """A window on the disk's plane: its side's places from the middle [n] (cm); and room for the pixels of
-    each [2, n, n], for least and largest column and row [4], for tops and for what is found."""
+    """A window on the disk's plane: its side's places from the middle [n] (cm); and room for its masks, for
+    the pixels of each place [2, n, n], for least and largest column and row [4], for tops and finds."""
 
     aim: Aim
+    room: Room
     axis: Floats
     sides: Picture
     ends: Floats
@@ -115,10 +117,10 @@ class Finder:
     def near(self, picture: Grey | Look, place: Floats, reach_cm: float = REACH_CM) -> Sighting | None:
         """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
         disk, square = self.disk, self._square(reach_cm)
-        for_centre, for_front, fine = responses(self._laid_out(picture, place, square), disk, 1 / self._step)
+        window = self._laid_out(picture, place, square)
         best: Sighting | None = None
-        for k in range(sightings(for_centre, for_front, square.aim, square.tops, square.found)):
-            quality = self._quality(fine, square.found[k])
+        for k in range(sightings(window, square.aim, square.room, square.tops, square.found)):
+            quality = self._quality(square.room.fine, square.found[k])
             if best is None or quality > best.quality:
                 points = place + (square.found[k].reshape(2, 2) - square.aim.half) * self._step
                 best = Sighting(points, disk.pose_of(points), quality)
@@ -147,10 +149,22 @@ class Finder:
         if reach_cm not in self._squares:
             disk, step = self.disk, self._step
             half = math.ceil((reach_cm + disk.front_distance_cm + 3 * OUTER * disk.front_radius_cm) / step)
-            slack = self._slack * disk.front_radius_cm / step
-            aim = Aim(half, reach_cm / step, disk.front_distance_cm / step, slack, _RING)
+            ring, judged = disk.front_distance_cm / step, np.abs(self._pattern.places).max() / step
+            aim = Aim(
+                half=half,
+                reach=reach_cm / step,
+                ring=ring,
+                slack=self._slack * disk.front_radius_cm / step,
+                round=_RING,
+                far=math.ceil(max(ring + UPHILL, judged * math.sqrt(2.0))) + 2,
+                centre=curves(disk.centre_radius_cm / step),
+                front=curves(disk.front_radius_cm / step),
+            )
+            wide = 2 * half + 1 + LANES
+            line = wide + 2 * max(len(curve) for curve in (*aim.centre, *aim.front))
             self._squares[reach_cm] = _Square(
                 aim=aim,
+                room=Room(np.empty(line, np.float32), *np.zeros((5, 2 * half + 1, wide), np.float32)),
                 axis=np.arange(-half, half + 1) * np.float64(step),
                 sides=np.empty((2, 2 * half + 1, 2 * half + 1), np.float32),
                 ends=np.empty(4),

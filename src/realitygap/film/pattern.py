@@ -1,10 +1,4 @@
-"""The disk's pattern, the masks that find it, and how much what is seen looks like it (compiled).
-
-The masks are difference-of-Gaussians centre-surround masks (§6, footnote 3 of the paper): "a three
-dimensional mask constructed from the rotation of the difference between two Gaussian curves, of appropriate
-widths, around the vertical axis"; both curves have the volume 1, so that even light gives no response. The
-widths are in units of the patch's radius.
-"""
+"""The disk's pattern, the masks over a whole picture, and how much what is seen looks like it."""
 
 from __future__ import annotations
 
@@ -17,18 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.film.disk import Disk
-from realitygap.film.window import jit, step
+from realitygap.film.masks import INNER, OUTER, Picture, jit, step
 from realitygap.values import Floats
 
-__all__ = ["INNER", "OUTER", "Pattern", "blurred", "correlation", "pattern_of", "responses", "spots"]
+__all__ = ["Pattern", "blurred", "correlation", "pattern_of", "responses", "spots"]
 
 Grey = NDArray[np.uint8]
-Picture = NDArray[np.float32]
-
-INNER = 0.56
-OUTER = 0.90
-"""Widths (standard deviations) of the two Gaussian curves in radii of the patch: their difference
-responds most to a disc of just that radius (a Laplacian of width r / √2 does)."""
 
 _RIM, _GRAIN = 1.0, 0.25
 """In radii of the front patch: how much of the disk's rim, into which the floor blurs, is not compared,

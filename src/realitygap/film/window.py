@@ -1,25 +1,17 @@
-"""The window that the tracker looks at closely, compiled: where it lies, and the masks' tops.
+"""The window that the tracker looks at closely, compiled: where it lies, the masks' responses and their tops.
 
-The filters between these steps are OpenCV's (film/pattern.py).
+Responses are made only where they are looked at: about the middle, then about the centres found there.
 """
 
 import math
-from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from realitygap.machine_code import Shelf
+from realitygap.film.masks import Curves, jit, part_about, respond, step
 from realitygap.values import Floats
 
-__all__ = ["Aim", "Optics", "jit", "lay_out", "sightings", "step"]
-
-_SHELF = Shelf(
-    b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("window", "pattern"))
-)
-jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
-step = partial(jit, forceinline=True, form="PART")
+__all__ = ["UPHILL", "Aim", "Optics", "lay_out", "sightings"]
 
 LEAST, UPHILL = 0.5, 6
 """A mask's response that is a top, and how many steps it is from a place on the ring to one, at most."""
@@ -44,37 +36,40 @@ class Optics(NamedTuple):
 class Aim(NamedTuple):
     """What is looked for, in steps of a window whose middle is `half` from its edges: `reach`, how far off
     the middle a centre may be; the `ring` of the front patch about it, and how far off that it may seem;
-    directions [n, 2] all round."""
+    directions [n, 2] all round; how `far` from a centre anything is looked at. Of the masks for the `centre`
+    and for the `front` patch the inner and the outer Gaussian curve, half of each [r + 1], its middle first.
+    """
 
     half: int
     reach: float
     ring: float
     slack: float
     round: Floats
+    far: int
+    centre: Curves
+    front: Curves
 
 
 @step
 def _pixel(optics: Any, x: float, y: float) -> Any:
-    """As `CameraModel.columns_rows` has it."""
+    """As `CameraModel.columns_rows` has it; without branches, so that many are taken at once."""
     h, (up, down) = optics.homography, optics.move
     if up != down:
         x = optics.lens[0] + (x - optics.lens[0]) * up / down
         y = optics.lens[1] + (y - optics.lens[1]) * up / down
     depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
-    if depth <= 1e-12:
-        return optics.outside, optics.outside
     column = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth
     row = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth
+    seen = depth > 1e-12
     k1, k2 = optics.radial
     if k1 != 0.0 or k2 != 0.0:
         (middle_x, middle_y), half = optics.middle, optics.half
         x, y = (column - middle_x) / half, (row - middle_y) / half
         square = x * x + y * y
         factor = 1 + k1 * square + k2 * square * square
-        if square >= optics.limit:
-            return optics.outside, optics.outside
+        seen &= square < optics.limit
         column, row = middle_x + half * (x * factor), middle_y + half * (y * factor)
-    return column, row
+    return column if seen else optics.outside, row if seen else optics.outside
 
 
 @jit
@@ -88,13 +83,16 @@ def lay_out(optics: Any, place: Any, axis: Any, columns: Any, rows: Any, ends: A
         columns, rows: [n, n] into which the pixels go.
         ends: [4] least and largest column, least and largest row.
     """
+    count = axis.shape[0]
+    for i in range(count):
+        for j in range(count):
+            columns[i, j], rows[i, j] = _pixel(optics, place[0] + axis[j], place[1] + axis[i])
     ends[0], ends[1], ends[2], ends[3] = np.inf, -np.inf, np.inf, -np.inf
-    for i in range(axis.shape[0]):
-        for j in range(axis.shape[0]):
-            column, row = _pixel(optics, place[0] + axis[j], place[1] + axis[i])
-            columns[i, j], rows[i, j] = column, row
-            ends[0], ends[1] = min(ends[0], columns[i, j]), max(ends[1], columns[i, j])
-            ends[2], ends[3] = min(ends[2], rows[i, j]), max(ends[3], rows[i, j])
+    for k in range(4 * count):  # the ends lie on the square's sides, however a lens bends it
+        along, side = k % count, k // count
+        i, j = (along, (count - 1) * (side % 2)) if side < 2 else ((count - 1) * (side % 2), along)
+        ends[0], ends[1] = min(ends[0], columns[i, j]), max(ends[1], columns[i, j])
+        ends[2], ends[3] = min(ends[2], rows[i, j]), max(ends[3], rows[i, j])
 
 
 @step
@@ -184,35 +182,51 @@ def _enter(tops: Any, count: int, value: float, row: int, column: int) -> Any:
 
 
 @jit
-def sightings(for_centre: Any, for_front: Any, aim: Any, tops: Any, found: Any) -> Any:
+def sightings(picture: Any, aim: Any, room: Any, tops: Any, found: Any) -> Any:
     """Centre and front patches of likely disks in a window, the likeliest first.
 
     Args:
-        for_centre, for_front: [n, n] responses of both masks.
+        picture: [n, n] the window.
         aim: what is looked for.
-        tops: [k, 3] room for the highest tops of `for_centre`; that many are looked at.
+        room: for its masks' responses.
+        tops: [k, 3] room for the highest tops of the centre's; that many are looked at.
         found: [m, 4] columns and rows of both patches, at most so many.
 
     Returns:
-        How many were found.
+        How many were found. About them, `aim.far` round each centre, `room.fine` is the picture as the front
+        mask's inner curve shows it.
     """
+    edge = picture.shape[0] - 1
+    for_centre, for_front = room.for_centre[:, : edge + 1], room.for_front[:, : edge + 1]
     off = math.ceil(aim.reach)
     first = max(aim.half - off, 1) - 1
-    last = min(aim.half + off + 1, for_centre.shape[0] - 1)
+    last = min(aim.half + off + 1, edge)
+    part = (first, last + 1), part_about(first, last, edge)
+    respond(picture, aim.centre, part, room, room.fine, room.for_centre)
     count = 0
     for row in range(first, last + 1):
         for column in range(first, last + 1):
             if _is_top(for_centre, row, column, first, last):
                 count = _enter(tops, count, for_centre[row, column], row, column)
     near, many = 0, 0
+    left, right, top, bottom = np.inf, -np.inf, np.inf, -np.inf
     for k in range(count):
         row, column = int(tops[k, 1]), int(tops[k, 2])
-        down, right = row - aim.half, column - aim.half
-        if math.sqrt(down * down + right * right) > aim.reach or near == found.shape[0]:
+        down, across = row - aim.half, column - aim.half
+        if math.sqrt(down * down + across * across) > aim.reach or near == found.shape[0]:
             continue
         near += 1
-        if peak(for_centre, column, row, found[many, :2]) and _front(
-            for_front, aim, found[many, :2], found[many, 2:]
-        ):
+        if peak(for_centre, column, row, found[many, :2]):
+            left, right = min(left, found[many, 0]), max(right, found[many, 0])
+            top, bottom = min(top, found[many, 1]), max(bottom, found[many, 1])
             many += 1
-    return many
+    if many == 0:
+        return 0
+    first, count = part_about(top - aim.far, bottom + aim.far, edge)
+    part = (first, min(first + count, edge + 1)), part_about(left - aim.far, right + aim.far, edge)
+    respond(picture, aim.front, part, room, room.fine, room.for_front)
+    kept = 0
+    for k in range(many):
+        found[kept, 0], found[kept, 1] = found[k, 0], found[k, 1]
+        kept += _front(for_front, aim, found[kept, :2], found[kept, 2:])
+    return kept

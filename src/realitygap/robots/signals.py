@@ -6,7 +6,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import FrameType
 
 from realitygap.errors import RobotStoppedError
@@ -24,20 +24,20 @@ _active: list[Stopping] = []
 """Contexts within which the main thread is, which handle all of `NUMBERS`: signals are a process's own."""
 
 
-@contextmanager
-def undisturbed() -> Iterator[None]:
+def undisturbed() -> AbstractContextManager[None]:
     """Within it no signal interrupts the main thread; one that came has its effect at the end.
 
     For exchanges that both ends count: half of one would leave them out of step. While a robot drives it
     costs no system call: its `Stopping` holds back what comes.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    if _active:
-        with _active[-1].held():
-            yield
-        return
+        return nullcontext()
+    return _active[-1].held() if _active else _put_off()
+
+
+@contextmanager
+def _put_off() -> Iterator[None]:
+    """The same where nothing else holds signals back."""
     missed: list[tuple[int, FrameType | None]] = []
     before = {n: signal.signal(n, lambda number, frame: missed.append((number, frame))) for n in NUMBERS}
     try:
@@ -95,15 +95,19 @@ class Stopping:
         if self._suspend:
             signal.raise_signal(signal.SIGTSTP)
 
-    @contextmanager
-    def held(self) -> Iterator[None]:
+    def held(self) -> AbstractContextManager[None]:
         """Within it no signal interrupts; one that came is raised at its end, if nothing else is."""
+        return _Held(self)
+
+    def hold(self) -> bool:
+        """Let no signal interrupt; returns whether that was so before."""
         before, self._held = self._held, True
-        try:
-            yield
-        finally:
-            self._held = before
-        if self._missed is not None and not before:
+        return before
+
+    def release(self, before: bool, error: object) -> None:
+        """As it was before; a signal that came is raised now, unless an error is on its way."""
+        self._held = before
+        if self._missed is not None and not before and error is None:
             self._held = True
             raise _stopped(self._missed)
 
@@ -118,6 +122,19 @@ class Stopping:
             return
         self._held, self.first = True, number  # it stops the robot; what follows must not disturb that
         raise _stopped(number)
+
+
+class _Held:
+    """`Stopping.held`: entered several times a step, which a generator makes ten times as slow."""
+
+    def __init__(self, stopping: Stopping) -> None:
+        self._stopping = stopping
+
+    def __enter__(self) -> None:
+        self._before = self._stopping.hold()
+
+    def __exit__(self, kind: object, error: object, traceback: object) -> None:
+        self._stopping.release(self._before, error)
 
 
 def _stopped(number: int) -> RobotStoppedError:

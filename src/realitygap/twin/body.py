@@ -53,7 +53,7 @@ class TwinBody:
         self._data = mujoco.MjData(self._model)
         self._qpos = self._data.qpos
         self._history = np.zeros((HISTORY_MS, 7))
-        wheels = np.zeros(2, STATE).view(np.recarray)
+        wheels = np.zeros(2, STATE)
         self._wheels = Wheel(NOMINAL_VOLT, wheels[0]), Wheel(NOMINAL_VOLT, wheels[1])
         self._machine = Machine(
             model=self._model._address if FOUND else self._model,
@@ -61,7 +61,7 @@ class TwinBody:
             substeps=substeps,
             qpos=self._qpos,
             ctrl=self._data.ctrl,
-            wheels=wheels,
+            wheels=wheels.view(np.recarray),
             turned=np.zeros((3, 2)),
             creep=creep,
             half=self.unit.track / 2.0,
@@ -160,7 +160,8 @@ class TwinBody:
             vl, vr: speeds.
             al, ar: accelerations.
         """
-        self._wheels[0].state.profile, self._wheels[1].state.profile = (vl, al), (vr, ar)
+        self._wheels[0].set_profile(vl, al)
+        self._wheels[1].set_profile(vr, ar)
 
     def pulses(self) -> tuple[int, int]:
         """The position counters."""

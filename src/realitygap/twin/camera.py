@@ -79,7 +79,7 @@ class OverheadCamera(Closing):
         columns, rows = np.meshgrid(np.arange(WIDTH) - WIDTH / 2, np.arange(HEIGHT) - HEIGHT / 2)
         corner = (WIDTH**2 + HEIGHT**2) / 4
         light = who.camera.gain * (1 - FALL_OFF * (columns**2 + rows**2) / corner)
-        self._light = np.repeat(light.astype(np.float32)[..., None], 3, axis=2)
+        self._light = np.repeat(light.astype(np.float32), 3, axis=1)
         self.begin(seed)
 
     def begin(self, seed: int) -> None:
@@ -121,7 +121,8 @@ class OverheadCamera(Closing):
         start = int(draws(self._seed, 59, number).integers(size))
         noise = self._bank[start : start + size].reshape(self._light.shape)
         frame = np.empty(picture.shape, np.uint8)
-        expose(*(part.ravel() for part in (picture, self._light[window], noise[window])), frame.reshape(-1))
+        lines = (np.ascontiguousarray(picture).reshape(len(frame), -1), self._light, noise)
+        expose(*lines, (window[0].start, 3 * window[1].start), frame.reshape(len(frame), -1))
         return frame
 
     def looks(

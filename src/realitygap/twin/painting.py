@@ -162,15 +162,19 @@ def paint_robot(picture: Any, corner: Any, about: Any, still: Any, place: Any, l
 
 
 @jit
-def expose(picture: Any, light: Any, noise: Any, frame: Any) -> None:
+def expose(picture: Any, light: Any, noise: Any, corner: Any, frame: Any) -> None:
     """What the camera makes of a picture: its lens takes light away, its pixels add noise.
 
     Args:
-        picture: grey levels, a number a colour.
-        light: the share of each that is left.
+        picture: [rows, n] grey levels of a window, colours beside each other.
+        light: of the whole picture, the share of each that is left.
         noise: of each, grey levels.
-        frame: into which it goes, rounded.
+        corner: the window's first row and number in it.
+        frame: [rows, n] into which it goes, rounded.
     """
-    for k in range(frame.shape[0]):
-        level = np.float32(picture[k]) * light[k] + noise[k] + np.float32(0.5)
-        frame[k] = np.uint8(min(max(level, np.float32(0.0)), np.float32(255.0)))
+    (top, left), wide = corner, frame.shape[1]
+    for row in range(frame.shape[0]):
+        shares, noises = light[top + row, left : left + wide], noise[top + row, left : left + wide]
+        for k in range(wide):
+            level = np.float32(picture[row, k]) * shares[k] + noises[k] + np.float32(0.5)
+            frame[row, k] = np.uint8(min(max(level, np.float32(0.0)), np.float32(255.0)))

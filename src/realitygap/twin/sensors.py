@@ -1,8 +1,11 @@
 """What the eight sensors read: one after another, with noise, as counts of their converter."""
 
 from collections.abc import Mapping
+from contextlib import nullcontext
+from functools import partial
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +33,9 @@ PHASE_MS = np.array([0, 3, 5, 8, 10, 13, 15, 18])
 CYCLE_MS = 20
 HISTORY_MS = CYCLE_MS + 1
 """A reading is at most 20 ms old: poses are kept for so long."""
+
+_wrapping = partial(np.errstate, over="ignore") if numba.config.DISABLE_JIT else nullcontext
+"""Random bits wrap on purpose, which NumPy warns of where nothing is compiled."""
 
 
 class Sensors:
@@ -65,9 +71,10 @@ class Sensors:
     def _counts(self, law: Any, *told: Any) -> list[int]:
         """What a compiled law reads."""
         out = np.empty(SENSORS, np.int64)
-        with np.errstate(over="ignore"):  # random bits wrap on purpose, where nothing is compiled
+        with _wrapping():
             law(self.eyes, *told, out)
-        return [int(v) for v in out]
+        counts: list[int] = out.tolist()
+        return counts
 
     def analog(self, n: int, time_ms: int) -> int:
         """[counts] of an input that nothing is connected to."""

@@ -130,7 +130,7 @@ class StrangerBody(TwinBody):
         charge = max(0.0, self._full - SAG_PER_S * self.time_ms / 1000.0)
         self._sensors.charge = charge
         for wheel in self._wheels:
-            wheel.state.volt = NOMINAL_VOLT * charge
+            wheel.set_volt(NOMINAL_VOLT * charge)
 
     def place(self, x_cm: float, y_cm: float, heading: float) -> None:
         """As the twin's, to a millimetre: where that leaves no room, exactly."""

@@ -57,68 +57,76 @@ STATE = np.dtype(
 
 
 class Wheel:
-    """One wheel's encoder, targets and controller: `state` is a record of `STATE`, all zeros at first."""
+    """One wheel's encoder, targets and controller: `state` is one of an array of `STATE`, zeros at first."""
 
-    def __init__(self, nominal_volt: float, state: Any) -> None:
-        self.state = state
-        state.volt, state.profile = nominal_volt, PROFILE
+    def __init__(self, volt: float, state: Any) -> None:
+        self._state = state
+        self.set_volt(volt)
+        self.set_profile(*PROFILE)
         self.set_speed_gains(*SPEED_GAINS)
         self.set_position_gains(*POSITION_GAINS)
 
+    def set_volt(self, volt: float) -> None:
+        """What its motor gets at most."""
+        self._state["volt"] = volt
+
+    def set_profile(self, speed: int, acceleration: int) -> None:
+        """How fast the position controller drives."""
+        self._state["profile"] = speed, acceleration
+
     def set_speed_gains(self, *gains: int) -> None:
         """Kp, Ki and Kd."""
-        self.state.speed_volts = np.multiply(gains, SPEED_SCALE)
+        self._state["speed_volts"] = np.multiply(gains, SPEED_SCALE)
 
     def set_position_gains(self, *gains: int) -> None:
         """Kp, Ki and Kd."""
-        self.state.position_volts = np.multiply(gains, POSITION_SCALE)
+        self._state["position_volts"] = np.multiply(gains, POSITION_SCALE)
 
     @property
     def pulses(self) -> int:
         """The position counter."""
-        return int(self.state.raw + self.state.offset)
+        return int(self._state["raw"] + self._state["offset"])
 
     @pulses.setter
     def pulses(self, value: int) -> None:
         moved = value - self.pulses
-        self.state.offset += moved
-        self.state.target += moved
-        self.state.reference += moved
+        for name in ("offset", "target", "reference"):
+            self._state[name] += moved
 
     @property
     def speed(self) -> int:
         """Pulses in the last 10 ms."""
-        return int(self.state.raw - self.state.ring[self.state.slot])
+        return int(self._state["raw"] - self._state["ring"][self._state["slot"]])
 
     @property
     def error(self) -> int:
         """What is missing to the wanted speed or place."""
-        if self.state.mode == POSITION:
-            return int(self.state.target) - self.pulses
-        return round(float(self.state.wanted)) - self.speed if self.state.mode == SPEED else 0
+        if self._state["mode"] == POSITION:
+            return int(self._state["target"]) - self.pulses
+        return round(float(self._state["wanted"])) - self.speed if self._state["mode"] == SPEED else 0
 
     @property
     def on_target(self) -> bool:
         """Whether the wanted place, or the wanted speed within one pulse, is reached."""
-        return abs(self.error) <= (ARRIVED if self.state.mode == POSITION else 1)
+        return abs(self.error) <= (ARRIVED if self._state["mode"] == POSITION else 1)
 
     def go(self, speed: int) -> None:
         """Hold a speed from now on (cut to what the robot can be asked for)."""
-        if self.state.mode != SPEED:
-            self.state.error_sum = 0.0
-        self.state.mode = SPEED
-        self.state.wanted = max(-MAX_SPEED, min(MAX_SPEED, speed))
+        if self._state["mode"] != SPEED:
+            self._state["error_sum"] = 0.0
+        self._state["mode"] = SPEED
+        self._state["wanted"] = max(-MAX_SPEED, min(MAX_SPEED, speed))
 
     def go_to(self, place: int) -> None:
         """Drive to a place and hold it, by the profile's speed and acceleration."""
-        if self.state.mode != POSITION:
-            self.state.error_sum = 0.0
-            self.state.reference, self.state.pace = self.pulses, self.speed
-        self.state.mode, self.state.target = POSITION, place
+        if self._state["mode"] != POSITION:
+            self._state["error_sum"] = 0.0
+            self._state["reference"], self._state["pace"] = self.pulses, self.speed
+        self._state["mode"], self._state["target"] = POSITION, place
 
     def push(self, pwm: int) -> None:
         """Let the motor have a share of the voltage, −255 to 255, uncontrolled."""
-        self.state.mode, self.state.pwm = PWM, max(-MAX_PWM, min(MAX_PWM, pwm))
+        self._state["mode"], self._state["pwm"] = PWM, max(-MAX_PWM, min(MAX_PWM, pwm))
 
 
 @jit
