@@ -28,6 +28,7 @@ EDGES = ("tests/calibration/test_edges.py",)
 MISFIT = ("tests/calibration/test_misfit.py",)
 WHEEL_FITS = ("tests/calibration/test_wheels.py",)
 TRACKER = ("tests/film/test_tracker.py",)
+WINDOW = ("tests/film/test_window.py",)
 TRACK = ("tests/test_track.py",)
 DESCRIPTORS = ("tests/correspondence/test_descriptors.py",)
 SCORE = ("tests/correspondence/test_score.py",)
@@ -205,6 +206,10 @@ MUTATIONS = (
     Mutation("film/window.py", "places are a step off",
              "_pixel(optics, place[0] + axis[j], place[1] + axis[i])",
              "_pixel(optics, place[0] + axis[j] + axis[1] - axis[0], place[1] + axis[i])", TRACKER),
+    Mutation("film/masks.py", "the curves end early",
+             "round(4 * share * radius_px)", "round(2 * share * radius_px)", WINDOW),
+    Mutation("film/finder.py", "too little is looked at round a centre",
+             "judged * math.sqrt(2.0))) + 2", "judged * math.sqrt(2.0))) - 6", WINDOW),
     Mutation("film/tracker.py", "a lost robot is guessed where it was",
              "return None if seen is None else (seen.pose, seen.quality)",
              "return (last and (last, 0.5)) if seen is None else (seen.pose, seen.quality)", TRACKER),

@@ -122,7 +122,15 @@ def part_about(least: float, most: float, last: int) -> Any:
 
 @step
 def respond(picture: Any, curves: Any, part: Any, room: Any, inner: Any, response: Any) -> None:
-    """A mask's response to a part of a picture, and the part under its inner curve."""
+    """A mask's response to a part of a picture, and the part under its inner curve.
+
+    Args:
+        picture: [n, n] the window.
+        curves: of the mask.
+        part: as `_blur` has it.
+        room: for what is taken away.
+        inner, response: into which they go.
+    """
     _blur(picture, curves[0], part, room, inner)
     _blur(picture, curves[1], part, room, room.outer)
     (first, end), (left, wide) = part
