@@ -164,7 +164,7 @@ class Finder:
             line = wide + 2 * max(len(curve) for curve in (*aim.centre, *aim.front))
             self._squares[reach_cm] = _Square(
                 aim=aim,
-                room=Room(np.empty(line, np.float32), *np.zeros((5, 2 * half + 1, wide), np.float32)),
+                room=Room(np.empty(line, np.float32), *np.zeros((4, 2 * half + 1, wide), np.float32)),
                 axis=np.arange(-half, half + 1) * np.float64(step),
                 sides=np.empty((2, 2 * half + 1, 2 * half + 1), np.float32),
                 ends=np.empty(4),

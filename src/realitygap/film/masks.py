@@ -44,11 +44,10 @@ step = partial(jit, forceinline=True, form="PART")
 
 class Room(NamedTuple):
     """For a window [n, n]: a `line` of it, longer by two outer curves; and [n, n + LANES] for it filtered
-    along its rows, for what is taken away, for both masks' responses, and under the inner curve."""
+    along its rows, for both masks' responses, and for it under the last one's inner curve."""
 
     line: Picture
     across: Picture
-    outer: Picture
     for_centre: Picture
     for_front: Picture
     fine: Picture
@@ -79,39 +78,6 @@ def _add(first: Any, second: Any, third: Any, fourth: Any, weights: Any, into: A
         into[k] += near * (first[k] + second[k]) + far * (third[k] + fourth[k])
 
 
-@jit
-def _blur(picture: Any, curve: Any, part: Any, room: Any, out: Any) -> None:
-    """A part (first row and its end, first column and how many) of a picture [n, n] under a Gaussian curve,
-    into the same part of `out`. Beyond its edge the picture is as at its edge."""
-    (first, end), (left, wide) = part
-    last, reach = picture.shape[0] - 1, curve.shape[0] - 1
-    low, high = max(first - reach, 0), min(end + reach, last + 1) - 1
-    line, start = room.line, left - reach
-    for row in range(low, high + 1):
-        inside, beyond = max(start, 0), min(start + wide + 2 * reach, last + 1)
-        for column in range(start, inside):
-            line[column - start] = picture[row, 0]
-        for column in range(inside, beyond):
-            line[column - start] = picture[row, column]
-        for column in range(beyond, start + wide + 2 * reach):
-            line[column - start] = picture[row, last]
-        into = room.across[row, :wide]
-        for k in range(wide):
-            into[k] = curve[0] * line[reach + k]
-        for off in range(1, reach + 1, 2):
-            more, weights = _two(curve, off)
-            _add(line[reach - off :], line[reach + off :], line[reach - more :], line[reach + more :],
-                 weights, into)  # fmt: skip
-    for row in range(first, end):
-        into, across = out[row, left : left + wide], room.across
-        for k in range(wide):
-            into[k] = curve[0] * across[row, k]
-        for off in range(1, reach + 1, 2):
-            more, weights = _two(curve, off)
-            _add(across[max(row - off, low)], across[min(row + off, high)],
-                 across[max(row - more, low)], across[min(row + more, high)], weights, into)  # fmt: skip
-
-
 @step
 def part_about(least: float, most: float, last: int) -> Any:
     """Lines between two places, within the window: the first, and how many, a multiple of LANES."""
@@ -120,20 +86,49 @@ def part_about(least: float, most: float, last: int) -> Any:
     return first, (count + LANES - 1) // LANES * LANES
 
 
-@step
+@jit
 def respond(picture: Any, curves: Any, part: Any, room: Any, inner: Any, response: Any) -> None:
-    """A mask's response to a part of a picture, and the part under its inner curve.
+    """A mask's response to a part of a picture, and that part under its inner curve.
+
+    Beyond its edge the picture is as at its edge.
 
     Args:
         picture: [n, n] the window.
         curves: of the mask.
-        part: as `_blur` has it.
-        room: for what is taken away.
-        inner, response: into which they go.
+        part: first row and its end, first column and how many.
+        room: for what is filtered along the rows only.
+        inner, response: into the same part of which they go.
     """
-    _blur(picture, curves[0], part, room, inner)
-    _blur(picture, curves[1], part, room, room.outer)
     (first, end), (left, wide) = part
+    last, line, across = picture.shape[0] - 1, room.line, room.across
+    for which in range(2):
+        curve, out = curves[which], response if which else inner
+        reach = curve.shape[0] - 1
+        low, high, start = max(first - reach, 0), min(end - 1 + reach, last), left - reach
+        inside, beyond = max(start, 0), min(start + wide + 2 * reach, last + 1)
+        for row in range(low, high + 1):
+            for column in range(start, inside):
+                line[column - start] = picture[row, 0]
+            for column in range(inside, beyond):
+                line[column - start] = picture[row, column]
+            for column in range(beyond, start + wide + 2 * reach):
+                line[column - start] = picture[row, last]
+            into = across[row, :wide]
+            for k in range(wide):
+                into[k] = curve[0] * line[reach + k]
+            for off in range(1, reach + 1, 2):
+                more, weights = _two(curve, off)
+                _add(line[reach - off :], line[reach + off :], line[reach - more :], line[reach + more :],
+                     weights, into)  # fmt: skip
+        for row in range(first, end):
+            into = out[row, left : left + wide]
+            for k in range(wide):
+                into[k] = curve[0] * across[row, k]
+            for off in range(1, reach + 1, 2):
+                more, weights = _two(curve, off)
+                _add(across[max(row - off, low)], across[min(row + off, high)],
+                     across[max(row - more, low)], across[min(row + more, high)], weights, into)  # fmt: skip
     for row in range(first, end):
-        for column in range(left, left + wide):
-            response[row, column] = inner[row, column] - room.outer[row, column]
+        fine, into = inner[row, left : left + wide], response[row, left : left + wide]
+        for k in range(wide):
+            into[k] = fine[k] - into[k]
