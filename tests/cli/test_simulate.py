@@ -88,6 +88,10 @@ def test_a_robot_and_an_arena_of_ones_own(call, json_of, tmp_path):
     room.write_text(call("arena", "show", "light-seeking").stdout)
     made = json_of(*FORWARD, "--profile", robot, "--arena", room, "--seconds", 1)
     assert (made["profile"], made["arena"]) == ("mine", "light-seeking")
+    for text in (robot.read_text(), room.read_text()):
+        assert text.count("#") > 5  # the shipped file's own comments
+    bare = call("profile", "show", robot).stdout
+    assert "#" not in bare and 'name = "mine"' in bare
 
 
 def test_a_small_room_of_ones_own(json_of, tmp_path):

@@ -32,9 +32,10 @@ def show_arena(name: str, json_output: bool) -> None:
         realitygap arena show obstacle-avoidance > room.toml
     """
     from realitygap.world.arena import load_arena
+    from realitygap.world.files import shipped_text
 
     loaded = load_arena(name)
-    tell(json_output, loaded.to_dict(), loaded.to_toml().rstrip())
+    tell(json_output, loaded.to_dict(), (shipped_text("arenas", name) or loaded.to_toml()).rstrip())
 
 
 @click.group()
@@ -60,7 +61,8 @@ def show_profile(name: str, json_output: bool) -> None:
     Example: a robot of your own
         realitygap profile show paper > mine.toml
     """
+    from realitygap.world.files import shipped_text
     from realitygap.world.profile import load_profile
 
     loaded = load_profile(name)
-    tell(json_output, loaded.to_dict(), loaded.to_toml().rstrip())
+    tell(json_output, loaded.to_dict(), (shipped_text("profiles", name) or loaded.to_toml()).rstrip())

@@ -21,7 +21,7 @@ from realitygap.errors import ConfigError
 from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml, to_toml
 
-__all__ = ["Value", "build", "load", "require", "shipped"]
+__all__ = ["Value", "build", "load", "require", "shipped", "shipped_text"]
 
 T = TypeVar("T")
 _hints = cache(get_type_hints)
@@ -87,9 +87,8 @@ def load(cls: type[T], name: str | PathLike[str] | T, *, folder: str) -> T:
         return name
     kind = folder.removesuffix("s")
     require(isinstance(name, str | PathLike), kind, f"{_a(kind)}'s name, or its file's path", name)
-    where = str(name)
-    tidy = where.strip().lower().replace("_", "-").replace(" ", "-")
-    names = shipped(folder)
+    where, names = str(name), shipped(folder)
+    tidy = _tidy(where)
     table = _shipped(folder, tidy) if tidy in names else _table(Path(where), kind, names)
     try:
         return build(cls, table)
@@ -97,10 +96,22 @@ def load(cls: type[T], name: str | PathLike[str] | T, *, folder: str) -> T:
         raise ConfigError(f"{where}: {error}") from None
 
 
+def _tidy(name: str) -> str:
+    """A name as shipped files have it."""
+    return name.strip().lower().replace("_", "-").replace(" ", "-")
+
+
+def shipped_text(folder: str, name: str) -> str | None:
+    """A shipped file as it is, with its comments; None if none has this name."""
+    if _tidy(name) not in shipped(folder):
+        return None
+    return files("realitygap.world").joinpath(folder, f"{_tidy(name)}.toml").read_text("utf-8")
+
+
 @cache
 def _shipped(folder: str, name: str) -> dict[str, Any]:
     """A shipped file's table, which nobody changes."""
-    return tomllib.loads(files("realitygap.world").joinpath(folder, f"{name}.toml").read_text("utf-8"))
+    return tomllib.loads(shipped_text(folder, name) or "")
 
 
 @cache
