@@ -83,7 +83,7 @@ def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
     held_out = {m.sensor: m.lit_ratio for m in fit.judged}
     rows = [
         [
-            str(m.sensor), f"{m.rmse:.1f}", f"{m.bias:+.1f}", f"{m.error:.1f}",
+            str(m.sensor), f"{m.rmse:.1f}", f"{m.bias:+z.1f}".replace("-", "−"), f"{m.error:.1f}",
             f"{held_out[m.sensor]:.2f}" + (" ▲" if held_out[m.sensor] > limit else ""), f"{m.ratio:.2f}",
             f"{fit.span[m.sensor, 0]:.0f} to {fit.span[m.sensor, 1]:.0f}",
         ]
@@ -161,7 +161,10 @@ def _read(fit: ChannelFit) -> list[str]:
 def _wheels(fit: WheelFit, recording: WheelRecording, figures: Figures) -> _Part:
     part = _Part(name="wheels", title="Wheels")
     part.tables.append(_forms(fit.rmse, fit.form, "cm/s", 3))
-    rows = [[c.key, f"{c.value:.5g}", f"{c.low:.5g} to {c.high:.5g}"] for c in fit.constants]
+    rows = [
+        [c.key, *(text.replace("-", "−") for text in (f"{c.value:.5g}", f"{c.low:.5g} to {c.high:.5g}"))]
+        for c in fit.constants
+    ]
     part.tables.append(_Table("Constants", ["constant", "value", "95 % interval"], rows))
     if fit.friction is not None:
         part.sentences.append(
