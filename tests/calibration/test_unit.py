@@ -108,6 +108,14 @@ def test_what_nobody_can_record_is_refused(tmp_path, change, says):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_study_is_no_units_folder(tmp_path):
+    """Recordings among a study's files would be taken for its own."""
+    (tmp_path / "study.db").touch()
+    with pytest.raises(CalibrationError, match=r"expected a new folder.*Choose another folder"):
+        calibrated_unit(tmp_path, **SETTINGS)
+    assert [file.name for file in tmp_path.iterdir()] == ["study.db"]
+
+
 def test_an_own_robot_by_what_is_no_name_is_refused(tmp_path):
     """An address or a profile that is no text is no other error."""
     with pytest.raises(UsageError, match="got '3'"):

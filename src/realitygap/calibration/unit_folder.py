@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap import whole
+from realitygap.calibration.recorder.journal import STUDY
 from realitygap.calibration.recordings.checks import FACTS
 from realitygap.errors import CalibrationError
 from realitygap.text import refuse_unknown
@@ -71,7 +72,7 @@ def claim(folder: Path, settings: dict[str, Any]) -> None:
     """Mark the folder as this robot's, or check that it is."""
     path = folder / SETTINGS
     if not path.is_file():
-        if (folder / PROFILE).exists() or (folder / RECORDINGS).exists():
+        if any((folder / name).exists() for name in (PROFILE, RECORDINGS, STUDY)):
             raise CalibrationError(
                 f"{folder}: expected a new folder, or one with {SETTINGS}; it holds something else. "
                 "Choose another folder."

@@ -13,7 +13,7 @@ from realitygap.calibration.recordings.files import READINGS, STEPS
 from realitygap.errors import RecordingError
 from realitygap.toml import read_toml, to_toml
 
-__all__ = ["ARENA", "Journal", "alone", "refuse_another"]
+__all__ = ["ARENA", "STUDY", "Journal", "alone", "refuse_another"]
 
 ARENA, STUDY = "arena.toml", "study.db"
 SAME = ("plan", "kind", "object", "robot", "unit", "twin_noise", "marker", "seed", "repeats", "bearings",
