@@ -35,6 +35,15 @@ def test_a_name_is_as_sure_as_it_is_right(made):
     assert len(sure) > len(made) / 2 and right(sure) >= 0.93
 
 
+@pytest.mark.parametrize("seconds", [3, 6, 10])
+def test_a_short_trials_name_is_as_sure_as_it_is_right(made, seconds):
+    """Less of a behaviour is seen in less time, so the name is given with less confidence."""
+    setting = setting_for("obstacle-avoidance")
+    names = namer(setting).name([drive.trial.cut(seconds) for drive, _ in made], setting)
+    right_ones = np.mean([name.name == drive.kind for (drive, _), name in zip(made, names, strict=True)])
+    assert abs(np.mean([name.confidence for name in names]) - right_ones) < 0.09
+
+
 def test_a_smooth_avoider_follows_no_wall(made):
     """What swings smoothly round obstacles, either way, is not surely called a wall follower."""
     smooth = [name for drive, name in made if drive.family in ("Webots", "pyePuck", "by distance")]

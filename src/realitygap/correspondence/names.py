@@ -11,6 +11,7 @@ temperature. Both are fitted to exemplars of designs that are excluded from the 
 tests.exemplars.make`).
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
@@ -47,6 +48,9 @@ LARGE, LARGE_CM = ", large", 5.5
 UNTOLD = 0.75
 """Of its confidence, what is left of a large robot's name whose evidence the track does not hold; of "none of
 these", where it holds no kind's: a robot that stands before a wall may be jammed."""
+WHOLE_S, FADES_S, LOST = 20.0, 4.0, 0.45
+"""Exemplars last 20 s. Of a shorter trial's confidence this share of e^(−seconds / 4) is lost, less what 20 s
+would lose: fitted to held-out exemplars cut to 3 … 15 s, of which fewer names were right than were sure."""
 UNSEEN, LEAST, MOST = 0.1, 0.3, 9.0
 """A variance that nobody sees (in just-noticeable amounts); bounds of what a descriptor counts."""
 
@@ -102,6 +106,7 @@ class Namer:
         """A name for each trial."""
         near = self.nearest(rows_of(trials, setting.arena, large=self._large))
         found = shares(*near, self.reach, self.temperature)
+        found *= np.array([_of_length(trial.seconds) for trial in trials])[:, None]
         if self._large and setting.arena is not None:
             held = [tells(trial, setting.arena) for trial in trials]
             best = [self.kinds[k] for k in found.argmax(axis=1)]
@@ -141,6 +146,11 @@ def shares(far: Floats, kinds: Floats, reach: float, temperature: float) -> Floa
     votes[:, -1] += np.exp(np.minimum(far[:, 0] - reach, 10.0))
     powers = votes ** (1 / temperature)
     return np.asarray(powers / powers.sum(axis=1, keepdims=True))
+
+
+def _of_length(seconds: float) -> float:
+    """What is left of a name's confidence in a trial of this length."""
+    return 1.0 - LOST * (math.exp(-min(seconds, WHOLE_S) / FADES_S) - math.exp(-WHOLE_S / FADES_S))
 
 
 def descriptors_of(arena: Arena | None, large: bool = False) -> tuple[Descriptor, ...]:
