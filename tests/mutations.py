@@ -220,6 +220,8 @@ MUTATIONS = (
              "(float(self.t[a]), float(self.t[b - 1]))",
              "(float(self.t[a]), float(self.t[min(b, len(self.t) - 1)]))", TRACK + TRACKER),
     # score
+    Mutation("correspondence/names.py", "a short trial's name is as sure as a long one's",
+             "return 1.0 - LOST", "return 1.0 - 0.0 * LOST", ("tests/correspondence/test_vehicles.py",)),
     Mutation("correspondence/scale.py", "a layout counts for more than the behaviour",
              "* min(behaviour, layout)", "* layout", SCORE),
     Mutation("correspondence/scale.py", "the floor does not shrink with the starts",
