@@ -62,6 +62,14 @@ def test_readings_come_back_equal(tmp_path):
     assert (back.source, len(back.hash), back.warnings) == (str(tmp_path / "r"), 64, ())
 
 
+def test_lines_that_begin_with_a_hash_are_comments(tmp_path):
+    """Before the names of the columns and between rows; nothing of them is read."""
+    plain = load_recording(written(tmp_path / "plain", HEAD, ROW, ROW))
+    told = load_recording(written(tmp_path / "told", "# bench; Monday", HEAD, ROW, "# moved, again", ROW))
+    assert isinstance(plain, SensorRecording) and isinstance(told, SensorRecording)
+    assert np.array_equal(plain.counts, told.counts)
+
+
 def test_a_robot_that_backed_off_drove(tmp_path):
     """Its wheels' speed is below 0 in the table; for the noise that rises with speed its size counts."""
     back = load_recording(written(tmp_path / "r", f"{HEAD},speed_cm_s", f"{ROW},-3.5", f"{ROW},3"))
@@ -127,6 +135,15 @@ def test_steps_come_back_equal(tmp_path_factory, pairs):
         ((HEAD.replace(",", ";"), ROW.replace(",", ";")), "line 1: expected values separated by commas"),
         ((HEAD, ROW.replace("30,0", "30,1e19")), "line 2: repeat: expected a number from -1e+09 to 1e+09"),
         ((HEAD.replace("s7", "s²"), ROW), "expected the sensors' columns s0 to s7"),
+        (("# a bench", HEAD, "# moved", ROW.replace("40", "x")), "line 4: s3: expected a number, got 'x'"),
+        (("", HEAD.replace("_cm", "_mm"), ROW), "line 2: expected columns distance_cm"),
+        (("# a bench", HEAD.replace("s7", "s9"), ROW), "line 2: expected the sensors' columns s0 to s7"),
+        (("# a bench", f"{HEAD},repeat", f"{ROW},0"), "line 2: the column 'repeat' stands there twice"),
+        (("# a bench", HEAD.replace(",", ";"), ROW), "line 2: expected values separated by commas"),
+        (
+            (f"# {HEAD}", "2,1,0,9,3,4,5,6,7,8,8.5", ROW),
+            "expected the sensors' columns s0 to s7, got 2, 1, 0",
+        ),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):

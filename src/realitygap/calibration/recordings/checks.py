@@ -41,7 +41,7 @@ def read_rows(path: Path, *, ends: bool) -> Table:
         raise RecordingError(f"{table.at(-1)}: cut short. Go on with `realitygap record … --resume`.")
     twice = [name for name in table.columns if name and table.columns.count(name) > 1]
     if twice:
-        raise RecordingError(f"{path}, line 1: the column {twice[0]!r} stands there twice.")
+        raise RecordingError(f"{table.head}: the column {twice[0]!r} stands there twice.")
     return table
 
 

@@ -242,8 +242,9 @@ def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
         raise RecordingError(f"{where}: sensors: expected a whole number from 1 on, got {expected!r}.")
     if sorted(found) != sorted(f"s{i}" for i in range(expected)):
         raise RecordingError(
-            f"{table.path}, line 1: expected the sensors' columns s0 to s{expected - 1}, got "
-            f"{', '.join(found) or 'none'}. Another number of sensors is said with `sensors` in {FACTS}."
+            f"{table.head}: expected the sensors' columns s0 to s{expected - 1}, got "
+            f"{', '.join(found or table.columns)}. "
+            f"Another number of sensors is said with `sensors` in {FACTS}."
         )
     return [f"s{i}" for i in range(expected)]
 

@@ -52,9 +52,9 @@ def read_thymio(path: Path) -> SensorRecording:
     """
     sensor = sensor_of(path, "Other tables are folders with a recording.toml.")
     distance, values = [], []
-    text = read_text(path, RecordingError, "Give the path of a Thymio's series.")
-    refuse_separator(path, text.partition("\n")[0], RecordingError)
-    for number, line in enumerate(text.splitlines(), 1):
+    lines = read_text(path, RecordingError, "Give the path of a Thymio's series.").splitlines()
+    refuse_separator(path, lines, RecordingError)
+    for number, line in enumerate(lines, 1):
         cells = _cells(line)
         if not any(cells):
             continue
