@@ -97,7 +97,8 @@ def read_table(
     """The table of a CSV file, its cells without blanks round them.
 
     Args:
-        path: the file; its first line that is no comment (`# …`) names the columns, in any order.
+        path: the file; its first line that is no comment (`# …`) names the columns, in any order, in capitals
+            or not.
         error: what to raise.
         needs: columns that it must have.
         cure: what to do about a broken file, where it can be made again.
@@ -121,7 +122,7 @@ def read_table(
     if not found:
         raise error(f"{path}: empty: expected a line of column names{columns}. {cure}".rstrip())
     (top, head), *rows = found
-    names, places = tuple(head), [line for line, _ in rows]
+    names, places = tuple(name.lower() for name in head), [line for line, _ in rows]
     table = Table(Path(path), names, [row for _, row in rows], top, places, error, cure)
     table.need(needs)
     for k, row in enumerate(table.rows):

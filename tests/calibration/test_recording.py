@@ -70,6 +70,14 @@ def test_lines_that_begin_with_a_hash_are_comments(tmp_path):
     assert np.array_equal(plain.counts, told.counts)
 
 
+def test_columns_may_be_named_in_capitals(tmp_path):
+    """As some programs write them; a name that stands there twice is still refused."""
+    told = load_recording(written(tmp_path / "r", HEAD.upper().replace("S3", "s3"), ROW, ROW))
+    assert isinstance(told, SensorRecording) and told.counts[1].tolist() == [*range(10, 90, 10)]
+    with pytest.raises(RecordingError, match="the column 's3' stands there twice"):
+        load_recording(written(tmp_path / "r", HEAD.replace("s2", "S3"), ROW))
+
+
 def test_a_robot_that_backed_off_drove(tmp_path):
     """Its wheels' speed is below 0 in the table; for the noise that rises with speed its size counts."""
     back = load_recording(written(tmp_path / "r", f"{HEAD},speed_cm_s", f"{ROW},-3.5", f"{ROW},3"))
