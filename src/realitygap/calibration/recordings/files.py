@@ -187,6 +187,7 @@ def _read(path: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorR
         reflectance=reflectance_of(folder, facts, pose is None and kind == "infrared"),
         body_said="body_radius_cm" in facts or "body_outline_cm" in facts,
         full_scale=full_scale,
+        lines=[table.at(k) for k in range(len(table.rows))],
         speed_cm_s=np.abs(table.numbers("speed_cm_s")) if "speed_cm_s" in table.columns else None,
         warnings=(*checks.doubt_object(name, folder), *warned, *_unfinished(table, facts)),
         **_common(folder, table, facts),
