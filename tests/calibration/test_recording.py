@@ -220,6 +220,7 @@ def test_steps_of_a_wrong_kind_or_order_are_refused(tmp_path):
     for rows, says in (
         ((good.replace("step", "jump"),), "line 2: kind: expected one of step"),
         ((good, late), "line 3: t_s: expected a time after"),
+        ((good, good.replace("0,step", "1,step"), good), "line 4: trial: .* no trial before has, got 0. A"),
     ):
         with pytest.raises(RecordingError, match=says):
             load_recording(written(tmp_path / "w", head, *rows, facts=facts, name="steps.csv"))

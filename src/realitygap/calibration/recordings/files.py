@@ -203,6 +203,10 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
     t, trial = table.numbers("t_s"), table.whole("trial")
     back = np.concatenate([[False], (np.diff(t) <= 0) & (np.diff(trial) == 0)])
     table.refuse(back, "t_s", "a time after the row's before", t, "A trial's rows follow each other.")
+    _, first = np.unique(trial, return_index=True)
+    again = (np.diff(trial, prepend=-1) != 0) & ~np.isin(np.arange(len(t)), first)
+    expected = "a number that no trial before has"
+    table.refuse(again, "trial", expected, trial.astype(float), "A trial's rows follow each other.")
 
     def pair(name: str) -> Floats:
         return np.stack([table.numbers(f"{name}_{side}") for side in ("left", "right")], 1)
