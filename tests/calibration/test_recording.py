@@ -78,6 +78,14 @@ def test_columns_may_be_named_in_capitals(tmp_path):
         load_recording(written(tmp_path / "r", HEAD.replace("s2", "S3"), ROW))
 
 
+def test_copied_rows_are_pointed_out(tmp_path):
+    """Of a table pasted twice the noise is too small; readings that are equal have a number each."""
+    rows = [ROW, ROW.replace("80", "81"), ROW.replace("30,0", "30,1")]
+    assert load_recording(written(tmp_path / "r", HEAD, *rows)).warnings == ()
+    (told,) = load_recording(written(tmp_path / "r", HEAD, *rows, *rows)).warnings
+    assert "readings.csv, line 5: a copy of line 2 (such rows: 3): copies make the noise" in told
+
+
 def test_a_robot_that_backed_off_drove(tmp_path):
     """Its wheels' speed is below 0 in the table; for the noise that rises with speed its size counts."""
     back = load_recording(written(tmp_path / "r", f"{HEAD},speed_cm_s", f"{ROW},-3.5", f"{ROW},3"))

@@ -80,11 +80,24 @@ def check_readings(
             f"{table.at(k)}: distance_cm: {int(counts[k].max())} counts at {distance_cm[k]:g} cm, "
             "where infrared sees nothing. Are these millimetres? Divide them by 10."
         )
-    warned = []
+    warned = _copies(table)
     turned = np.unique(np.abs(bearing_deg[np.isfinite(bearing_deg)]))
     if len(turned) >= ENOUGH and turned[-1] < 6.4 and (turned != np.rint(turned)).any():
         warned.append(f"{table.path}: bearing_deg never passes {turned[-1]:.2f}: are these radians?")
     return tuple(warned)
+
+
+def _copies(table: Table) -> list[str]:
+    """A warning about rows that equal an earlier one in every column: copies are no further evidence."""
+    seen: dict[tuple[str, ...], int] = {}
+    copied = [k for k, row in enumerate(table.rows) if seen.setdefault(tuple(row), k) != k]
+    if not copied:
+        return []
+    first = table.lines[seen[tuple(table.rows[copied[0]])]]
+    return [
+        f"{table.at(copied[0])}: a copy of line {first} (such rows: {len(copied)}): copies make the noise "
+        "look smaller than it is; leave them out, or give each reading of a place a repeat of its own"
+    ]
 
 
 def doubt_object(name: str, where: str | Path) -> tuple[str, ...]:
