@@ -101,6 +101,18 @@ def test_a_warning_says_what_a_camera_lacks(sound, pose, words):
     assert any(words in warning for warning in made.warnings)
 
 
+def test_another_robots_pulses_are_named_as_a_cause(sound):
+    """An e-puck has 7.8 a mm: with a Khepera's 12 its speeds are wrong, and its commands are not to blame."""
+    unsaid = calibrate([replace(sound, pose=None, pulses_per_mm=18.0)], PAPER, form="paper")
+    said = " ".join(unsaid.warnings)
+    assert (
+        "18 pulses per mm are assumed (what recording.toml says of pulses_per_mm, or a Khepera's 12)" in said
+    )
+    assert "or is it pulses_per_mm? State the robot's in recording.toml" in said
+    seen = calibrate([replace(sound, commands=sound.commands / 1.4)], PAPER, form="paper")
+    assert not any("or is it pulses_per_mm" in warning for warning in seen.warnings)
+
+
 def test_speeds_are_no_surer_than_the_pulses(driven):
     """Their intervals hold the truth, for they carry what the camera leaves open about cm per pulse."""
     hits = 0
