@@ -228,13 +228,23 @@ def test_steps_of_a_wrong_kind_or_order_are_refused(tmp_path):
     for rows, says in (
         ((good.replace("step", "jump"),), "line 2: kind: expected one of step"),
         ((good, late), "line 3: t_s: expected a time after"),
-        ((good, good.replace("0,step", "1,step"), good), "line 4: trial: .* no trial before has, got 0. A"),
+        ((good, good.replace("0,step", "1,step"), good), "line 4: trial: expected a new number, got 0. A"),
     ):
         with pytest.raises(RecordingError, match=says):
             load_recording(written(tmp_path / "w", head, *rows, facts=facts, name="steps.csv"))
     moved = [f"{k / 10},1,1,{k},0,1,1,0,step" for k in range(5)]
     made = load_recording(written(tmp_path / "w", head, *moved, facts=facts, name="steps.csv"))
     assert made.warnings == ("counter_right never changes although the wheel was driven: it looks dead",)
+
+
+def test_a_robot_that_measures_no_speeds_needs_no_columns_of_them(tmp_path):
+    """An e-puck counts its steps and measures no speed: its table was refused for that."""
+    bare = [f"{k / 10},1,1,{k},{k},0,step" for k in range(5)]
+    head = "t_s,command_left,command_right,counter_left,counter_right,trial,kind"
+    empty = [f"{row},," for row in bare]
+    for names, rows in ((head, bare), (f"{head},speed_left,speed_right", empty)):
+        made = load_recording(written(tmp_path, names, *rows, facts='kind = "wheels"', name="steps.csv"))
+        assert isinstance(made, WheelRecording) and made.counted and np.isnan(made.speeds).all()
 
 
 def test_dead_sensors_are_pointed_out(tmp_path):
