@@ -147,6 +147,7 @@ def test_steps_come_back_equal(tmp_path_factory, pairs):
         ((HEAD.replace(",s7", ""), ROW[:-3]), "line 1: expected the sensors' columns s0 to s7"),
         ((HEAD.replace("_cm", "_mm"), ROW), "line 1: expected columns distance_cm"),
         ((HEAD, ROW, ROW.replace("1.5", "60").replace("80", "800")), "line 3: distance_cm: 800 counts"),
+        ((HEAD, ROW.replace("1.5,30,0,10", "60,30,0,").replace("80", "800")), "line 2: distance_cm: 800"),
         ((HEAD, "1" * 200_000), "line 2: not CSV"),
         ((HEAD.replace(",", ";"), ROW.replace(",", ";")), "line 1: expected values separated by commas"),
         ((HEAD, ROW.replace("30,0", "30,1e19")), "line 2: repeat: expected a number from -1e+09 to 1e+09"),

@@ -72,12 +72,14 @@ def check_readings(
     for k, values in enumerate(counts.T):
         table.refuse(values < 0, f"s{k}", expected, values)
         table.refuse(values > top, f"s{k}", expected, values, cure)
-    bright = BRIGHT * max(1.0, count_unit(full_scale or float(counts.max())))
-    far = (distance_cm > REACH_CM) & (counts.max(axis=1) > bright)
+    brightest = np.nan_to_num(counts).max(axis=1)  # a sensor may be unrecorded
+    most = float(brightest.max())
+    bright = BRIGHT * max(1.0, count_unit(full_scale or most))
+    far = (distance_cm > REACH_CM) & (brightest > bright)
     if kind == "infrared" and far.any():
         k = int(np.flatnonzero(far)[0])
         raise RecordingError(
-            f"{table.at(k)}: distance_cm: {int(counts[k].max())} counts at {distance_cm[k]:g} cm, "
+            f"{table.at(k)}: distance_cm: {int(brightest[k])} counts at {distance_cm[k]:g} cm, "
             "where infrared sees nothing. Are these millimetres? Divide them by 10."
         )
     warned = _copies(table)
