@@ -70,6 +70,13 @@ def test_lines_that_begin_with_a_hash_are_comments(tmp_path):
     assert np.array_equal(plain.counts, told.counts)
 
 
+def test_volts_are_no_counts(tmp_path):
+    """Nor are shares of the full scale: sensors that see well had been called dead."""
+    volts = ROW.replace(",10,20,", ",0.33,2.957,").replace("30,40,50,60,70,80", "0,1,2,3,3.3,")
+    with pytest.raises(RecordingError, match=r"up to 3\.3 that are no whole numbers: are these volts"):
+        load_recording(written(tmp_path / "r", HEAD, volts))
+
+
 def test_columns_may_be_named_in_capitals(tmp_path):
     """As some programs write them; a name that stands there twice is still refused."""
     told = load_recording(written(tmp_path / "r", HEAD.upper().replace("S3", "s3"), ROW, ROW))

@@ -22,6 +22,8 @@ FARTHEST_CM = 300.0
 """No object was recorded beyond this: a larger number means something else."""
 WIDEST_CM = 20.0
 """A larger radius is hardly a cylinder to a robot of this size."""
+VOLTS = 5.0
+"""No converter's counts end so low; volts and shares of the full scale do."""
 BRIGHT = 300.0
 """Counts of the paper's robot."""
 ENOUGH = 4
@@ -74,6 +76,11 @@ def check_readings(
         table.refuse(values > top, f"s{k}", expected, values, cure)
     brightest = np.nan_to_num(counts).max(axis=1)  # a sensor may be unrecorded
     most = float(brightest.max())
+    if most <= VOLTS and (counts % 1 > 0).any():
+        raise RecordingError(
+            f"{table.path}: expected raw counts, got readings up to {most:.3g} that are no whole numbers: "
+            "are these volts, or shares of the full scale? Write what the converter gives."
+        )
     bright = BRIGHT * max(1.0, count_unit(full_scale or most))
     far = (distance_cm > REACH_CM) & (brightest > bright)
     if kind == "infrared" and far.any():
