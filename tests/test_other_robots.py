@@ -135,8 +135,10 @@ def test_counts_above_the_full_scale_are_refused(five, tmp_path):
     ten_bits = replace(five, infrared=replace(five.infrared, top=1023.0, bands=(0.0, 1023.0)))
     with pytest.raises(RecordingError, match=r"full_scale: expected 1023, as profile 'five' has, got 4095"):
         calibrate([one], ten_bits)
-    with pytest.raises(RecordingError, match=r"expected counts from 0 to 1023, the full scale of profile"):
-        calibrate([replace(one, full_scale=None)], ten_bits)
+    save_recording(tmp_path / "unsaid", replace(one, facts={}))
+    brighter = r"unsaid/readings.csv, line \d+: s\d: expected counts from 0 to 1023, .* copy of that profile"
+    with pytest.raises(RecordingError, match=brighter):
+        calibrate([load_recording(tmp_path / "unsaid")], ten_bits)
     with pytest.raises(RecordingError, match="expected 8 sensors, as profile 'paper' has, got 5"):
         calibrate([replace(one, counts=np.minimum(one.counts, 1023.0), full_scale=None)], "paper")
 

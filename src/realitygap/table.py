@@ -21,11 +21,13 @@ LARGEST = 10**9
 
 
 class Table(NamedTuple):
-    """A CSV file: its columns, its rows as texts, the line of each row; what to raise, and the cure."""
+    """A CSV file: its columns, its rows as texts, the line of the columns' names and of each row; what to
+    raise, and the cure."""
 
     path: Path
     columns: tuple[str, ...]
     rows: list[list[str]]
+    top: int
     lines: list[int]
     error: type[UsageError]
     cure: str
@@ -33,6 +35,11 @@ class Table(NamedTuple):
     def at(self, k: int) -> str:
         """Where row k is."""
         return f"{self.path}, line {self.lines[k]}"
+
+    @property
+    def head(self) -> str:
+        """Where the names of the columns are."""
+        return f"{self.path}, line {self.top}"
 
     def texts(self, name: str) -> list[str]:
         column = self.columns.index(name)
@@ -81,7 +88,7 @@ class Table(NamedTuple):
         if missing:
             told = f"expected columns {', '.join(names)}, got {', '.join(self.columns)}."
             cure = self.cure or f"Add {missing}; columns are separated by commas."
-            raise self.error(f"{self.path}, line 1: {told} {cure}")
+            raise self.error(f"{self.head}: {told} {cure}")
 
 
 def read_table(
@@ -90,7 +97,8 @@ def read_table(
     """The table of a CSV file, its cells without blanks round them.
 
     Args:
-        path: the file; its first line names the columns, in any order.
+        path: the file; its first line that is no comment (`# …`) names the columns, in any order, in capitals
+            or not.
         error: what to raise.
         needs: columns that it must have.
         cure: what to do about a broken file, where it can be made again.
@@ -100,9 +108,10 @@ def read_table(
             length; names the line.
     """
     columns = f" with columns {', '.join(needs)}" if needs else ""
-    text = read_text(path, error, cure or f"Give a CSV file{columns}.")
-    refuse_separator(path, text.partition("\n")[0], error)
-    reader = csv.reader(text.splitlines())
+    lines = read_text(path, error, cure or f"Give a CSV file{columns}.").splitlines()
+    lines = ["" if line.startswith("#") else line for line in lines]
+    refuse_separator(path, lines, error)
+    reader = csv.reader(lines)
     try:
         found = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
     except csv.Error as why:
@@ -112,8 +121,9 @@ def read_table(
     found = [(line, row) for line, row in found if any(row)]
     if not found:
         raise error(f"{path}: empty: expected a line of column names{columns}. {cure}".rstrip())
-    (_, head), *rows = found
-    table = Table(Path(path), tuple(head), [row for _, row in rows], [line for line, _ in rows], error, cure)
+    (top, head), *rows = found
+    names, places = tuple(name.lower() for name in head), [line for line, _ in rows]
+    table = Table(Path(path), names, [row for _, row in rows], top, places, error, cure)
     table.need(needs)
     for k, row in enumerate(table.rows):
         if len(row) != len(head):

@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
@@ -84,16 +84,18 @@ def read_json(path: str | Path, error: type[UsageError], cure: str) -> Any:
     return data
 
 
-def refuse_separator(path: str | Path, head: str, error: type[UsageError]) -> None:
-    """Refuse a table whose first line has more semicolons or tabs than commas, as some programs write.
+def refuse_separator(path: str | Path, lines: Sequence[str], error: type[UsageError]) -> None:
+    """Refuse a table whose first line that is not empty has more semicolons or tabs than commas, as some
+    programs write.
 
     Raises:
         UsageError: of the class `error`.
     """
+    number, head = next(((k, line) for k, line in enumerate(lines, 1) if line.strip()), (1, ""))
     for sign, name in ((";", "semicolons"), ("\t", "tabs")):
         if head.count(sign) > head.count(","):
             raise error(
-                f"{path}, line 1: expected values separated by commas, got {name}. Save the table "
+                f"{path}, line {number}: expected values separated by commas, got {name}. Save the table "
                 "with commas (and with decimal points)."
             )
 

@@ -62,6 +62,37 @@ def test_readings_come_back_equal(tmp_path):
     assert (back.source, len(back.hash), back.warnings) == (str(tmp_path / "r"), 64, ())
 
 
+def test_lines_that_begin_with_a_hash_are_comments(tmp_path):
+    """Before the names of the columns and between rows; nothing of them is read."""
+    plain = load_recording(written(tmp_path / "plain", HEAD, ROW, ROW))
+    told = load_recording(written(tmp_path / "told", "# bench; Monday", HEAD, ROW, "# moved, again", ROW))
+    assert isinstance(plain, SensorRecording) and isinstance(told, SensorRecording)
+    assert np.array_equal(plain.counts, told.counts)
+
+
+def test_volts_are_no_counts(tmp_path):
+    """Nor are shares of the full scale: sensors that see well had been called dead."""
+    volts = ROW.replace(",10,20,", ",0.33,2.957,").replace("30,40,50,60,70,80", "0,1,2,3,3.3,")
+    with pytest.raises(RecordingError, match=r"up to 3\.3 that are no whole numbers: are these volts"):
+        load_recording(written(tmp_path / "r", HEAD, volts))
+
+
+def test_columns_may_be_named_in_capitals(tmp_path):
+    """As some programs write them; a name that stands there twice is still refused."""
+    told = load_recording(written(tmp_path / "r", HEAD.upper().replace("S3", "s3"), ROW, ROW))
+    assert isinstance(told, SensorRecording) and told.counts[1].tolist() == [*range(10, 90, 10)]
+    with pytest.raises(RecordingError, match="the column 's3' stands there twice"):
+        load_recording(written(tmp_path / "r", HEAD.replace("s2", "S3"), ROW))
+
+
+def test_copied_rows_are_pointed_out(tmp_path):
+    """Of a table pasted twice the noise is too small; readings that are equal have a number each."""
+    rows = [ROW, ROW.replace("80", "81"), ROW.replace("30,0", "30,1")]
+    assert load_recording(written(tmp_path / "r", HEAD, *rows)).warnings == ()
+    (told,) = load_recording(written(tmp_path / "r", HEAD, *rows, *rows)).warnings
+    assert "readings.csv, line 5: a copy of line 2 (such rows: 3): copies make the noise" in told
+
+
 def test_a_robot_that_backed_off_drove(tmp_path):
     """Its wheels' speed is below 0 in the table; for the noise that rises with speed its size counts."""
     back = load_recording(written(tmp_path / "r", f"{HEAD},speed_cm_s", f"{ROW},-3.5", f"{ROW},3"))
@@ -123,10 +154,20 @@ def test_steps_come_back_equal(tmp_path_factory, pairs):
         ((HEAD.replace(",s7", ""), ROW[:-3]), "line 1: expected the sensors' columns s0 to s7"),
         ((HEAD.replace("_cm", "_mm"), ROW), "line 1: expected columns distance_cm"),
         ((HEAD, ROW, ROW.replace("1.5", "60").replace("80", "800")), "line 3: distance_cm: 800 counts"),
+        ((HEAD, ROW.replace("1.5,30,0,10", "60,30,0,").replace("80", "800")), "line 2: distance_cm: 800"),
         ((HEAD, "1" * 200_000), "line 2: not CSV"),
         ((HEAD.replace(",", ";"), ROW.replace(",", ";")), "line 1: expected values separated by commas"),
         ((HEAD, ROW.replace("30,0", "30,1e19")), "line 2: repeat: expected a number from -1e+09 to 1e+09"),
         ((HEAD.replace("s7", "s²"), ROW), "expected the sensors' columns s0 to s7"),
+        (("# a bench", HEAD, "# moved", ROW.replace("40", "x")), "line 4: s3: expected a number, got 'x'"),
+        (("", HEAD.replace("_cm", "_mm"), ROW), "line 2: expected columns distance_cm"),
+        (("# a bench", HEAD.replace("s7", "s9"), ROW), "line 2: expected the sensors' columns s0 to s7"),
+        (("# a bench", f"{HEAD},repeat", f"{ROW},0"), "line 2: the column 'repeat' stands there twice"),
+        (("# a bench", HEAD.replace(",", ";"), ROW), "line 2: expected values separated by commas"),
+        (
+            (f"# {HEAD}", "2,1,0,9,3,4,5,6,7,8,8.5", ROW),
+            "expected the sensors' columns s0 to s7, got 2, 1, 0",
+        ),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
@@ -195,12 +236,23 @@ def test_steps_of_a_wrong_kind_or_order_are_refused(tmp_path):
     for rows, says in (
         ((good.replace("step", "jump"),), "line 2: kind: expected one of step"),
         ((good, late), "line 3: t_s: expected a time after"),
+        ((good, good.replace("0,step", "1,step"), good), "line 4: trial: expected a new number, got 0. A"),
     ):
         with pytest.raises(RecordingError, match=says):
             load_recording(written(tmp_path / "w", head, *rows, facts=facts, name="steps.csv"))
     moved = [f"{k / 10},1,1,{k},0,1,1,0,step" for k in range(5)]
     made = load_recording(written(tmp_path / "w", head, *moved, facts=facts, name="steps.csv"))
     assert made.warnings == ("counter_right never changes although the wheel was driven: it looks dead",)
+
+
+def test_a_robot_that_measures_no_speeds_needs_no_columns_of_them(tmp_path):
+    """An e-puck counts its steps and measures no speed: its table was refused for that."""
+    bare = [f"{k / 10},1,1,{k},{k},0,step" for k in range(5)]
+    head = "t_s,command_left,command_right,counter_left,counter_right,trial,kind"
+    empty = [f"{row},," for row in bare]
+    for names, rows in ((head, bare), (f"{head},speed_left,speed_right", empty)):
+        made = load_recording(written(tmp_path, names, *rows, facts='kind = "wheels"', name="steps.csv"))
+        assert isinstance(made, WheelRecording) and made.counted and np.isnan(made.speeds).all()
 
 
 def test_dead_sensors_are_pointed_out(tmp_path):

@@ -83,6 +83,16 @@ def test_a_line_that_is_none_of_a_series_is_named(tmp_path, line, says):
     assert says in str(raised.value)
 
 
+def test_a_thymio_brighter_than_the_shipped_one_is_told_what_to_do(tmp_path):
+    """At the line that has such a reading: it is the right robot, and another profile is no cure."""
+    (tmp_path / "sensor02_light.csv").write_text("9cm,1,2,1400,1401\n1cm,1,2,4400,4600\n", "utf-8")
+    says = (
+        r"light\.csv, line 2: s2: .*4500.*got 4600\..* take a copy of that profile with another infrared\.top"
+    )
+    with pytest.raises(RecordingError, match=says):
+        calibrate([load_recording(*find_recordings(tmp_path))], THYMIO)
+
+
 def test_no_series_is_left_out_for_its_name(tmp_path):
     """Of two series one of which has a name that says too little, both or none are read."""
     series(tmp_path, *fallen())

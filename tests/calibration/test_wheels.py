@@ -50,6 +50,15 @@ def test_nonsense_of_wheels_is_refused(sound, spoil, words):
         calibrate([spoil(sound)], PAPER)
 
 
+def test_wheels_are_refused_before_anything_is_fitted(sound, recorded, monkeypatch):
+    """Not after the minutes that the sensors take."""
+    monkeypatch.setattr(
+        "realitygap.calibration.calibrate.fit_infrared", lambda *args, **kwargs: pytest.fail("first")
+    )
+    with pytest.raises(CalibrationError, match="Are these mm/s"):
+        calibrate([recorded(), replace(sound, commands=8.0 * sound.commands)], PAPER)
+
+
 def _uncounted(recording):
     nothing = np.full_like(recording.counters, np.nan)
     return replace(recording, counters=nothing, speeds=nothing)
@@ -99,6 +108,18 @@ def test_a_warning_says_what_a_camera_lacks(sound, pose, words):
         pose = np.where(np.arange(len(sound.t_s))[:, None] < 30, sound.pose, np.nan)
     made = calibrate([replace(sound, pose=pose)], PAPER, form="paper")
     assert any(words in warning for warning in made.warnings)
+
+
+def test_another_robots_pulses_are_named_as_a_cause(sound):
+    """An e-puck has 7.8 a mm: with a Khepera's 12 its speeds are wrong, and its commands are not to blame."""
+    unsaid = calibrate([replace(sound, pose=None, pulses_per_mm=18.0)], PAPER, form="paper")
+    said = " ".join(unsaid.warnings)
+    assert (
+        "18 pulses per mm are assumed (what recording.toml says of pulses_per_mm, or a Khepera's 12)" in said
+    )
+    assert "or is it pulses_per_mm? State the robot's in recording.toml" in said
+    seen = calibrate([replace(sound, commands=sound.commands / 1.4)], PAPER, form="paper")
+    assert not any("or is it pulses_per_mm" in warning for warning in seen.warnings)
 
 
 def test_speeds_are_no_surer_than_the_pulses(driven):

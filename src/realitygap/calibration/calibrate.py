@@ -140,10 +140,10 @@ def calibrate(
 
     tick()
     with one_thread():
+        wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None  # soonest refused
         with opened(workers) as pool:
             infrared = fit_infrared(near, base, infrared_form, pool, tick=tick) if near else None
         ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
-        wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None
     made = Calibration(
         profile=base, infrared=infrared, ambient=ambient, wheels=wheels, recordings=tuple(recordings)
     )

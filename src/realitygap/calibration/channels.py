@@ -28,7 +28,7 @@ from realitygap.work.pool import Pool
 from realitygap.world.look_up import LookUp
 from realitygap.world.profile import Profile
 
-__all__ = ["AUTO", "agreed", "contradicted", "fit_infrared", "fit_light", "ticks"]
+__all__ = ["AUTO", "agreed", "contradicted", "fit_infrared", "fit_light", "rivals", "ticks"]
 
 AUTO = "auto"
 """The form with the smallest error on held-out places, where readings are neither dark nor saturated."""
@@ -75,7 +75,8 @@ def fit_infrared(
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
     best = min(errs, key=errs.__getitem__) if form == AUTO else form
     found = _channel("infrared", best, rows, fits, off, made[best])
-    fit, unsure = agreed(best, {name: fits[name] for name in errs if errs[name] <= AS_GOOD * errs[best]})
+    ratios = {name: _ratio(rows, model, found) for name, model in off.items()}
+    fit, unsure = agreed(best, {name: fits[name] for name in rivals(best, errs, ratios)})
     said = [*unsure, *contradicted(rows, found.deviation)]
     said += lit_apart(rows, found) if best == MEASURED else []
     said += [doubt] if doubt and best == "extended" else []
@@ -111,12 +112,26 @@ def lit_apart(rows: Rows, found: ChannelFit) -> list[str]:
     ] if said else []  # fmt: skip
 
 
-def agreed(form: str, fits: Mapping[str, Fit]) -> tuple[Fit, tuple[str, ...]]:
-    """A form's fit with reflectances marked as not identifiable where an almost equally good form disagrees;
-    and a warning that names them.
+def rivals(best: str, errs: Mapping[str, float], ratios: Mapping[str, float]) -> list[str]:
+    """The forms on which a reflectance must not hang: those that err almost as little on places held out as
+    the best, and those that err by no more than noise hides (`ratios`: model error over noise)."""
+    limit = misfit.LIMITS["infrared"]
+    return [name for name in errs if errs[name] <= AS_GOOD * errs[best] or ratios[name] <= limit]
 
-    An interval is only valid if its form is right: two forms with similar error and different values refute
-    both.
+
+def _ratio(rows: Rows, model: Floats, found: ChannelFit) -> float:
+    """As `ChannelFit.ratio`, of another form's readings of places held out, with the noise that was found."""
+    usual = misfit.yardstick("infrared", found.noise, found.profile.noise.to_dict(), found.profile)
+    judged = misfit.misfits(rows.live(), model, rows.place, usual)
+    return misfit.lit_ratio([one for one in judged if one.sensor not in rows.dead])
+
+
+def agreed(form: str, fits: Mapping[str, Fit]) -> tuple[Fit, tuple[str, ...]]:
+    """A form's fit with reflectances marked as not identifiable where another good form disagrees; and a
+    warning that names them.
+
+    An interval is only valid if its form is right: two forms that the readings bear out and that have
+    different values refute both.
     """
     fit, doubted, said = fits[form], set(), []
     others = [(name, c) for name, one in fits.items() if name != form for c in one.constants]

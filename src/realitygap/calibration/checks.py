@@ -71,7 +71,8 @@ def refuse_silent(
     silent = {k: why for gone in dead for k, why in gone.items() if k not in lives}
     if len(silent) > len(set().union(*there)) // 2:
         raise CalibrationError(
-            f"{where}: most sensors tell nothing: {'; '.join(silent.values())}. Record again."
+            f"{where}: most sensors tell nothing: {'; '.join(silent.values())}. Record again; "
+            "of an object on one side, give the recordings of all sides at once."
         )
     middle = 0
     for recording, has, gone in zip(recordings, there, dead, strict=True):

@@ -22,6 +22,8 @@ FARTHEST_CM = 300.0
 """No object was recorded beyond this: a larger number means something else."""
 WIDEST_CM = 20.0
 """A larger radius is hardly a cylinder to a robot of this size."""
+VOLTS = 5.0
+"""No converter's counts end so low; volts and shares of the full scale do."""
 BRIGHT = 300.0
 """Counts of the paper's robot."""
 ENOUGH = 4
@@ -41,7 +43,7 @@ def read_rows(path: Path, *, ends: bool) -> Table:
         raise RecordingError(f"{table.at(-1)}: cut short. Go on with `realitygap record … --resume`.")
     twice = [name for name in table.columns if name and table.columns.count(name) > 1]
     if twice:
-        raise RecordingError(f"{path}, line 1: the column {twice[0]!r} stands there twice.")
+        raise RecordingError(f"{table.head}: the column {twice[0]!r} stands there twice.")
     return table
 
 
@@ -72,19 +74,39 @@ def check_readings(
     for k, values in enumerate(counts.T):
         table.refuse(values < 0, f"s{k}", expected, values)
         table.refuse(values > top, f"s{k}", expected, values, cure)
-    bright = BRIGHT * max(1.0, count_unit(full_scale or float(counts.max())))
-    far = (distance_cm > REACH_CM) & (counts.max(axis=1) > bright)
+    brightest = np.nan_to_num(counts).max(axis=1)  # a sensor may be unrecorded
+    most = float(brightest.max())
+    if most <= VOLTS and (counts % 1 > 0).any():
+        raise RecordingError(
+            f"{table.path}: expected raw counts, got readings up to {most:.3g} that are no whole numbers: "
+            "are these volts, or shares of the full scale? Write what the converter gives."
+        )
+    bright = BRIGHT * max(1.0, count_unit(full_scale or most))
+    far = (distance_cm > REACH_CM) & (brightest > bright)
     if kind == "infrared" and far.any():
         k = int(np.flatnonzero(far)[0])
         raise RecordingError(
-            f"{table.at(k)}: distance_cm: {int(counts[k].max())} counts at {distance_cm[k]:g} cm, "
+            f"{table.at(k)}: distance_cm: {int(brightest[k])} counts at {distance_cm[k]:g} cm, "
             "where infrared sees nothing. Are these millimetres? Divide them by 10."
         )
-    warned = []
+    warned = _copies(table)
     turned = np.unique(np.abs(bearing_deg[np.isfinite(bearing_deg)]))
     if len(turned) >= ENOUGH and turned[-1] < 6.4 and (turned != np.rint(turned)).any():
         warned.append(f"{table.path}: bearing_deg never passes {turned[-1]:.2f}: are these radians?")
     return tuple(warned)
+
+
+def _copies(table: Table) -> list[str]:
+    """A warning about rows that equal an earlier one in every column: copies are no further evidence."""
+    seen: dict[tuple[str, ...], int] = {}
+    copied = [k for k, row in enumerate(table.rows) if seen.setdefault(tuple(row), k) != k]
+    if not copied:
+        return []
+    first = table.lines[seen[tuple(table.rows[copied[0]])]]
+    return [
+        f"{table.at(copied[0])}: a copy of line {first} (such rows: {len(copied)}): copies make the noise "
+        "look smaller than it is; leave them out, or give each reading of a place a repeat of its own"
+    ]
 
 
 def doubt_object(name: str, where: str | Path) -> tuple[str, ...]:

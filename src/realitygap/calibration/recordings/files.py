@@ -49,8 +49,9 @@ STEP_COLUMNS = (
 )  # fmt: skip
 UNITS = "cm, degrees, s, counts, {}, pulses"
 """Units of the numbers; commands and speeds are in the robot's own units, named in the braces."""
-WHEEL_COUNTS = ("counter_left", "counter_right", "speed_left", "speed_right")
-"""Columns that only wheels with counters have."""
+SPEEDS = ("speed_left", "speed_right")
+WHEEL_COUNTS = ("counter_left", "counter_right", *SPEEDS)
+"""Columns that only wheels with counters have; no fit needs their speeds."""
 KNOWN = (
     "kind", "object", "reflectance", "sensors", "full_scale", "body_radius_cm", "body_outline_cm",
     *HEIGHTS_CM, "arena", "units", "notes", "robot", "unit", "twin_noise", "port", "bios", "protocol",
@@ -187,6 +188,7 @@ def _read(path: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorR
         reflectance=reflectance_of(folder, facts, pose is None and kind == "infrared"),
         body_said="body_radius_cm" in facts or "body_outline_cm" in facts,
         full_scale=full_scale,
+        lines=[table.at(k) for k in range(len(table.rows))],
         speed_cm_s=np.abs(table.numbers("speed_cm_s")) if "speed_cm_s" in table.columns else None,
         warnings=(*checks.doubt_object(name, folder), *warned, *_unfinished(table, facts)),
         **_common(folder, table, facts),
@@ -196,15 +198,19 @@ def _read(path: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorR
 def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
     table = checks.read_rows(folder / STEPS, ends="places" in facts)
     counting = any(name in table.columns for name in WHEEL_COUNTS)
-    table.need([name for name in STEP_COLUMNS if counting or name not in WHEEL_COUNTS])
+    table.need([name for name in STEP_COLUMNS if name not in (SPEEDS if counting else WHEEL_COUNTS)])
     kind = np.array(table.texts("kind"), str)
     table.refuse(~np.isin(kind, STEP_KINDS), "kind", f"one of {', '.join(STEP_KINDS)}", kind)
     t, trial = table.numbers("t_s"), table.whole("trial")
     back = np.concatenate([[False], (np.diff(t) <= 0) & (np.diff(trial) == 0)])
     table.refuse(back, "t_s", "a time after the row's before", t, "A trial's rows follow each other.")
+    _, first = np.unique(trial, return_index=True)
+    again = (np.diff(trial, prepend=-1) != 0) & ~np.isin(np.arange(len(t)), first)
+    table.refuse(again, "trial", "a new number", trial.astype(float), "A trial's rows follow each other.")
 
     def pair(name: str) -> Floats:
-        return np.stack([table.numbers(f"{name}_{side}") for side in ("left", "right")], 1)
+        empty = name == "speed"
+        return np.stack([table.numbers(f"{name}_{side}", empty=empty) for side in ("left", "right")], 1)
 
     unknown = np.full((len(t), 2), math.nan)
     pulses = number_of(folder, facts, "pulses_per_mm", "pulses of a counter in a millimetre of way")
@@ -212,7 +218,7 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
         t_s=t,
         commands=pair("command"),
         counters=pair("counter") if counting else unknown,
-        speeds=pair("speed") if counting else unknown,
+        speeds=pair("speed") if set(SPEEDS) <= set(table.columns) else unknown,
         trial=trial,
         kind=kind,
         pulses_per_mm=pulses or PULSES_PER_MM,
@@ -242,8 +248,9 @@ def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
         raise RecordingError(f"{where}: sensors: expected a whole number from 1 on, got {expected!r}.")
     if sorted(found) != sorted(f"s{i}" for i in range(expected)):
         raise RecordingError(
-            f"{table.path}, line 1: expected the sensors' columns s0 to s{expected - 1}, got "
-            f"{', '.join(found) or 'none'}. Another number of sensors is said with `sensors` in {FACTS}."
+            f"{table.head}: expected the sensors' columns s0 to s{expected - 1}, got "
+            f"{', '.join(found or table.columns)}. "
+            f"Another number of sensors is said with `sensors` in {FACTS}."
         )
     return [f"s{i}" for i in range(expected)]
 

@@ -10,7 +10,7 @@ given then.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, Self
@@ -94,6 +94,7 @@ class SensorRecording(Recorded):
         speed_cm_s: [n] mean absolute speed of both wheels during each reading; None: they stood.
         edges: further places between these, where readings jump: they tell where rays end, and no error is
             counted there.
+        lines: [n] where each row stands, file and line; empty: unknown.
     """
 
     kind: str
@@ -112,6 +113,7 @@ class SensorRecording(Recorded):
     reflectance: float = 1.0
     from_sensor: int | None = None
     edges: "SensorRecording | None" = None
+    lines: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         n = len(self.repeat)
@@ -145,16 +147,18 @@ class SensorRecording(Recorded):
                 f"{self.source}: expected {there} sensors, as {whose} has, got {self.sensors}. "
                 + (cure if there else copied)
             )
+        higher = f"{cure} If it is this one, take a copy of that profile with another {self.kind}.top."
         if self.full_scale not in (None, top):
             raise RecordingError(
                 f"{self.source}: full_scale: expected {top:g}, as {whose} has, got {self.full_scale:g}. "
-                + cure
+                + higher
             )
         if (self.counts > top).any():
             row, sensor = np.argwhere(self.counts > top)[0].tolist()
+            where = self.lines[row] if self.lines else f"{self.source}, reading {row + 1}"
             raise RecordingError(
-                f"{self.source}: s{sensor}: expected counts from 0 to {top:g}, the full scale of {whose}, "
-                f"got {self.counts[row, sensor]:g} in reading {row + 1}. {cure}"
+                f"{where}: s{sensor}: expected counts from 0 to {top:g}, the full scale of {whose}, got "
+                f"{self.counts[row, sensor]:g}. {higher}"
             )
         if self.edges is not None:
             edges, grid = self.edges.of_robot(robot), replace(self, edges=None).of_robot(robot)

@@ -51,14 +51,16 @@ def read_thymio(path: Path) -> SensorRecording:
         RecordingError: names file and line, what was expected and what came.
     """
     sensor = sensor_of(path, "Other tables are folders with a recording.toml.")
-    distance, values = [], []
-    text = read_text(path, RecordingError, "Give the path of a Thymio's series.")
-    refuse_separator(path, text.partition("\n")[0], RecordingError)
-    for number, line in enumerate(text.splitlines(), 1):
+    distance, values, at = [], [], []
+    lines = read_text(path, RecordingError, "Give the path of a Thymio's series.").splitlines()
+    refuse_separator(path, lines, RecordingError)
+    for number, line in enumerate(lines, 1):
         cells = _cells(line)
         if not any(cells):
             continue
-        away, counts = _row(cells, f"{path}, line {number}", line)
+        where = f"{path}, line {number}"
+        away, counts = _row(cells, where, line)
+        at += [where] * len(counts)
         distance += [away] * len(counts)
         values += counts
     if not values:
@@ -67,8 +69,8 @@ def read_thymio(path: Path) -> SensorRecording:
     table[:, sensor] = values
     return SensorRecording(
         kind="infrared", object="wall", distance_cm=np.array(distance), bearing_deg=np.zeros(len(values)),
-        repeat=np.arange(len(values)), counts=table, from_sensor=sensor, body_said=False, source=str(path),
-        hash=hashlib.sha256(path.read_bytes()).hexdigest(),
+        repeat=np.arange(len(values)), counts=table, from_sensor=sensor, body_said=False, lines=at,
+        source=str(path), hash=hashlib.sha256(path.read_bytes()).hexdigest(),
         notes=f"sensor {sensor} of a Thymio II before a wall, the first {STALE} readings of a row left out",
     )  # fmt: skip
 

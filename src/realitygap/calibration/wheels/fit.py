@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.forms import Tick
 from realitygap.calibration.forward import wheel_speeds
-from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.calibration.recordings.recording import PULSES_PER_MM, WheelRecording
 from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd, refuse_wheels
 from realitygap.calibration.wheels.friction import Friction, measure_friction
 from realitygap.calibration.wheels.intervals import at_bound, intervals, with_lengths
@@ -123,8 +123,9 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
     if wheels.odometry is None:
         seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
         out.append(
-            f"wheels: {seen}: {wheels.pulses_per_mm[0]:g} pulses per mm are assumed, track and noise of the "
-            "wheels are the base profile's"
+            f"wheels: {seen}: {wheels.pulses_per_mm[0]:g} pulses per mm are assumed (what recording.toml "
+            f"says of pulses_per_mm, or a Khepera's {PULSES_PER_MM:g}), track and noise of the wheels are "
+            "the base profile's"
         )
     known, found = base.wheels.speed_per_unit_cm_s, wheels.profile.wheels.speed_per_unit_cm_s
     shares = [a / b for a, b in zip(found, known, strict=True)]
@@ -133,6 +134,7 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             f"wheels: {found[0]:.3g} and {found[1]:.3g} cm/s a unit, where profile {base.name!r} has "
             f"{known[0]:.3g} and {known[1]:.3g}: were commands written in another unit, as cm/s or mm/s? "
             "Write them as the robot is given them"
+            + ("" if wheels.odometry else "; or is it pulses_per_mm? State the robot's in recording.toml")
         )
     better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)
     if wheels.form == "printed" and better > 1.5:
