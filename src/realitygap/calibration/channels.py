@@ -204,7 +204,7 @@ def _channel(
     fit = fits[form]
     source = ", ".join(r.source for r in rows.recordings)
     live = rows.live()
-    refuse_nonsense(source, live, fit.model, rows.dead)
+    refuse_nonsense(rows.recordings, live, fit.model, rows.dead)
     beside = np.zeros_like(fit.model) if form == LOOKUP else fit.model
     read = rows.live_recordings(), rows.split(beside), rows.top, profile.infrared.dead
     noise = misfit.measure_noise(*read)

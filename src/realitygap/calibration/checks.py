@@ -204,12 +204,14 @@ def refuse_other_kind(recording: SensorRecording, top: float) -> None:
         )
 
 
-def refuse_nonsense(where: str, counts: Floats, model: Floats, dead: dict[int, str]) -> None:
+def refuse_nonsense(
+    recordings: Sequence[SensorRecording], counts: Floats, model: Floats, dead: dict[int, str]
+) -> None:
     """Refuse a fit that explains less than half of the readings' variation.
 
     Args:
-        where: the recordings, for the message.
-        counts, model: [n, S]; NaN where a reading does not count.
+        recordings: one after another, for the message.
+        counts, model: [n, S] of all; NaN where a reading does not count.
         dead: sensors without information, and why.
 
     Raises:
@@ -221,12 +223,14 @@ def refuse_nonsense(where: str, counts: Floats, model: Floats, dead: dict[int, s
     spread = np.nansum((counts[:, live] - np.nanmean(counts[:, live], axis=0)) ** 2)
     if off > (1.0 - EXPLAINED) * spread:
         row, sensor = np.unravel_index(errors.argmax(), errors.shape)
+        places = [one.at(k) for one in recordings for k in range(len(one.counts))]
+        where = ", ".join(one.source for one in recordings)
         read, by_law = (float(table[row, live[sensor]]) for table in (counts, model))
         raise CalibrationError(
             f"{where}: the fitted law explains only {max(0.0, 1 - off / spread):.0%} of how the readings "
             "change: this is no recording of such an object, or its distances (cm from the body's edge) and "
-            f"bearings (degrees) are not those of its rows. The furthest off is reading {row + 1} of "
-            f"{len(counts)}: s{live[sensor]} is {read:.0f}, by the law {by_law:.0f}."
+            f"bearings (degrees) are not those of its rows. The furthest off is {places[row]}: "
+            f"s{live[sensor]} is {read:.0f}, by the law {by_law:.0f}."
         )
 
 

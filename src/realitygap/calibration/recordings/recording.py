@@ -124,6 +124,10 @@ class SensorRecording(Recorded):
         if self.edges is not None:
             self._check_edges(self.edges)
 
+    def at(self, row: int) -> str:
+        """Where a reading stands, for messages."""
+        return self.lines[row] if self.lines else f"{self.source}, reading {row + 1}"
+
     def _check_edges(self, edges: "SensorRecording") -> None:
         known = self.kind == edges.kind == "infrared" and self.pose is None and edges.pose is None
         if not known or edges.edges is not None or edges.sensors != self.sensors:
@@ -155,10 +159,9 @@ class SensorRecording(Recorded):
             )
         if (self.counts > top).any():
             row, sensor = np.argwhere(self.counts > top)[0].tolist()
-            where = self.lines[row] if self.lines else f"{self.source}, reading {row + 1}"
             raise RecordingError(
-                f"{where}: s{sensor}: expected counts from 0 to {top:g}, the full scale of {whose}, got "
-                f"{self.counts[row, sensor]:g}. {higher}"
+                f"{self.at(row)}: s{sensor}: expected counts from 0 to {top:g}, the full scale of {whose}, "
+                f"got {self.counts[row, sensor]:g}. {higher}"
             )
         if self.edges is not None:
             edges, grid = self.edges.of_robot(robot), replace(self, edges=None).of_robot(robot)
