@@ -284,6 +284,10 @@ def test_what_was_told_before_an_error_is_heard():
 
 def test_no_wait_for_a_cluster_is_without_end(monkeypatch):
     """Without workers, or without a scheduler, for a while: one message with the cure."""
+    lost = Client(losses=1)
+    lost.status = "connecting"
+    with pytest.raises(StudyError, match=r"scheduler no longer answers \(the worker is gone\)\. .*resume"):
+        worked(lost)
     monkeypatch.setattr(cluster, "WAIT_S", 0.01)
     monkeypatch.setattr(cluster, "PATIENCE_S", 0.05)
     with pytest.raises(StudyError, match=r"no Dask worker for 0\.05 s\. .*start workers .*and resume"):

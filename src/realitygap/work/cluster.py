@@ -182,11 +182,12 @@ class Dask:
         except RealityGapError:
             raise
         except (KilledWorker, FutureCancelledError, OSError) as error:
-            if lost + 1 >= TRIES or self._client.status != "running":
+            if self._client.status != "running":
+                raise _gone(error) from None
+            if lost + 1 >= TRIES:
                 raise StudyError(
-                    f"a worker process died again and again on one job, or the scheduler did ({error}). "
-                    "What was saved is kept: resume, or start again, with workers that have more memory if "
-                    "that ran out."
+                    f"a worker process died again and again on one job ({error}). What was saved is kept: "
+                    "resume, or start again, with workers that have more memory if that ran out."
                 ) from None
             return None
         except Exception as error:
@@ -210,10 +211,15 @@ def _reached() -> Iterator[None]:
     try:
         yield
     except (OSError, ClosedClientError) as error:
-        raise StudyError(
-            f"the Dask scheduler no longer answers ({error}). What was saved is kept: start it and "
-            "its workers, and resume or start again."
-        ) from None
+        raise _gone(error) from None
+
+
+def _gone(error: Exception) -> StudyError:
+    """A scheduler that no longer answers."""
+    return StudyError(
+        f"the Dask scheduler no longer answers ({error}). What was saved is kept: start it and "
+        "its workers, and resume or start again."
+    )
 
 
 def _strange(error: Exception) -> StudyError:
