@@ -194,12 +194,16 @@ class Dask:
             raise _strange(error) from error
 
     def _check_workers(self) -> None:
-        """Refuse workers that are not as this process."""
-        answers = self._client.run(_refuse_other, versions(), on_error="return")
+        """Refuse workers that are not as this process; each job asks again."""
+        ask, answers = self._client.run, dict[str, Any]()
+        with suppress(TimeoutError):  # a worker that is suspended
+            answers = self._client.sync(
+                ask, _refuse_other, versions(), on_error="return", callback_timeout=WAIT_S
+            )
         for answer in answers.values():
             if isinstance(answer, RealityGapError):
                 raise answer
-            if isinstance(answer, Exception):
+            if isinstance(answer, Exception) and not isinstance(answer, OSError):  # or it was just lost
                 raise _strange(answer)
 
 
