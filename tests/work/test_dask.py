@@ -250,8 +250,9 @@ class Client:
 
     status = "running"
 
-    def __init__(self, losses=0, threads=1, *, ends=True, gone=False, answer=None) -> None:
-        self.losses, self.threads, self.ends, self.gone, self.answer = losses, threads, ends, gone, answer
+    def __init__(self, losses=0, threads=1, *, ends=True, gone=False, mute=False, answer=None) -> None:
+        self.losses, self.threads, self.ends, self.gone = losses, threads, ends, gone
+        self.mute, self.answer = mute, answer
         self.lost: dict[int, int] = {}
 
     def submit(self, carry_out, setup, job, theirs, *, pure):
@@ -266,9 +267,12 @@ class Client:
         return {"worker": self.answer}
 
     def sync(self, call, *words, callback_timeout, **more):
+        if self.mute:
+            raise TimeoutError(f"mute for {callback_timeout:g} s")
         return call(*words, **more)
 
     def nthreads(self):
+        assert not self.mute, "waits without end"
         if self.gone:
             raise OSError("no route to host")
         return {"worker": self.threads} if self.threads else {}
@@ -327,6 +331,8 @@ def test_no_wait_for_a_cluster_is_without_end(monkeypatch):
         worked(Client(threads=0, ends=False))
     with pytest.raises(StudyError, match=r"scheduler no longer answers \(no route to host\)\. .*resume"):
         worked(Client(gone=True))
+    with pytest.raises(StudyError, match=r"scheduler no longer answers \(mute for 0\.05 s\)\. .*resume"):
+        worked(Client(mute=True))
 
 
 def test_a_cluster_without_workers_is_noted(monkeypatch, capsys):

@@ -35,7 +35,7 @@ TRIES = 3
 """How often a job is given up by the scheduler, which tries more than once itself, until it is here too."""
 WAIT_S = 10.0
 PATIENCE_S = 600.0
-"""How long there may be no worker at all."""
+"""How long there may be no worker at all, or no word of the scheduler's."""
 MUTE = "what listens there is none"
 AHEAD = 3
 """Jobs that are sent for each thread of the cluster, so that none waits and new workers find some."""
@@ -165,7 +165,8 @@ class Dask:
     def _threads(self) -> int:
         """Of all workers that are there."""
         with _reached():
-            return sum(self._client.nthreads().values())
+            ask = self._client.nthreads
+            return sum(self._client.sync(ask, callback_timeout=PATIENCE_S).values())
 
     def _heard(self, future: Any, lost: int) -> _Answer | None:
         """What came of a job that was given up so often before; None if it is to be made again.
