@@ -28,7 +28,12 @@ def measured(folder: Path) -> dict[str, list[tuple[int, int]]]:
         genes = random_genotype(Layout(), np.uint64(i), start_neurons=full, start_links=0.2 + 0.8 * full)
         board = on_board(run, "random", genes)
         _, source, _ = write_source(board, "c99", folder / f"{i}")
-        for chip, size in sizes(source).items():
+        taken = sizes(source)
+        if lacking := ", ".join(found.keys() - taken.keys()):
+            cure = "Install avr-gcc and arm-none-eabi-gcc."
+            print(f"error: no compiler for {lacking}. {cure}", file=sys.stderr)
+            sys.exit(2)
+        for chip, size in taken.items():
             found[chip].append((len(board.sources), size))
     return found
 

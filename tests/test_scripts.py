@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import runpy
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -68,6 +69,17 @@ def test_a_name_that_moved_is_seen() -> None:
         "realitygap.values: Gone",
     }
     assert set(missing_names(text + late)) == gone
+
+
+def test_a_figure_lacks_no_processor(monkeypatch, tmp_path: Path, capsys) -> None:
+    """Where a compiler is missing, the script that draws networks' sizes says so, and draws nothing."""
+    words = ["down_load.py", str(tmp_path / "made.png")]
+    monkeypatch.setattr("sys.argv", words)
+    monkeypatch.setattr("realitygap.export.sizes", lambda source: {"ATmega328P": 724})
+    with pytest.raises(SystemExit, match=r"^2$"):
+        runpy.run_path(str(ROOT / "benchmarks" / "down_load.py"), run_name="__main__")
+    assert capsys.readouterr().err.startswith("error: no compiler for Cortex-M0+. Install avr-gcc and arm-n")
+    assert not list(tmp_path.iterdir())
 
 
 def test_every_mutation_has_its_place() -> None:

@@ -126,7 +126,9 @@ def blamed_on(
     """
     try:
         yield
-    except (Exception, SystemExit) as why:
+    except (KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as why:
         passes = isinstance(why, RealityGapError) and not isinstance(why, UsageError)
         if passes or (own and _line(place, why) == str(place)):
             raise

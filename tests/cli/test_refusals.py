@@ -230,8 +230,10 @@ def test_a_full_disk_under_stdout_ends_in_one_line():
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
 @pytest.mark.parametrize("stdout", [subprocess.PIPE, None], ids=["stderr", "both"])
-def test_a_full_disk_under_stderr_keeps_the_exit_code(stdout):
-    """Where nothing can be said the code still tells whose doing it was."""
+@pytest.mark.parametrize("debug", ["0", "1"])
+def test_a_full_disk_under_stderr_keeps_the_exit_code(stdout, debug, monkeypatch):
+    """Where nothing can be said, not even where it failed, the code still tells whose doing it was."""
+    monkeypatch.setenv(DEBUG, debug)
     with open("/dev/full", "w") as full:
         code = [sys.executable, "-m", "realitygap", "profile", "show", "papier" if stdout else "paper"]
         made = subprocess.run(code, stdout=stdout or full, stderr=full, check=False)

@@ -91,6 +91,7 @@ def test_machine_code_is_kept_across_processes(mine, tmp_path):
         ("x = 1\n1 / 0\n", "mine.py, line 2: the file fails with ZeroDivisionError: division by zero"),
         ("import nowhere_at_all\n", "mine.py, line 1: the file fails with ModuleNotFoundError"),
         ("raise SystemExit(3)\n", "mine.py, line 1: the file fails with SystemExit: 3"),
+        ("raise BaseException(3)\n", "mine.py, line 1: the file fails with BaseException: 3"),
         (HEAD + TAIL, "mine.py, line 2: the file fails with NameError: name 'score' is not defined"),
         (HEAD + SCORE + TAIL.replace("x_cm=15", "x_cm='15'"), "mine.py, line 4: x_cm: expected a number"),
         (HEAD + SCORE + TAIL.replace("'light-seeking'", "'gone.toml'"), "gone.toml: no such file"),

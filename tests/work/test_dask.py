@@ -159,6 +159,33 @@ def test_what_is_no_cluster_is_refused(address, monkeypatch):
         Dask(address)
 
 
+def test_a_suspended_worker_is_not_waited_for(address, monkeypatch):
+    """Nor is it asked for its versions: each job asks again, and the scheduler gives up such a worker."""
+    pool = Dask(address)
+    worker = min(pool._client.run(os.getpid).values())
+    pool.close()
+    monkeypatch.setattr(cluster, "WAIT_S", 1.0)
+    waker = threading.Timer(15.0, os.kill, (worker, signal.SIGCONT))
+    os.kill(worker, signal.SIGSTOP)
+    waker.start()
+    try:
+        Dask(address).close()
+        assert waker.is_alive()
+    finally:
+        waker.cancel()
+        os.kill(worker, signal.SIGCONT)
+
+
+def test_a_worker_lost_while_it_is_asked_is_no_other_version():
+    """It may be killed at any time; one that lacks the package is refused."""
+    pool = object.__new__(Dask)
+    pool._client = Client(answer=OSError("the stream is closed"))
+    pool._check_workers()
+    pool._client = Client(answer=ModuleNotFoundError("no realitygap"))
+    with pytest.raises(StudyError, match=r"cannot run a job .*: no realitygap\)\. Install"):
+        pool._check_workers()
+
+
 def test_what_listens_but_never_answers_is_no_scheduler(monkeypatch):
     """A port where something else listens, as a wrong number may be, is refused instead of waited for."""
     monkeypatch.setattr("realitygap.work.cluster.WAIT_S", 0.5)
@@ -223,8 +250,9 @@ class Client:
 
     status = "running"
 
-    def __init__(self, losses: int = 0, threads: int = 1, *, ends: bool = True, gone: bool = False) -> None:
+    def __init__(self, losses=0, threads=1, *, ends=True, gone=False, mute=False, answer=None) -> None:
         self.losses, self.threads, self.ends, self.gone = losses, threads, ends, gone
+        self.mute, self.answer = mute, answer
         self.lost: dict[int, int] = {}
 
     def submit(self, carry_out, setup, job, theirs, *, pure):
@@ -235,7 +263,16 @@ class Client:
             return Future(OSError("the worker is gone"))
         return Future(carry_out(setup, job, theirs))
 
+    def run(self, call, *words, on_error):
+        return {"worker": self.answer}
+
+    def sync(self, call, *words, callback_timeout, **more):
+        if self.mute:
+            raise TimeoutError(f"mute for {callback_timeout:g} s")
+        return call(*words, **more)
+
     def nthreads(self):
+        assert not self.mute, "waits without end"
         if self.gone:
             raise OSError("no route to host")
         return {"worker": self.threads} if self.threads else {}
@@ -284,12 +321,18 @@ def test_what_was_told_before_an_error_is_heard():
 
 def test_no_wait_for_a_cluster_is_without_end(monkeypatch):
     """Without workers, or without a scheduler, for a while: one message with the cure."""
+    lost = Client(losses=1)
+    lost.status = "connecting"
+    with pytest.raises(StudyError, match=r"scheduler no longer answers \(the worker is gone\)\. .*resume"):
+        worked(lost)
     monkeypatch.setattr(cluster, "WAIT_S", 0.01)
     monkeypatch.setattr(cluster, "PATIENCE_S", 0.05)
     with pytest.raises(StudyError, match=r"no Dask worker for 0\.05 s\. .*start workers .*and resume"):
         worked(Client(threads=0, ends=False))
     with pytest.raises(StudyError, match=r"scheduler no longer answers \(no route to host\)\. .*resume"):
         worked(Client(gone=True))
+    with pytest.raises(StudyError, match=r"scheduler no longer answers \(mute for 0\.05 s\)\. .*resume"):
+        worked(Client(mute=True))
 
 
 def test_a_cluster_without_workers_is_noted(monkeypatch, capsys):

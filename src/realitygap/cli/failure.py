@@ -94,7 +94,8 @@ def guarded(work: Callable[[], Any]) -> int:
         sys.stdout.flush()
     except Exception as failure:
         if os.environ.get(DEBUG, "") not in ("", "0"):
-            traceback.print_exc()
+            with suppress(OSError):  # a full disk under stderr
+                traceback.print_exc()
         return explain(failure)
     except KeyboardInterrupt:
         return explain(click.Abort())

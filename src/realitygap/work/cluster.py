@@ -35,7 +35,7 @@ TRIES = 3
 """How often a job is given up by the scheduler, which tries more than once itself, until it is here too."""
 WAIT_S = 10.0
 PATIENCE_S = 600.0
-"""How long there may be no worker at all."""
+"""How long there may be no worker at all, or no word of the scheduler's."""
 MUTE = "what listens there is none"
 AHEAD = 3
 """Jobs that are sent for each thread of the cluster, so that none waits and new workers find some."""
@@ -165,7 +165,8 @@ class Dask:
     def _threads(self) -> int:
         """Of all workers that are there."""
         with _reached():
-            return sum(self._client.nthreads().values())
+            ask = self._client.nthreads
+            return sum(self._client.sync(ask, callback_timeout=PATIENCE_S).values())
 
     def _heard(self, future: Any, lost: int) -> _Answer | None:
         """What came of a job that was given up so often before; None if it is to be made again.
@@ -182,23 +183,28 @@ class Dask:
         except RealityGapError:
             raise
         except (KilledWorker, FutureCancelledError, OSError) as error:
-            if lost + 1 >= TRIES or self._client.status != "running":
+            if self._client.status != "running":
+                raise _gone(error) from None
+            if lost + 1 >= TRIES:
                 raise StudyError(
-                    f"a worker process died again and again on one job, or the scheduler did ({error}). "
-                    "What was saved is kept: resume, or start again, with workers that have more memory if "
-                    "that ran out."
+                    f"a worker process died again and again on one job ({error}). What was saved is kept: "
+                    "resume, or start again, with workers that have more memory if that ran out."
                 ) from None
             return None
         except Exception as error:
             raise _strange(error) from error
 
     def _check_workers(self) -> None:
-        """Refuse workers that are not as this process."""
-        answers = self._client.run(_refuse_other, versions(), on_error="return")
+        """Refuse workers that are not as this process; each job asks again."""
+        ask, answers = self._client.run, dict[str, Any]()
+        with suppress(TimeoutError):  # a worker that is suspended
+            answers = self._client.sync(
+                ask, _refuse_other, versions(), on_error="return", callback_timeout=WAIT_S
+            )
         for answer in answers.values():
             if isinstance(answer, RealityGapError):
                 raise answer
-            if isinstance(answer, Exception):
+            if isinstance(answer, Exception) and not isinstance(answer, OSError):  # or it was just lost
                 raise _strange(answer)
 
 
@@ -210,10 +216,15 @@ def _reached() -> Iterator[None]:
     try:
         yield
     except (OSError, ClosedClientError) as error:
-        raise StudyError(
-            f"the Dask scheduler no longer answers ({error}). What was saved is kept: start it and "
-            "its workers, and resume or start again."
-        ) from None
+        raise _gone(error) from None
+
+
+def _gone(error: Exception) -> StudyError:
+    """A scheduler that no longer answers."""
+    return StudyError(
+        f"the Dask scheduler no longer answers ({error}). What was saved is kept: start it and "
+        "its workers, and resume or start again."
+    )
 
 
 def _strange(error: Exception) -> StudyError:

@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from realitygap.errors import UsageError
+
 __all__ = ["OnProgress", "Progress", "Reporter"]
 
 EVERY_S = 0.2
@@ -44,11 +46,18 @@ class Reporter:
         tell: called with each event.
         work: of each phase, what an earlier session did left out.
         patience_s: the time left is estimated once this much time has been spent on work.
+
+    Raises:
+        UsageError: `tell` cannot be called.
     """
 
     def __init__(
         self, tell: OnProgress | None, work: Mapping[str, float], *, patience_s: float = 0.0
     ) -> None:
+        given: object = tell
+        if not callable(given or max):
+            expected = "expected a function of one event, got"
+            raise UsageError(f"on_progress: {expected} {tell!r}. Give one, or leave it out.")
         self._tell = tell or (lambda _: None)
         self._left = dict(work)
         self._patience = patience_s
