@@ -36,7 +36,11 @@ CONDITIONS = 6
 @click.option("--starts", type=Whole(1, 10**6), help="Trials of each champion on the twin [default: 8].")
 @option.workers
 @option.engine
-@click.option("--no-transfer", is_flag=True, help="Stop before the transfer: no trials on the twin.")
+@click.option(
+    "--no-transfer",
+    is_flag=True,
+    help="Stop before the transfer: no trials on the twin. Resumed without it, they are made.",
+)
 @option.watch
 @option.resume
 @option.as_json
