@@ -106,6 +106,10 @@ def test_a_place_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match=r"file.*Check the path and its rights"):
         run_study(tmp_path / "file" / "study", small())
+    (tmp_path / "link").symlink_to("nowhere")
+    for there in ("file", "link"):
+        with pytest.raises(StudyError, match=rf"{there}: a file, or a link to nothing, is there\. Check"):
+            run_study(tmp_path / there, small())
 
 
 def test_a_read_only_folder(copy, monkeypatch):

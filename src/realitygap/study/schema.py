@@ -66,7 +66,9 @@ def told(path: Path) -> Iterator[None]:
     except OSError as error:
         kept = "What was saved is kept. " if error.errno == errno.ENOSPC else ""
         cure = "Free some space and resume" if kept else "Check the path and its rights, or take another"
-        raise StudyError(f"{error.filename or path}: {error.strerror or error}. {kept}{cure}.") from error
+        there = "a file, or a link to nothing, is there" if isinstance(error, FileExistsError) else None
+        what = there or error.strerror or str(error)
+        raise StudyError(f"{error.filename or path}: {what}. {kept}{cure}.") from error
 
 
 def _words(error: sqlite3.Error) -> str:
