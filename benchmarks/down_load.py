@@ -53,4 +53,4 @@ def main(file: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(*(sys.argv[1:2] or ["docs/down-load.png"])))
