@@ -31,6 +31,7 @@ def test_shipped_disk_is_the_default():
         ("radius_cm = nan", "radius_cm: expected a number"),
         ("front_distance_cm = 1.0", "patches would touch"),
         ("front_distance_cm = 2.6", "radius_cm: expected at least"),
+        ("radius_cm = 12", "front_radius_cm: expected at least 0.48"),
         ("radius_cm = ", "not a TOML file"),
         ("radius_cm = 1e300", "radius_cm: expected at most 1000 cm"),
     ],

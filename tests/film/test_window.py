@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from realitygap.film import finder as finders
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.finder import REACH_CM, Finder
 from realitygap.film.pattern import correlation, pattern_of, responses, spots
-from realitygap.film.window import lay_out, sightings
+from realitygap.film.window import lay_out, optics_of, sightings
 from tests.film import slow_masks
 from tests.film.scene import Renderer, Scene
 
@@ -45,7 +44,7 @@ def test_a_window_lies_where_the_camera_says(camera: CameraModel) -> None:
         for height in (3.0, 5.5) if one.lens_cm else (one.plane_cm,):
             columns, rows, ends = *np.empty((2, 61, 61), np.float32), np.empty(4)
             for x, y in ((30.0, 40.0), (-20.0, 95.0), (400.0, -900.0)):
-                lay_out(finders._optics_of(one, height), np.array([x, y]), axis, columns, rows, ends)
+                lay_out(optics_of(one, height), np.array([x, y]), axis, columns, rows, ends)
                 right = one.columns_rows(x + axis, (y + axis)[:, None], height)
                 assert columns.tobytes() == right[0].astype(np.float32).tobytes()
                 assert rows.tobytes() == right[1].astype(np.float32).tobytes()
@@ -85,3 +84,26 @@ def test_compiled_masks_find_what_plain_ones_do(camera: CameraModel, poses: np.n
             right = slow_masks.correlation(seen, pattern)
             assert correlation(seen, pattern, np.empty((4, 5))) == pytest.approx(right, abs=1e-10)
     assert count >= 6
+
+
+@pytest.mark.parametrize("radius_cm", [2.75, 6.0, 11.0])
+def test_a_disk_larger_than_the_window_is_judged_as_by_whole_masks(
+    camera: CameraModel, poses: np.ndarray, radius_cm: float
+) -> None:
+    """Beyond the window the picture is as at its edge, not what an earlier window left there."""
+    disk = Disk(radius_cm=radius_cm)
+    finder, renderer = Finder(camera, disk), Renderer(Scene())
+    square = finder._square(REACH_CM)
+    for kept in square.room:
+        kept[:] = 1e4
+    judged = 0
+    for pose in poses[:8]:
+        picture, place = renderer.picture(pose), np.array(pose[:2]) + 0.9
+        seen = finder.near(picture, place)
+        if seen is not None:
+            window = finder._laid_out(picture, place, square)
+            found = (seen.points - place) / finder._step + square.aim.half
+            whole = responses(window, disk, 1 / finder._step)[2]
+            assert seen.quality == pytest.approx(finder._quality(whole, found.ravel()), abs=1e-4)
+            judged += 1
+    assert judged >= 6

@@ -113,8 +113,8 @@ def lit_apart(rows: Rows, found: ChannelFit) -> list[str]:
 
 
 def rivals(best: str, errs: Mapping[str, float], ratios: Mapping[str, float]) -> list[str]:
-    """The forms on which a reflectance must not hang: those that err almost as little on places held out as
-    the best, and those that err by no more than noise hides (`ratios`: model error over noise)."""
+    """The forms that must agree on a reflectance: those that err almost as little on places held out as the
+    best, and those whose model error over noise (`ratios`) does not exceed the limit."""
     limit = misfit.LIMITS["infrared"]
     return [name for name in errs if errs[name] <= AS_GOOD * errs[best] or ratios[name] <= limit]
 

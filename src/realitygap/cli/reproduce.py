@@ -39,7 +39,7 @@ CONDITIONS = 6
 @click.option(
     "--no-transfer",
     is_flag=True,
-    help="Stop before the transfer: no trials on the twin. Resumed without it, they are made.",
+    help="Stop before the transfer: no trials on the twin. Resuming without it makes them.",
 )
 @option.watch
 @option.resume

@@ -17,6 +17,8 @@ __all__ = ["Disk", "load_disk"]
 
 LARGEST_CM = 1e3
 """No robot is as large, and no camera of this project hangs as high."""
+WIDEST = 25.0
+"""In radii of the front patch: a wider disk is compared at more places than OpenCV looks up at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +55,12 @@ class Disk:
             raise FilmError(
                 f"radius_cm: expected at least {self.front_distance_cm + self.front_radius_cm:g} (the "
                 f"front patch's far edge), got {self.radius_cm:g}. Make the disk larger or the patch smaller."
+            )
+
+        if self.radius_cm > WIDEST * self.front_radius_cm:
+            raise FilmError(
+                f"front_radius_cm: expected at least {self.radius_cm / WIDEST:g} (a {WIDEST:g}th of radius_cm), "
+                f"got {self.front_radius_cm:g}. Make the front patch larger."
             )
 
     @property

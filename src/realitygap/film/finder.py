@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
-from realitygap.film.camera import OUTSIDE, CameraModel, turning_point
+from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.masks import LANES, OUTER, Picture, Room, curves
 from realitygap.film.pattern import Grey, correlation, pattern_of, responses, spots
-from realitygap.film.window import UPHILL, Aim, Optics, lay_out, sightings
+from realitygap.film.window import UPHILL, Aim, lay_out, optics_of, sightings
 from realitygap.values import Floats, Pose
 
 __all__ = ["FOUND_ANEW", "KNOWN_AGAIN", "Finder", "Look", "Sighting", "first_look"]
@@ -99,7 +99,7 @@ class Finder:
         camera.check_height(disk.height_cm)
         self.camera, self.disk, self._slack = camera, disk, slack
         self._pattern = pattern_of(disk)
-        self._optics = _optics_of(camera, disk.height_cm)
+        self._optics = optics_of(camera, disk.height_cm)
         self._squares, self._last = dict[float, _Square](), (camera.width_px - 1.5, camera.height_px - 1.5)
         self._spots, self._sums = np.empty((2, len(self._pattern.white), 1), np.float32), np.empty((4, 5))
         middle = camera.to_floor(camera.middle, disk.height_cm)
@@ -118,9 +118,10 @@ class Finder:
         """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
         disk, square = self.disk, self._square(reach_cm)
         window = self._laid_out(picture, place, square)
+        fine = square.room.fine[:, : len(window)]  # beyond it there is only room
         best: Sighting | None = None
         for k in range(sightings(window, square.aim, square.room, square.tops, square.found)):
-            quality = self._quality(square.room.fine, square.found[k])
+            quality = self._quality(fine, square.found[k])
             if best is None or quality > best.quality:
                 points = place + (square.found[k].reshape(2, 2) - square.aim.half) * self._step
                 best = Sighting(points, disk.pose_of(points), quality)
@@ -290,21 +291,3 @@ def _maxima(response: Picture, reach: int, count: int) -> NDArray[np.int64]:
     top = (response >= cv2.dilate(response, kernel)) & (response > 0.5)
     places = np.argwhere(top)
     return places[np.argsort(-response[top], kind="stable")[:count]]
-
-
-def _optics_of(camera: CameraModel, height_cm: float) -> Optics:
-    """The camera for what is so high above the floor."""
-    move, lens = (1.0, 1.0), (0.0, 0.0)
-    if camera.lens_cm is not None and abs(height_cm - camera.plane_cm) > 1e-9:
-        *lens, above = camera.lens_cm  # type: ignore[assignment]
-        move = above - camera.plane_cm, above - height_cm
-    return Optics(
-        homography=camera.homography,
-        lens=(lens[0], lens[1]),
-        move=move,
-        middle=camera.middle,
-        half=camera.half_diagonal,
-        radial=camera.radial,
-        limit=turning_point(*camera.radial),
-        outside=OUTSIDE,
-    )

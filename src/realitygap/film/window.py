@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from realitygap.film.camera import OUTSIDE, CameraModel, turning_point
 from realitygap.film.masks import Curves, jit, part_about, respond, step
 from realitygap.values import Floats
 
-__all__ = ["UPHILL", "Aim", "Optics", "lay_out", "sightings"]
+__all__ = ["UPHILL", "Aim", "Optics", "lay_out", "optics_of", "sightings"]
 
 LEAST, UPHILL = 0.5, 6
 """A mask's response that is a top, and how many steps it is from a place on the ring to one, at most."""
@@ -48,6 +49,24 @@ class Aim(NamedTuple):
     far: int
     centre: Curves
     front: Curves
+
+
+def optics_of(camera: CameraModel, height_cm: float) -> Optics:
+    """The camera for what is so high above the floor."""
+    move, lens = (1.0, 1.0), (0.0, 0.0)
+    if camera.lens_cm is not None and abs(height_cm - camera.plane_cm) > 1e-9:
+        *lens, above = camera.lens_cm  # type: ignore[assignment]
+        move = above - camera.plane_cm, above - height_cm
+    return Optics(
+        homography=camera.homography,
+        lens=(lens[0], lens[1]),
+        move=move,
+        middle=camera.middle,
+        half=camera.half_diagonal,
+        radial=camera.radial,
+        limit=turning_point(*camera.radial),
+        outside=OUTSIDE,
+    )
 
 
 @step

@@ -55,9 +55,10 @@ class Reporter:
         self, tell: OnProgress | None, work: Mapping[str, float], *, patience_s: float = 0.0
     ) -> None:
         given: object = tell
-        if not callable(given or max):
-            expected = "expected a function of one event, got"
-            raise UsageError(f"on_progress: {expected} {tell!r}. Give one, or leave it out.")
+        if given is not None and not callable(given):
+            raise UsageError(
+                f"on_progress: expected a function of one event, got {given!r}. Give one, or leave it out."
+            )
         self._tell = tell or (lambda _: None)
         self._left = dict(work)
         self._patience = patience_s
