@@ -1,6 +1,6 @@
 """Draws docs/correspondence.md's figures, prints its tables: `python -m docs.figures.correspondence`.
 
-With `names`, what concerns names alone.
+With `names`, what concerns names alone; with `short`, names of trials cut short.
 """
 
 from __future__ import annotations
@@ -29,13 +29,14 @@ from tests.correspondence.ladders import (
     phrase_scores,
     reliability,
     right,
+    setting_for,
 )
 from tests.correspondence.vehicles import SMALL, VEHICLES, Driven, Vehicles, called_by_name, everybody
 from tests.correspondence.vehicles_fresh import FRESH
 from tests.correspondence.vehicles_later import LATER
 from tests.exemplars.wide import FAMILIES
 
-from realitygap.correspondence.names import KINDS
+from realitygap.correspondence.names import KINDS, of_length
 from realitygap.report.style import PAGE, new_figure, styled
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
@@ -98,7 +99,28 @@ def names() -> None:
     for task, label in zip(KINDS, list(found), strict=True):
         found[label] += called(task, held_out(task, NOBODIES_OF[task], range(SETS[0], SETS[0] + EACH), 1.0))
     names_on_enki(found)
+    names_by_length()
     reliability_figure(found)
+
+
+def names_by_length() -> None:
+    """How sure and how right names of trials are that are cut short, and how sure without their discount."""
+    print("| trials | seconds | trials named | right | sure | without the discount |")
+    print("|---|---|---|---|---|---|")
+    for task in (*KINDS, "Enki"):
+        if task == "Enki":
+            arena = setting_for("obstacle-avoidance").arena
+            every = [(d.kind, d.trial, arena) for d in everybody(range(200, 204))]
+        else:
+            of = [(KINDS[task], 16), (NOBODIES_OF[task], 8)]
+            sets = [held_out(task, kinds, range(k, k + n), 1.0) for k in SETS[:2] for kinds, n in of]
+            every = [*itertools.chain(*sets)]
+        for seconds in (3, 6, 10, 15, 20):
+            cut = [(kind, trial.cut(seconds), arena) for kind, trial, arena in every]
+            made = called("obstacle-avoidance" if task == "Enki" else task, cut)
+            sure = np.mean([one.confidence for one in made])
+            print(f"| {task} | {seconds} | {len(made)} | {right(made):.1%} | {sure:.2f} | "
+                  f"{sure / of_length(seconds):.2f} |")  # fmt: skip
 
 
 def names_on_enki(found: dict[str, list[Named]]) -> None:
@@ -219,4 +241,4 @@ def draw(ladders: list[Ladder]) -> None:
 
 
 if __name__ == "__main__":
-    names() if sys.argv[1:] == ["names"] else main()
+    {("names",): names, ("short",): names_by_length}.get(tuple(sys.argv[1:]), main)()

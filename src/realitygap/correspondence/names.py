@@ -32,7 +32,10 @@ from realitygap.text import must_be
 from realitygap.values import Floats
 from realitygap.world.arena import Arena
 
-__all__ = ["KINDS", "NONE", "Name", "Namer", "common_name", "descriptors_of", "namer", "rows_of", "shares"]
+__all__ = [
+    "KINDS", "NONE", "Name", "Namer", "common_name", "descriptors_of", "namer", "of_length", "rows_of",
+    "shares",
+]  # fmt: skip
 
 NONE = "none of these"
 KINDS = {
@@ -50,7 +53,7 @@ UNTOLD = 0.75
 these", where it holds no kind's: a robot that stands before a wall may be jammed."""
 WHOLE_S, FADES_S, LOST = 20.0, 4.0, 0.45
 """Exemplars last 20 s. Of a shorter trial's confidence this share of e^(−seconds / 4) is lost, less what 20 s
-would lose: fitted to held-out exemplars cut to 3 … 15 s, of which fewer names were right than were sure."""
+would lose: chosen by eye on held-out exemplars cut to 3 … 15 s, whose names were surer than right."""
 UNSEEN, LEAST, MOST = 0.1, 0.3, 9.0
 """A variance that nobody sees (in just-noticeable amounts); bounds of what a descriptor counts."""
 
@@ -106,7 +109,7 @@ class Namer:
         """A name for each trial."""
         near = self.nearest(rows_of(trials, setting.arena, large=self._large))
         found = shares(*near, self.reach, self.temperature)
-        found *= np.array([_of_length(trial.seconds) for trial in trials])[:, None]
+        found *= np.array([of_length(trial.seconds) for trial in trials])[:, None]
         if self._large and setting.arena is not None:
             held = [tells(trial, setting.arena) for trial in trials]
             best = [self.kinds[k] for k in found.argmax(axis=1)]
@@ -148,7 +151,7 @@ def shares(far: Floats, kinds: Floats, reach: float, temperature: float) -> Floa
     return np.asarray(powers / powers.sum(axis=1, keepdims=True))
 
 
-def _of_length(seconds: float) -> float:
+def of_length(seconds: float) -> float:
     """What is left of a name's confidence in a trial of this length."""
     return 1.0 - LOST * (math.exp(-min(seconds, WHOLE_S) / FADES_S) - math.exp(-WHOLE_S / FADES_S))
 

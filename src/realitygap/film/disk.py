@@ -59,8 +59,8 @@ class Disk:
 
         if self.radius_cm > WIDEST * self.front_radius_cm:
             raise FilmError(
-                f"front_radius_cm: expected at least {self.radius_cm / WIDEST:g} (a {WIDEST:g}th of radius_cm), "
-                f"got {self.front_radius_cm:g}. Make the front patch larger."
+                f"front_radius_cm: expected at least {self.radius_cm / WIDEST:g} (a {WIDEST:g}th of "
+                f"radius_cm), got {self.front_radius_cm:g}. Make the front patch larger."
             )
 
     @property
