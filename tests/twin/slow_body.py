@@ -21,6 +21,7 @@ from realitygap.twin.wheels import (
     POSITION_SCALE,
     PROFILE,
     PULSES_PER_RADIAN,
+    SETTLED_MS,
     SPEED_GAINS,
     SPEED_SCALE,
     WINDOW_MS,
@@ -41,6 +42,10 @@ class SlowBody(TwinBody):
         self._creep = SlowCreep(name, self.noise, self.unit.axle_phase)
         self._eyes = SlowSensors(self.arena, self.unit, noise=self.noise, seed=name)
 
+    def place(self, x_cm: float, y_cm: float, heading: float) -> None:
+        super().place(x_cm, y_cm, heading)
+        self._set_down: int | None = self.time_ms  # None: it has been told to turn since
+
     def advance(self, milliseconds: int) -> None:
         self._make_room(milliseconds)
         for now in range(self.time_ms + 1, self.time_ms + milliseconds + 1):
@@ -52,7 +57,10 @@ class SlowBody(TwinBody):
                 slipped[side] += creeps[side] * (angle - last[side])
                 last[side] = angle
                 self._data.ctrl[side] = wheel.voltage(float(angle + slipped[side]))  # type: ignore[attr-defined]
-            mujoco.mj_step(self._model, self._data, self._substeps)
+            if not all(wheel.told_to_stand for wheel in self._wheels):  # type: ignore[attr-defined]
+                self._set_down = None
+            if self._set_down is None or now <= self._set_down + SETTLED_MS:
+                mujoco.mj_step(self._model, self._data, self._substeps)
             self.time_ms = now
             if now % CYCLE_MS in PHASE_MS:
                 self._history[now % HISTORY_MS] = self._qpos[:7]
@@ -137,6 +145,11 @@ class SlowWheel:
         if self._mode == "position":
             return self._target - self.pulses
         return round(self._wanted) - self.speed if self._mode == "speed" else 0
+
+    @property
+    def told_to_stand(self) -> bool:
+        """Whether it holds the speed 0."""
+        return self._mode == "speed" and self._wanted == 0
 
     @property
     def on_target(self) -> bool:

@@ -8,8 +8,17 @@ import sys
 from collections.abc import Callable
 
 from realitygap.twin.body import TwinBody
+from realitygap.twin.wheels import SETTLED_MS
 from tests.twin.rooms import CROWDED
 from tests.twin.slow_body import SlowBody
+
+
+def rest(body: TwinBody) -> None:
+    """Set down, and left standing until it rests."""
+    body.set_speed(0, 0)
+    body.place(60.0, 20.0, 1.0)
+    body.advance(SETTLED_MS + 7)
+
 
 ORDERS: tuple[Callable[[TwinBody], None], ...] = (
     lambda body: body.set_speed(12, 9),
@@ -22,6 +31,8 @@ ORDERS: tuple[Callable[[TwinBody], None], ...] = (
     lambda body: body.set_pwm(90, -40),
     lambda body: body.place(30.0, 45.0, 2.0),
     lambda body: body.set_speed(-127, -100),
+    rest,
+    lambda body: body.set_pwm(0, 0),
     lambda body: body.set_speed(3, 2),
 )
 """All that changes what the wheels do."""

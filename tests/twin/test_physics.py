@@ -11,6 +11,7 @@ from realitygap.errors import ConfigError
 from realitygap.twin import model
 from realitygap.twin.body import TwinBody
 from realitygap.twin.states import heading_of
+from realitygap.twin.wheels import SETTLED_MS
 from tests.twin.rooms import CROWDED, OPEN
 
 PULSES_PER_CM = 120
@@ -33,6 +34,43 @@ def test_stands_level(unit: int) -> None:
     assert abs(heading - 1.0) < 0.01
     assert tilt_deg(body) < 0.5
     assert abs(body.states().pose[:, 2]).max() < 1e-4
+
+
+def test_rests_until_it_is_told_to_move() -> None:
+    """A robot that was set down rests once it has settled, to the last bit; its sensors' noise goes on; told
+    to drive, it drives as one that never rested; pushed, or told to stand after a drive, it does not rest."""
+    body = TwinBody(OPEN, unit=3)
+    body.place(100, 100, 0.5)
+    body.advance(SETTLED_MS - 1)
+    settling = body.truth()
+    body.advance(1)
+    rests = body.truth()
+    readings = []
+    for _ in range(20):
+        body.advance(100)
+        readings.append(body.proximity())
+    assert settling != rests
+    assert body.truth() == rests
+    assert len(set(map(tuple, readings))) == len(readings)
+    drives = TwinBody(OPEN, unit=3)
+    drives.place(100, 100, 0.5)
+    for one in (body, drives):
+        begins = one.pulses()
+        one.set_speed(5, 5)
+        one.advance(2000)
+        assert one.pulses() == pytest.approx([begins[side] + 1000 for side in range(2)], abs=20)
+        one.set_speed(0, 0)
+        one.advance(1000)
+    assert math.dist(body.truth()[:2], drives.truth()[:2]) < 0.1
+    stopped = body.truth()
+    body.advance(1000)
+    assert body.truth() != stopped
+    body.place(100, 100, 0.5)
+    body.set_pwm(0, 0)
+    body.advance(1000)
+    wanders = body.truth()
+    body.advance(1000)
+    assert body.truth() != wanders
 
 
 @pytest.mark.parametrize("speed", [-10, -3, 1, 5, 10])

@@ -48,7 +48,7 @@ TURNS = "turns"
 NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for each plan."""
 FIT = "fit"
-RECIPE, MEASURED_RECIPE = 3, 6
+RECIPE, MEASURED_RECIPE = 4, 6
 """Of printed and of measured sensors: increased whenever the same settings would make another profile."""
 
 Work = Callable[[], None]

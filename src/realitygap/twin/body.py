@@ -62,6 +62,7 @@ class TwinBody:
             qpos=self._qpos,
             ctrl=self._data.ctrl,
             wheels=wheels.view(np.recarray),
+            stood=np.zeros(1, np.int64),
             turned=np.zeros((3, 2)),
             creep=creep,
             half=self.unit.track / 2.0,
@@ -123,6 +124,7 @@ class TwinBody:
         data.qpos[7:9] = angles
         mujoco.mj_forward(self._model, data)
         self._history[:] = data.qpos[:7]
+        self._machine.stood[0] = 0
         self._make_room(1)
         note(self.time_ms, self._machine)
 

@@ -43,6 +43,9 @@ POSITION_SCALE = (1 / 100000.0, 1 / 2000000.0, 1 / 5000.0)
 give a quick step without overshoot, and never changed since."""
 RECORD_MS = 10
 """A state is kept for the camera this often."""
+SETTLED_MS = 300
+"""A robot that was set down and is only told to stand rests from then on: in the next 3 s it would wander by
+6 µm at most."""
 ARRIVED = 3
 """Within 3 pulses (0.25 mm) of its target a wheel is there."""
 
@@ -171,8 +174,9 @@ def _voltage(wheel: Any, angle: float) -> Any:
 class Machine(NamedTuple):
     """What a millisecond needs: MuJoCo's model and data (their addresses where `FOUND`) and views of it.
 
-    wheels [2] records; turned [3, 2] creep, last angle, slip; half: of the track (m); history: the poses kept
-    of each `kept` millisecond; states [n, 8]: time and pose, `recorded` [1] of them so far.
+    wheels [2] records; stood [1]: ms since the robot was set down, as long as it is only told to stand, else
+    −1; turned [3, 2] creep, last angle, slip; half: of the track (m); history: the poses kept of each `kept`
+    millisecond; states [n, 8]: time and pose, `recorded` [1] of them so far.
     """
 
     model: Any
@@ -181,6 +185,7 @@ class Machine(NamedTuple):
     qpos: NDArray[np.float64]
     ctrl: NDArray[np.float64]
     wheels: Any
+    stood: NDArray[np.int64]
     turned: NDArray[np.float64]
     creep: Creep
     half: float
@@ -227,6 +232,16 @@ def note(now: int, machine: Any) -> None:
     machine.recorded[0] = row + 1
 
 
+@jit
+def _stands(machine: Any) -> Any:
+    """Count a millisecond's standing; whether the robot has come to rest, so that its physics may wait."""
+    for side in range(2):
+        if machine.wheels[side].mode != SPEED or machine.wheels[side].wanted != 0.0:
+            machine.stood[0] = -1
+    machine.stood[0] += machine.stood[0] >= 0
+    return machine.stood[0] > SETTLED_MS
+
+
 def _run(first: int, count: int, machine: Machine) -> int:
     """Let `count` milliseconds pass, the first of them this one.
 
@@ -243,7 +258,7 @@ def _run(first: int, count: int, machine: Machine) -> int:
             machine.turned[2, side] += machine.turned[0, side] * (angle - machine.turned[1, side])
             machine.turned[1, side] = angle
             machine.ctrl[side] = _voltage(machine.wheels[side], angle + machine.turned[2, side])
-        for _ in range(machine.substeps):
+        for _ in range(0 if _stands(machine) else machine.substeps):
             _step(machine.model, machine.data)
         if machine.kept[now % machine.kept.shape[0]]:
             for k in range(7):
