@@ -66,7 +66,7 @@ MARGIN_CM = 0.5
 TOUCH_CM = 1e-6
 """Distance of known poses from walls, and tolerance of positions for rounding."""
 
-QUALITY = 21
+QUALITY = 23
 """H.264's rate factor: it drops some of the pixels' noise, which makes films far smaller."""
 
 FIRST = 10**6
