@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
 from realitygap.kernels.params import Arena as KernelArena
 from realitygap.kernels.params import Robot
-from realitygap.kernels.work import Work, new_work, quiet, unfed
+from realitygap.kernels.work import Work, all_fans, new_work, quiet, unfed
 from realitygap.values import Floats
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from realitygap.world.profile import Profile
 
 __all__ = [
-    "Scene", "illumination", "light_readings", "lit_readings", "proximity", "received", "scene_of",
-    "table_at", "up_curve", "wheel_speeds", "work_of",
+    "Scene", "illumination", "light_readings", "lit_places", "lit_readings", "proximity", "received",
+    "rows_of", "scene_of", "table_at", "up_curve", "wheel_speeds", "work_of",
 ]  # fmt: skip
 
 ROOM_CM = 1000.0
@@ -148,14 +148,29 @@ def table_at(table: Sequence[Sequence[float]] | Floats, share: Floats) -> Floats
 
 
 def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Floats:
-    """Illumination A [n, A] of the ambient sensors, before their gains."""
+    """Illumination A [n, A] of the ambient sensors at a recording's rows, before their gains."""
+    robot = _robot(profile)
+    return lit_places(robot, [(scene, turn_deg)], work_of(robot))[scene.row]
+
+
+def lit_places(robot: Robot, rigs: Sequence[tuple[Scene, float]], work: Work) -> Floats:
+    """Illumination A [m, A] of the ambient sensors at the places of several scenes, each with its rig's
+    rotation (degrees)."""
     from realitygap.kernels import sweep
 
-    robot = _robot(profile)
-    out = np.zeros((len(scene.poses), len(profile.ambient.sensors)))
-    follow = sweep.sweep_direct if scene.bare else sweep.sweep_light
-    follow(robot, scene.arena, scene.turned(turn_deg), work_of(robot), out)
-    return out[scene.row]
+    parts = []
+    for scene, turn_deg in rigs:
+        out = np.zeros((len(scene.poses), len(robot.ambient_place)))
+        follow = sweep.sweep_direct if scene.bare else sweep.sweep_light
+        follow(robot, scene.arena, scene.turned(turn_deg), work, out)
+        parts.append(out)
+    return np.concatenate(parts)
+
+
+def rows_of(scenes: Sequence[Scene]) -> NDArray[np.int64]:
+    """The place [n] of each row of several recordings, among the places of all."""
+    first = np.cumsum([0, *(len(scene.poses) for scene in scenes)])
+    return np.concatenate([scene.row + begin for scene, begin in zip(scenes, first.tolist(), strict=False)])
 
 
 def light_readings(profile: Profile, light: Floats, gain: Floats | None = None) -> Floats:
@@ -191,6 +206,9 @@ def _robot(profile: Profile) -> Robot:
     return profile.to_kernel()
 
 
-def work_of(robot: Robot) -> Work:
-    """Scratch arrays for its sensors and wheels."""
-    return new_work(robot, unfed(), quiet())
+def work_of(robot: Robot, last: Work | None = None) -> Work:
+    """Scratch arrays for its sensors and wheels; the `last` robot's, if only its light's rays differ."""
+    rays = all_fans(robot)
+    if last is None or last.all_fans.shape != rays.shape:
+        return new_work(robot, unfed(), quiet())
+    return last._replace(all_fans=rays)

@@ -12,9 +12,18 @@ from dataclasses import replace
 import numpy as np
 
 from realitygap.calibration.forms import columns_of, free_directions, free_turns, with_columns
-from realitygap.calibration.forward import Scene, illumination, light_readings
+from realitygap.calibration.forward import (
+    Scene,
+    illumination,
+    light_readings,
+    lit_places,
+    rows_of,
+    work_of,
+)
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.solve import Free, Values, value_of
+from realitygap.kernels.params import Robot
+from realitygap.kernels.work import Work
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
 
@@ -171,20 +180,27 @@ def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, mem
     Args:
         form, profile, scenes: as of `light_frees`.
         values: of the free constants.
-        memory: of the last illumination.
+        memory: of the last illumination, of this profile's forms at these scenes.
     """
     gain = np.exp(values[GAIN])
     made = memory.profile(profile, {key: value for key, value in values.items() if key != GAIN}, form)
-    return light_readings(made, memory.light(made, values, scenes), gain)
+    return light_readings(made, memory.light(made, values), gain)[memory.rows]
 
 
 class LightMemory:
-    """The last illumination, which gains, floors and darks do not change; and the last profile, which gains
-    alone do not change."""
+    """The last illumination at the places of some scenes, which gains, floors and darks do not change; and
+    the last profile, which gains alone do not change.
 
-    def __init__(self) -> None:
+    All profiles are one robot's but for its light. `rows` [n]: the place of each row of the recordings.
+    """
+
+    def __init__(self, scenes: Scenes) -> None:
+        self.rows = rows_of([scene for _, scene in scenes])
+        self._scenes = scenes
         self._kept: dict[tuple[object, ...], Floats] = {}
         self._last: tuple[Values, Profile] | None = None
+        self._robot: Robot | None = None
+        self._work: Work | None = None
 
     def profile(self, base: Profile, values: Values, form: str) -> Profile:
         last = self._last
@@ -195,10 +211,10 @@ class LightMemory:
             )
         return last[1]
 
-    def light(self, profile: Profile, values: Values, scenes: Scenes) -> Floats:
-        """[n, A] illumination, recomputed only if something it depends on has changed."""
+    def light(self, profile: Profile, values: Values) -> Floats:
+        """[m, A] illumination of each place, recomputed only if something it depends on has changed."""
         law = profile.ambient
-        turns = tuple(value_of(values, name) for name, _ in scenes)
+        turns = tuple(value_of(values, name) for name, _ in self._scenes)
         directions = tuple((s.direction_deg, s.x_cm, s.y_cm) for s in law.sensors)
         lamp = (law.lamp_height_cm, law.lamp_narrow, law.lamp_proud_cm)
         shape = (law.facing, law.reflectance, law.exponent, law.near_cm, lamp)
@@ -206,10 +222,12 @@ class LightMemory:
         if key not in self._kept:
             if len(self._kept) > 16:
                 self._kept.clear()
-            pairs = zip(scenes, turns, strict=True)
-            self._kept[key] = np.concatenate(
-                [illumination(profile, scene, turn) for (_, scene), turn in pairs]
-            )
+            rigs = [(scene, turn) for (_, scene), turn in zip(self._scenes, turns, strict=True)]
+            if self._robot is None:
+                self._robot = profile.to_kernel()
+            robot = self._robot._replace(**law.to_kernel(profile.body.height_cm))
+            self._work = work_of(robot, self._work)
+            self._kept[key] = lit_places(robot, rigs, self._work)
         return self._kept[key]
 
 

@@ -57,7 +57,7 @@ def _problem(
     reflectance = law.reflectance if falloff == law.falloff else law.reflectance / 30.0
     changes = {"falloff": falloff, "reflectance": reflectance, **light}
     start = replace(base, ambient=replace(law, **changes))  # type: ignore[arg-type]
-    memory = LightMemory()
+    memory = LightMemory(rows.scenes)
     return Problem(
         frees=light_frees(form, start, rows.scenes, rows.counts, room=room),
         model=lambda values: light_model(start, values, rows.scenes, form, memory),
@@ -154,7 +154,8 @@ class LightCurves:
     def _light(self, values: Values) -> Floats:
         """[n, A] the light that reaches each sensor, times its gain."""
         made = with_light(self._base, values, "extended")
-        light = LightMemory().light(made, values, self._rows.scenes)
+        memory = LightMemory(self._rows.scenes)
+        light = memory.light(made, values)[memory.rows]
         return np.asarray(light * np.array([sensor.gain for sensor in made.ambient.sensors]))
 
     def _share_of(self, light: Floats) -> Floats:

@@ -157,7 +157,10 @@ def all_fans(robot: Robot) -> F:
     weighs = np.flatnonzero(robot.ambient_weight.any(axis=0))
     used = weighs[-1] + 1 if len(weighs) else RAYS
     parts = (robot.ambient_ray[:, 0], robot.ambient_ray[:, 1], robot.ambient_weight)
-    return np.array([np.pad(part[:, :used].reshape(-1), (0, LANES)) for part in parts])
+    rows = np.zeros((3, len(robot.ambient_ray) * used + LANES))
+    for row, part in zip(rows, parts, strict=True):
+        row[:-LANES] = part[:, :used].reshape(-1)
+    return rows
 
 
 def farthest_notice(robot: Robot, fan: F) -> float:
