@@ -15,7 +15,7 @@ CONVERT = {
     "values.py": (2, "a pose as a person writes and reads it"),
     "track.py": (5, "a track's CSV and JSON; and kept scores' last bit (settled)"),
     # a robot's constants and an arena's are in degrees, as their TOML has them
-    "world/rays.py": (2, "a sensor's direction becomes a unit vector"),
+    "world/rays.py": (3, "a sensor's direction becomes a unit vector"),
     "world/sensor_checks.py": (2, "directions that were given in radians are refused"),
     "tasks/task.py": (1, "a task's range of start headings becomes the kernels'"),
     "calibration/forward.py": (2, "the rig's turn and bearings, which are fitted in a profile's degrees"),
