@@ -292,6 +292,15 @@ def test_outlines_that_are_none_are_refused(refused, outline, told):
     assert message.startswith("body.") and told in message
 
 
+def test_a_track_in_millimetres_is_refused_beside_an_outline():
+    """Of a Thymio 94 mm is less than fifteen of the radius of the circle about its corners."""
+    thymio = load_profile("thymio")
+    told = r"wheels.track_cm: expected at most 22 cm between the wheels of a body 11 cm wide, got 94.0"
+    with pytest.raises(ConfigError, match=told):
+        replace(thymio, wheels=replace(thymio.wheels, track_cm=94.0))
+    assert replace(thymio, wheels=replace(thymio.wheels, track_cm=12.0)).wheels.track_cm == 12.0
+
+
 def test_an_outline_gives_the_radius_and_reads_back(tmp_path):
     """The radius is that of the circle about the corners; sensors may lie on the edge, none beyond it."""
     paper = load_profile("paper")

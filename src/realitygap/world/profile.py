@@ -29,8 +29,9 @@ MEASURED = {
 """Keys that only sensors as measured have: left out of a file where they are 0 or empty."""
 PERIODS_S = (0.02, 0.2)
 """Shortest and longest step of a robot's control."""
-TRACK = (0.2, 15.0)
-"""The track's least and most, in radii of the body."""
+TRACK, TRACK_WIDTHS = (0.2, 15.0), 2.0
+"""The track's least and most, in radii of the body; and its most in widths of an outline along the axle: one
+in millimetres has at least five."""
 ON_EDGE = 1e-6
 """A sensor may lie on the outline, as rounded, cm."""
 TOP_INPUT = 10
@@ -149,6 +150,11 @@ class Profile(Value):
             self.wheels.track_cm,
             "Is it in another unit?",
         )
+        if self.body.outline_cm:
+            width = float(np.ptp(self.body.outline_cm, axis=0)[1])
+            told = f"at most {TRACK_WIDTHS * width:g} cm between the wheels of a body {width:g} cm wide"
+            fits = self.wheels.track_cm <= TRACK_WIDTHS * width
+            require(fits, "wheels.track_cm", told, self.wheels.track_cm, "Is it in millimetres?")
         outline = self.body.outline_cm if self.infrared.table else ()
         require(not outline, "infrared.table", "none on a body with an outline: distances count from a disc",
                 f"{len(outline)} corners")  # fmt: skip
