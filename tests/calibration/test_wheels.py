@@ -122,6 +122,29 @@ def test_another_robots_pulses_are_named_as_a_cause(sound):
     assert not any("or is it pulses_per_mm" in warning for warning in seen.warnings)
 
 
+EPUCK = load_profile("e-puck")
+
+
+def _as_an_epuck(recording, *, unit=80.0):
+    """The same drive of an e-puck, whose commands are smaller units and whose counters step less often."""
+    shorter = 7.8125 / 12.0
+    return replace(recording, commands=unit * recording.commands, counters=shorter * recording.counters)
+
+
+@pytest.mark.parametrize("camera", [True, False])
+def test_commands_that_a_robot_takes_are_not_refused(driven, camera):
+    """An e-puck takes 1000 steps/s, of which evolution uses 625: what its wheels followed is a recording. The
+    profile keeps evolution's 625."""
+    drive = driven(camera=camera, friction_cm_s2=0.0, speed_per_unit_cm_s=(1.024, 1.024))
+    recording = replace(_as_an_epuck(drive), pulses_per_mm=7.8125)
+    made = calibrate([recording], EPUCK, form="paper")
+    assert np.abs(recording.commands).max() == 800 and made.profile.wheels.top_command == 625
+    assert made.profile.wheels.speed_per_unit_cm_s == pytest.approx((0.0128, 0.0128), rel=0.03)
+    smaller = replace(recording, commands=8.0 * recording.commands)
+    with pytest.raises(CalibrationError, match="commands up to 6400, expected at most 625, .* Are these mm/s"):
+        calibrate([smaller], EPUCK, form="paper")
+
+
 def test_speeds_are_no_surer_than_the_pulses(driven):
     """Their intervals hold the truth, for they carry what the camera leaves open about cm per pulse."""
     hits = 0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from realitygap.calibration.recordings.recording import WheelRecording
-from realitygap.calibration.wheels.odometry import Odometry, enough_pictures
+from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, measured_speeds
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.world.profile import Profile
@@ -18,6 +18,9 @@ other wheel's command from which on columns count as swapped."""
 PULSES_SHARE = (0.5, 25.0 / 12.0)
 """Range of pulses per mm by camera, as a share of the value known in advance."""
 TRACK_SHARE = 0.3
+TURNED = 0.5
+"""Commands above the base's top_command are the robot's own unit where its wheels turned by at least this
+share of what a unit is in the base."""
 EXPLAINED = 0.5
 
 
@@ -28,8 +31,8 @@ def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profi
         CalibrationError: a wheel or counter that stands, commands or lengths in other units, swapped columns.
     """
     _refuse_still(recording)
-    _refuse_fast(recording, base)
     _refuse_counters(recording)
+    _refuse_fast(recording, odometry, base)
     if odometry is not None:
         _refuse_lengths(recording, odometry, base)
     elif enough_pictures(recording, base.wheels.track_cm):
@@ -48,9 +51,16 @@ def _refuse_still(recording: WheelRecording) -> None:
             raise CalibrationError(f"{recording.source}: counter_{side} never changes: it looks dead.")
 
 
-def _refuse_fast(recording: WheelRecording, base: Profile) -> None:
+def _refuse_fast(recording: WheelRecording, odometry: Odometry | None, base: Profile) -> None:
+    """Refuse commands in a smaller unit. The base's top_command is evolution's, and less than a robot takes
+    (an e-puck 1000 of which evolution uses 625): larger ones that the wheels followed are good."""
     most, top = float(np.abs(recording.commands).max(initial=0.0)), base.wheels.top_command
-    if most > top:
+    if most <= top:
+        return
+    speeds = measured_speeds(recording, odometry, (0.1 / recording.pulses_per_mm,) * 2)
+    told = np.where(np.isfinite(speeds), recording.commands, 0.0)
+    followed = (np.nan_to_num(speeds) * told).sum(axis=0) / np.maximum((told**2).sum(axis=0), 1e-12)
+    if not (followed >= TURNED * np.array(base.wheels.speed_per_unit_cm_s)).all():
         left, right = base.wheels.speed_per_unit_cm_s
         unit = 5.0 * (left + right)
         raise CalibrationError(
