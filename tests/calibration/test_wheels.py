@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.calibrate import calibrate
+from realitygap.calibration.judge import judge
+from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.wheels.fit import fit_wheels
 from realitygap.calibration.wheels.intervals import intervals
 from realitygap.errors import CalibrationError
 from realitygap.world.profile import load_profile
+from tests.calibration.written import save_recording
 
 PAPER = load_profile("paper")
 
@@ -115,7 +118,8 @@ def test_another_robots_pulses_are_named_as_a_cause(sound):
     unsaid = calibrate([replace(sound, pose=None, pulses_per_mm=18.0)], PAPER, form="paper")
     said = " ".join(unsaid.warnings)
     assert (
-        "18 pulses per mm are assumed (what recording.toml says of pulses_per_mm, or a Khepera's 12)" in said
+        "18 pulses per mm are assumed (what recording.toml says of pulses_per_mm, else the base profile, else"
+        in said
     )
     assert "or is it pulses_per_mm? State the robot's in recording.toml" in said
     seen = calibrate([replace(sound, commands=sound.commands / 1.4)], PAPER, form="paper")
@@ -127,7 +131,7 @@ EPUCK = load_profile("e-puck")
 
 def _as_an_epuck(recording, *, unit=80.0):
     """The same drive of an e-puck, whose commands are smaller units and whose counters step less often."""
-    shorter = 7.8125 / 12.0
+    shorter = EPUCK.provenance.pulses_per_mm[0] / 12.0
     return replace(recording, commands=unit * recording.commands, counters=shorter * recording.counters)
 
 
@@ -141,8 +145,33 @@ def test_commands_that_a_robot_takes_are_not_refused(driven, camera):
     assert np.abs(recording.commands).max() == 800 and made.profile.wheels.top_command == 625
     assert made.profile.wheels.speed_per_unit_cm_s == pytest.approx((0.0128, 0.0128), rel=0.03)
     smaller = replace(recording, commands=8.0 * recording.commands)
-    with pytest.raises(CalibrationError, match="commands up to 6400, expected at most 625, .* Are these mm/s"):
+    with pytest.raises(CalibrationError, match=r"up to 6400, expected at most 625, .* Are these mm/s"):
         calibrate([smaller], EPUCK, form="paper")
+
+
+def test_pulses_that_nobody_states_are_the_base_profiles(driven, tmp_path):
+    """An e-puck's: with a Khepera's its speeds came out 35 % too low. A base without any is refused where a
+    Khepera's pulses contradict its speeds; judged, it is warned of."""
+    drive = driven(camera=False, friction_cm_s2=0.0, speed_per_unit_cm_s=(0.64, 0.64))
+    save_recording(tmp_path, _as_an_epuck(drive, unit=50.0))
+    unsaid = load_recording(tmp_path)
+    made = calibrate([unsaid], EPUCK, form="paper")
+    assert made.profile.wheels.speed_per_unit_cm_s == pytest.approx((0.0128, 0.0128), rel=0.03)
+    assert made.profile.provenance.pulses_per_mm == (7.8125, 7.8125)
+    assert any("7.8125 pulses per mm are assumed" in warning for warning in made.warnings)
+    bare = replace(EPUCK, provenance=PAPER.provenance)
+    told = "pulses_per_mm: expected in recording.toml, .* by a Khepera's 12 the wheels made 0.008.* State the"
+    with pytest.raises(CalibrationError, match=told):
+        calibrate([unsaid], bare, form="paper")
+    assert any("a Khepera's 12 are assumed" in warning for warning in judge(unsaid, bare).warnings)
+    assert not any("assumed" in warning for warning in judge(unsaid, EPUCK).warnings)
+
+
+def test_a_base_keeps_its_pulses_where_no_wheels_are_recorded(recorded):
+    """As its wheels' other constants: the next recording of wheels may not state them."""
+    base = replace(PAPER, provenance=EPUCK.provenance)
+    made = calibrate([recorded("wall", repeats=1)], base, form="paper")
+    assert made.profile.provenance.pulses_per_mm == (7.8125, 7.8125)
 
 
 def test_speeds_are_no_surer_than_the_pulses(driven):

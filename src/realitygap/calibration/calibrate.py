@@ -236,7 +236,7 @@ def _provenance(made: Calibration) -> Provenance:
         date=datetime.now(UTC).date().isoformat(),
         version=version("realitygap"),
         notes=tuple(notes),
-        pulses_per_mm=wheels.pulses_per_mm if wheels else (),
+        pulses_per_mm=wheels.pulses_per_mm if wheels else made.profile.provenance.pulses_per_mm,
         files=tuple(_file(r) for r in recordings),
         fits=tuple(fits),
         constants=tuple(replace(c, key=f"{kind}.{c.key}") for kind, some in told.items() for c in some),

@@ -256,13 +256,18 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
             f"{recording.source}: no counters, nor pictures of {FOLLOWED_STEPS} successive steps: nothing "
             "tells how far the wheels turned. Leave it out."
         )
+    said = list(recording.warnings)
     recording = recording.of_robot(profile)
     odometry = measure_odometry(recording, profile.wheels.track_cm)
     per_pulse = profile.provenance.cm_per_pulse(recording.pulses_per_mm)
     measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
     model = forward.wheel_speeds(profile, recording)
-    said = list(recording.warnings)
+    if not (odometry or recording.pulses_said or profile.provenance.pulses_per_mm):
+        said.append(
+            f"{recording.source}: pulses_per_mm: neither it nor profile {profile.name!r} has them: "
+            f"a Khepera's {recording.pulses_per_mm:g} are assumed"
+        )
     try:
         refuse_odd(recording, odometry, profile)
     except CalibrationError as error:  # a calibration would refuse it

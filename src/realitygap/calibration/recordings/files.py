@@ -212,16 +212,16 @@ def _wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
         empty = name == "speed"
         return np.stack([table.numbers(f"{name}_{side}", empty=empty) for side in ("left", "right")], 1)
 
-    unknown = np.full((len(t), 2), math.nan)
     pulses = number_of(folder, facts, "pulses_per_mm", "pulses of a counter in a millimetre of way")
     return WheelRecording(
         t_s=t,
         commands=pair("command"),
-        counters=pair("counter") if counting else unknown,
-        speeds=pair("speed") if set(SPEEDS) <= set(table.columns) else unknown,
+        counters=pair("counter") if counting else np.full((len(t), 2), math.nan),
+        speeds=pair("speed") if set(SPEEDS) <= set(table.columns) else np.full((len(t), 2), math.nan),
         trial=trial,
         kind=kind,
         pulses_per_mm=pulses or PULSES_PER_MM,
+        pulses_said=pulses is not None,
         pose=_pose(table, empty=True) if set(POSE) <= set(table.columns) else None,
         warnings=(
             *(checks.check_steps(pair("command"), pair("counter")) if counting else ()),

@@ -232,6 +232,7 @@ class WheelRecording(Recorded):
         kind: [n] one of `STEP_KINDS`.
         pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture.
         pulses_per_mm: known in advance.
+        pulses_said: whether the recording states them; else a calibration uses its base's, if it has any.
         told: whether `counters` are integrated commands (units times seconds) in place of real counters.
         period_s: of a step.
     """
@@ -244,6 +245,7 @@ class WheelRecording(Recorded):
     kind: NDArray[np.str_]
     pose: Floats | None = None
     pulses_per_mm: float = PULSES_PER_MM
+    pulses_said: bool = True
     told: bool = False
     period_s: float = 0.1
 
@@ -269,9 +271,13 @@ class WheelRecording(Recorded):
         return int(both.sum()) >= FOLLOWED_STEPS
 
     def of_robot(self, base: Profile) -> Self:
-        """A copy in steps of the base's period; wheels without counters get their integrated commands."""
+        """A copy in steps of the base's period; wheels without counters get their integrated commands, and
+        counters of which it does not say how long a pulse is the base's."""
         if self.counted:
-            return replace(self, period_s=base.period_s)
+            pulses = self.pulses_per_mm
+            if not self.pulses_said and base.provenance.pulses_per_mm:
+                pulses = sum(base.provenance.pulses_per_mm) / len(base.provenance.pulses_per_mm)
+            return replace(self, pulses_per_mm=pulses, period_s=base.period_s)
         steps = self.commands[:-1] * np.diff(self.t_s)[:, None]
         told = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
         per_mm = 1.0 / sum(5.0 * speed for speed in base.wheels.speed_per_unit_cm_s)

@@ -17,6 +17,7 @@ from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd, r
 from realitygap.calibration.wheels.friction import Friction, measure_friction
 from realitygap.calibration.wheels.intervals import at_bound, intervals, with_lengths
 from realitygap.calibration.wheels.odometry import Odometry, measure_odometry, measured_speeds
+from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.world.profile import Profile, largest_pole
 from realitygap.world.provenance import Constant
@@ -86,6 +87,7 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     Raises:
         CalibrationError: the recording is too short, or impossible for such a robot.
     """
+    assumed = recording.counted and not (recording.pulses_said or base.provenance.pulses_per_mm)
     recording = recording.of_robot(base)
     odometry = measure_odometry(recording, base.wheels.track_cm)
     refuse_odd(recording, odometry, base)
@@ -100,6 +102,8 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     fits = {name: _fit(name, start, recording, measured) for name in WHEEL_FORMS}
     profile, constants, alike = fits[form]
     constants = _with_others(constants, odometry, friction)
+    if assumed and odometry is None:
+        _refuse_assumed(recording, profile, base)
     if odometry is not None:
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
     model = wheel_speeds(profile, recording)
@@ -124,12 +128,11 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
         seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
         out.append(
             f"wheels: {seen}: {wheels.pulses_per_mm[0]:g} pulses per mm are assumed (what recording.toml "
-            f"says of pulses_per_mm, or a Khepera's {PULSES_PER_MM:g}), track and noise of the wheels are "
-            "the base profile's"
+            f"says of pulses_per_mm, else the base profile, else a Khepera's {PULSES_PER_MM:g}), track and "
+            "noise of the wheels are the base profile's"
         )
     known, found = base.wheels.speed_per_unit_cm_s, wheels.profile.wheels.speed_per_unit_cm_s
-    shares = [a / b for a, b in zip(found, known, strict=True)]
-    if max(*shares, *(1 / share for share in shares)) > ROUGH:
+    if _apart(wheels.profile, base) > ROUGH:
         out.append(
             f"wheels: {found[0]:.3g} and {found[1]:.3g} cm/s a unit, where profile {base.name!r} has "
             f"{known[0]:.3g} and {known[1]:.3g}: were commands written in another unit, as cm/s or mm/s? "
@@ -143,6 +146,24 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             f"{wheels.rmse['refitted']:.2f}: this misfit is no noise"
         )
     return out
+
+
+def _refuse_assumed(recording: WheelRecording, profile: Profile, base: Profile) -> None:
+    """Refuse another robot's counters read as a Khepera's, with which its speeds disagree with the base's."""
+    if _apart(profile, base) <= ROUGH:
+        return
+    found, known = ("{:.3g} and {:.3g}".format(*p.wheels.speed_per_unit_cm_s) for p in (profile, base))
+    raise CalibrationError(
+        f"{recording.source}: pulses_per_mm: expected in recording.toml, since no camera measured them and "
+        f"profile {base.name!r} has none; by a Khepera's {PULSES_PER_MM:g} the wheels made {found} cm/s a "
+        f"unit, where that profile has {known}. State the robot's, or write commands as it is given them."
+    )
+
+
+def _apart(profile: Profile, base: Profile) -> float:
+    """Largest factor between speeds per unit of two profiles."""
+    pairs = zip(profile.wheels.speed_per_unit_cm_s, base.wheels.speed_per_unit_cm_s, strict=True)
+    return max(max(a / b, b / a) for a, b in pairs)
 
 
 def _with_others(
