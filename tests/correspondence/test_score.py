@@ -216,7 +216,9 @@ def test_an_interval_holds_no_resample_without_a_comparison():
     setting, other = setting_for(TURNER.task), lives(Behaviour(task=TURNER.task, kind="wall follower"))
     three = compare(lives(TURNER)[:3], other[:3], setting)
     assert three.score < 2 and three.interval[1] < 5
-    assert compare(lives(TURNER)[:2], other[:2], setting).interval is None
+    two = compare(lives(TURNER)[:2], other[:2], setting)
+    assert two.interval is None and "2 starts only, so there is no interval" in two.notes[-1]
+    assert not any("interval" in note for note in three.notes)
 
 
 def test_a_start_without_a_partner_leaves_the_others_pairs():

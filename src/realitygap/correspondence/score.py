@@ -102,6 +102,7 @@ def compare(
     )
     far = {name: getattr(between, name)() for name in PARTS}
     score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
+    notes += [] if lone else _few(_starts(ours, theirs))
     noisy, response, loops = signed(*(between.told[::-1] if swapped else between.told))
     return Comparison(
         behaviour=behaviour, layout=ends.part("layout", far["layout"]), score=score, matched=between.matched,
@@ -160,13 +161,28 @@ def _partners(trials: list[Trial], pairs: frozenset[str], notes: list[str]) -> l
     return [t for t in trials if t.start in pairs]
 
 
+def _starts(a: Sequence[Trial], b: Sequence[Trial]) -> int:
+    """How many different starts the set with fewer has."""
+    return min(len({t.start for t in trials}) for trials in (a, b))
+
+
+def _few(starts: int) -> list[str]:
+    """A note on starts that are too few for an interval."""
+    if starts >= LEAST_STARTS:
+        return []
+    return [
+        f"{starts} start{'s' * (starts > 1)} only, so there is no interval, and the score says little: "
+        f"trials that differ may score near 10. Give {LEAST_STARTS} starts or more"
+    ]
+
+
 def _order(trials: Sequence[Trial]) -> list[list[float]]:
     return [t.x.tolist() for t in trials]
 
 
 def _interval(between: Distances, scale: Scale, resamples: int) -> tuple[float, float] | None:
     draw, scores = np.random.default_rng(0), []
-    if min(len({t.start for t in trials}) for trials in (between.a, between.b)) < LEAST_STARTS:
+    if _starts(between.a, between.b) < LEAST_STARTS:
         return None
     for _ in range(resamples):
         wa, wb = resampled_weights(between, draw)
