@@ -18,10 +18,10 @@ from realitygap.experiments.noise.claims import CLAIMS
 from realitygap.report.noise import report as noise
 from realitygap.report.noise.asides import falls_words
 from realitygap.report.noise.facts import gather_facts
-from realitygap.report.noise.figures import map_figure
+from realitygap.report.noise.figures import claims_figure, map_figure
 from realitygap.report.noise.report import noise_summary
 from realitygap.report.noise.results import read_results
-from realitygap.report.noise.tables import names_table
+from realitygap.report.noise.tables import names_table, paper_table
 from realitygap.report.page import Picture
 from realitygap.world.profile import load_profile
 from tests.experiments.crosses import TASKS, comparison, flat, study, write
@@ -132,6 +132,17 @@ def test_the_claims_are_about_the_noise_that_was_measured(tmp_path: Path) -> Non
     assert summary["robot_level"] == 1.0 and summary["settings"]["twin_noise"] == 2.0
     assert summary["claims"][0]["verdict"] == "supported"
     assert "its noise scale is 2" in summary["paragraph"]
+
+
+def test_the_papers_words_stand_at_its_levels_only() -> None:
+    """A study without zero, observed and double noise has nothing beside the paper's averages, whose marks
+    stand at 0, 1 and 2: not at the level that stands for the robot's."""
+    facts = gather_facts(study(flat, runs=2, levels=(0.5, 1.7), robot=0.5), resamples=0)
+    assert {row[-1] for row in paper_table(facts).texts()} == {"–"}
+    drawn = [line for ax in claims_figure(facts).axes for line in ax.lines if line.get_marker() == "*"]
+    assert len(drawn) == 2
+    for line in drawn:
+        assert np.asarray(line.get_xdata()) == pytest.approx(np.sqrt([0, 1, 2]))
 
 
 def test_one_run_a_cell_has_no_intervals_but_a_report(tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ def _claim_panel(ax: Axes, data: Crossed, scope: Scope, key: str) -> None:
     panel(ax, data, *points(data, key), scope.curves[key])
     paper = PAPER.get(scope.name, {})
     if key == "c" and paper:
-        at = [np.sqrt(level * data.robot) for level in paper]
+        at = np.sqrt([*paper])
         marks = [float(np.mean(scores)) for scores in paper.values()]
         ax.plot(
             at, marks, linestyle="none", marker="*", markersize=9, markerfacecolor="#e69f00",

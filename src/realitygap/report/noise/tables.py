@@ -203,7 +203,8 @@ def names_table(facts: NoiseFacts) -> NoiseTable:
 
 
 def paper_table(facts: NoiseFacts) -> NoiseTable:
-    """The paper's averages beside the diagonal's, at zero, the robot's and double noise."""
+    """The paper's averages beside the diagonal's, at zero, observed and double noise; never at a level that
+    stands for one of these."""
     data = facts.data
     rows: list[Row] = []
     for scope in facts.scopes:
@@ -214,7 +215,7 @@ def paper_table(facts: NoiseFacts) -> NoiseTable:
                 continue
             mark = float(np.mean([np.mean(marks[times]) for marks in paper]))
             ours = [s for lv, s in zip(data.levels, scope.curves["c"].spans, strict=True)
-                    if lv == times * data.robot]  # fmt: skip
+                    if lv == times]  # fmt: skip
             rows.append((
                 scope.name, word, Number(span=Span(mark), places=1),
                 Number(span=ours[0], places=1) if ours else "–",
