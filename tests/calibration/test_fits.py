@@ -334,7 +334,8 @@ def test_a_dead_sensor_is_named_and_mended(recorded):
 
 def test_what_one_recording_does_not_show_another_may(recorded):
     """A robot that backs off a wall sees it with some sensors; before another side, with others. None of
-    them is dead; the sensors that saw nothing are left out of that one recording."""
+    them is dead: a sensor that faces away is read in the dark there. One that is stuck in the light is left
+    out of that one recording."""
     ring = recorded("wall", repeats=4)
     series = [
         replace(ring, source=name, **{
@@ -342,10 +343,15 @@ def test_what_one_recording_does_not_show_another_may(recorded):
             for key in ("distance_cm", "bearing_deg", "repeat", "counts")
         }) for name, bearings in (("front", (0.0,)), ("back", (170.0, 180.0)))
     ]  # fmt: skip
-    rows = Rows([ring, *series], PAPER)
-    assert rows.dead == {} and "front: sensors 0, 5, 6, 7 tell nothing there: left out of it" in rows.warnings
+    stuck = series[0].counts.copy()
+    stuck[:, 7] = 400.0
+    rows = Rows([ring, replace(series[0], counts=stuck), series[1]], PAPER)
+    assert rows.dead == {} and rows.warnings[:2] == (
+        "front: sensors 0, 5, 6 see nothing there: read as their dark level",
+        "front: sensors 7 tell nothing there: left out of it",
+    )
     assert [part.any(axis=0).tolist() for part in rows.split(rows.use)] == [
-        [True] * 8, [False, True, True, True, True, False, False, False], [False] * 6 + [True] * 2
+        [True] * 8, [True] * 7 + [False], [True] * 8
     ]  # fmt: skip
     away = r"back: most sensors tell nothing: .*, or away from the object.* give the recordings of all sides"
     with pytest.raises(CalibrationError, match=away):

@@ -92,6 +92,25 @@ def test_a_sensor_outside_every_closed_form_is_found():
 
 
 @pytest.mark.usefixtures("fewer_starts")
+def test_a_sensor_that_faces_away_tells_its_dark_level():
+    """Of a robot that backs off a wall on each side, from 3 cm at most, with sensors that read something in
+    the dark: extrapolated it had been off by tens of counts."""
+    dark, draw = np.array([60.0, 90, 40, 120, 50, 80, 70, 100]), np.random.default_rng(1)
+    sides = []
+    for bearing in (0.0, 90.0, 180.0, -90.0):
+        away, repeat = (part.ravel() for part in np.meshgrid(np.linspace(0.5, 3, 6), np.arange(4)))
+        blank = SensorRecording(
+            kind="infrared", object="wall", distance_cm=away, bearing_deg=np.full(24, bearing), repeat=repeat,
+            counts=np.zeros((24, 8)), source=f"{bearing:g}",
+        )  # fmt: skip
+        read = 0.8 * proximity(PAPER, scene_of(blank)) + dark + 4.0 * draw.normal(size=(24, 8))
+        sides.append(replace(blank, counts=np.clip(np.rint(read), 0, 1023)))
+    made = calibrate(sides, PAPER, form="measured")
+    found = np.array([s.curve[0] for s in made.profile.infrared.sensors])
+    assert np.abs(found - dark).max() < 15 and np.median(np.abs(found - dark)) < 3
+
+
+@pytest.mark.usefixtures("fewer_starts")
 def test_rays_that_end_and_beams_that_overlap_are_found():
     """Of sensors that subtract, and see no farther than 6 cm, range and beams are found.
 

@@ -1,6 +1,6 @@
 """All readings of one kind of sensor: the rows of several recordings, one after another."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +33,9 @@ MEDIAN = 0.455
 LIT_SHARE, GAP = 0.05, 0.05
 """Shares of the full scale: readings at least the first from either end are neither dark nor saturated; a gap
 above 0 of at least the second is a dead zone."""
+STILL_DARK = 30.0
+"""A sensor that hardly changes is in the dark if it reads at most this much more than its least elsewhere:
+counts of the paper's robot."""
 PILED = 8
 """Equal readings, being most of those near them, from which on the highest is a sensor's end."""
 LIT = 63.0
@@ -64,13 +67,16 @@ class Rows:
         checks.refuse_few(recordings)
         dead = [checks.dead_sensors(recording, self.top) for recording in recordings]
         self.dead = checks.refuse_silent(recordings, dead, self.top)
-        for recording, gone in zip(recordings, dead, strict=True):
+        in_dark = _in_the_dark(recordings, dead, STILL_DARK * self.unit)
+        for recording, gone, dark in zip(recordings, dead, in_dark, strict=True):
             warned += [f"{recording.source}: {why}" for k, why in gone.items() if k in self.dead]
-            if elsewhere := [str(k) for k in gone if k not in self.dead]:
-                warned.append(
-                    f"{recording.source}: sensors {', '.join(elsewhere)} tell nothing there: left out of it"
-                )
+            for some, said in (
+                (dark, "see nothing there: read as their dark level"),
+                (gone.keys() - self.dead.keys() - dark, "tell nothing there: left out of it"),
+            ):
+                warned += [f"{recording.source}: sensors {named} {said}" for named in _listed(some)]
             warned += checks.refuse_swapped(recording, base, gone)
+        dead = [{k: gone[k] for k in gone.keys() - dark} for gone, dark in zip(dead, in_dark, strict=True)]
         self.warnings = tuple(warned)
         self.counts = np.nan_to_num(np.concatenate([r.counts for r in recordings]))
         self.distance = np.concatenate([r.distance_cm for r in recordings])
@@ -179,6 +185,27 @@ class Rows:
         edge = LIT * self.unit
         lit = self.use & (self.counts > edge) & (self.counts < self.top - edge)
         return float(np.sqrt(((model - self.counts)[lit if lit.any() else self.use] ** 2).mean()))
+
+
+def _in_the_dark(
+    recordings: Sequence[SensorRecording], dead: Sequence[dict[int, str]], span: float
+) -> list[set[int]]:
+    """The sensors that face away from a recording's object: they hardly change there, and read no more than
+    their least in recordings where they do, by `span` counts at most."""
+    live = [r.counts.copy() for r in recordings]
+    for counts, gone in zip(live, dead, strict=True):
+        counts[:, list(gone)] = np.inf
+    least = np.fmin.reduce(np.concatenate(live)) + span
+    seen = [r.counts if r.kind == "infrared" else np.full_like(r.counts, np.nan) for r in recordings]
+    return [
+        {k for k in gone if (counts[:, k] <= least[k]).all() and np.isfinite(least[k])}
+        for counts, gone in zip(seen, dead, strict=True)
+    ]
+
+
+def _listed(sensors: Collection[int]) -> list[str]:
+    """Their numbers in words; nothing of none."""
+    return [", ".join(map(str, sorted(sensors)))] if sensors else []
 
 
 def _beside(places: SensorRecording, out: NDArray[np.bool_], others: SensorRecording) -> NDArray[np.bool_]:
