@@ -217,6 +217,15 @@ def test_a_judge_says_that_it_could_not_measure_the_noise(recorded, robot):
     assert found.ratio == pytest.approx(1.0, abs=0.2)  # the noise itself, which nothing tells from an error
 
 
+def test_a_judge_gives_each_reason_once(recorded, robot):
+    """Of a robot that backs off a wall most sensors see nothing: only the warning that says so names them."""
+    ring = recorded("wall")
+    back = ring.bearing_deg == 180.0
+    some = {key: getattr(ring, key)[back] for key in ("distance_cm", "bearing_deg", "repeat", "counts")}
+    (said,) = [one for one in judge(replace(ring, **some), robot).warnings if "hardly changes" in one]
+    assert "most sensors tell nothing" in said and said.count("sensor 0 hardly changes") == 1
+
+
 def test_readings_that_repeat_to_the_count_tell_no_noise(recorded):
     """Every line twice, say, or means of many: the base's noise stays; a profile without any was made."""
     once = recorded("wall", repeats=1)

@@ -177,7 +177,8 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
         checks.refuse_silent([recording], [gone], top)
         dead = gone
         said += checks.refuse_swapped(recording, profile, dead)
-    except CalibrationError as error:
+    except CalibrationError as error:  # it may name reasons that have been given
+        said = [one for one in said if one.removeprefix(f"{recording.source}: ") not in str(error)]
         said.append(str(error))
     return dead, tuple(dict.fromkeys(said))
 
