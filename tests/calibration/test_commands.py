@@ -83,6 +83,14 @@ def test_a_sensor_that_was_never_lit_has_a_dash(tmp_path):
     assert told.exit_code == 0 and "nan" not in told.output and "–" in told.output, told.output
 
 
+def test_a_judge_refuses_one_series_under_two_names(tmp_path):
+    """It had been judged twice; a calibration refuses it, too."""
+    for name in ("sensor02_again.csv", "sensor02_light.csv"):
+        (tmp_path / name).write_text("9cm,0,0,1400,1401\n5cm,0,0,2300,2304\n", "utf-8")
+    result = call("calibrate", "--check", tmp_path, "thymio")
+    assert result.exit_code == 2 and "sensor02_light.csv: the same recording as" in result.stderr
+
+
 def test_a_judge_refuses_steps_of_another_length(tmp_path, driven):
     """Steps of 0.2 s tell no speed: no RMSE that is no number, but how far rows are apart, and the cure."""
     slow = driven(friction_cm_s2=0.0)

@@ -83,6 +83,14 @@ def test_a_line_that_is_none_of_a_series_is_named(tmp_path, line, says):
     assert says in str(raised.value)
 
 
+def test_a_series_pasted_twice_is_pointed_out(tmp_path):
+    """By its first line that is a copy, as in other tables; silence repeats by itself."""
+    once, silent = fallen(), "11cm,0,0,0,0"
+    assert load_recording(series(tmp_path, silent, *once, silent) / "sensor02_light.csv").warnings == ()
+    told = load_recording(series(tmp_path, silent, *once, "", *once) / "sensor02_light.csv").warnings
+    assert len(told) == 1 and "sensor02_light.csv, line 12: a copy of line 2 (such rows: 9)" in told[0]
+
+
 def test_a_thymio_brighter_than_the_shipped_one_is_told_what_to_do(tmp_path):
     """At the line that has such a reading: it is the right robot, and another profile is no cure."""
     (tmp_path / "sensor02_light.csv").write_text("9cm,1,2,1400,1401\n1cm,1,2,4400,4600\n", "utf-8")

@@ -19,7 +19,7 @@ from realitygap.world.sensor_checks import Sensor
 
 __all__ = [
     "dead_sensors", "recorded", "refuse_few", "refuse_mixed", "refuse_nonsense", "refuse_other_kind",
-    "refuse_silent", "refuse_swapped", "refuse_units",
+    "refuse_silent", "refuse_swapped", "refuse_twice", "refuse_units",
 ]  # fmt: skip
 
 DARKEST = 10.0
@@ -234,12 +234,8 @@ def refuse_nonsense(
         )
 
 
-def refuse_mixed(recordings: Sequence[Recording]) -> None:
-    """Refuse recordings of several robots, or one recording given twice.
-
-    Raises:
-        CalibrationError: names both.
-    """
+def refuse_twice(recordings: Sequence[Recording]) -> None:
+    """Refuse one recording given twice, under whatever names; the error says both."""
     by_hash: dict[str, str] = {}
     for recording in recordings:
         if recording.hash in by_hash:
@@ -247,6 +243,15 @@ def refuse_mixed(recordings: Sequence[Recording]) -> None:
             raise CalibrationError(f"{recording.source}: the same recording as {other}. Give it once.")
         if recording.hash:
             by_hash[recording.hash] = recording.source
+
+
+def refuse_mixed(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings of several robots, or one recording given twice.
+
+    Raises:
+        CalibrationError: names both.
+    """
+    refuse_twice(recordings)
     for key in ("unit", "port"):
         said = {str(r.facts[key]): r.source for r in recordings if key in r.facts}
         if len(said) > 1:

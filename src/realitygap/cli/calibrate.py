@@ -247,6 +247,7 @@ def _refuse_unused() -> None:
 
 
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
+    from realitygap.calibration.checks import refuse_twice
     from realitygap.calibration.judge import judge
     from realitygap.world.profile import load_profile
 
@@ -257,8 +258,9 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
             f"--check: expected recordings first and a profile as the last argument, got the recording "
             f"{words[-1]!r} last. Swap them."
         )
-    profile = load_profile(words[-1])
-    found = [judge(recording, profile) for recording in load_all(words[:-1], objects)]
+    profile, read = load_profile(words[-1]), load_all(words[:-1], objects)
+    refuse_twice(read)
+    found = [judge(recording, profile) for recording in read]
     warnings = list(dict.fromkeys(warning for one in found for warning in one.warnings))
     if json_output:
         every = [one.to_dict() for one in found]

@@ -1,6 +1,7 @@
 """Checks of a recording's numbers: mixed-up units, dead counters. Names file and line."""
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from realitygap.errors import RecordingError
 from realitygap.table import Table, read_table
 from realitygap.values import Floats
 
-__all__ = ["FACTS", "FARTHEST_CM", "check_readings", "check_steps", "doubt_object", "read_rows"]
+__all__ = ["FACTS", "FARTHEST_CM", "check_readings", "check_steps", "copies", "doubt_object", "read_rows"]
 
 FACTS = "recording.toml"
 """The file of facts about a recording's robot and how it was made."""
@@ -26,6 +27,7 @@ VOLTS = 5.0
 """No converter's counts end so low; volts and shares of the full scale do."""
 BRIGHT = 300.0
 """Counts of the paper's robot."""
+COPIES = "leave them out, or give each reading of a place a repeat of its own"
 ENOUGH = 4
 """Number of bearings from which on their unit is checked."""
 
@@ -89,23 +91,24 @@ def check_readings(
             f"{table.at(k)}: distance_cm: {int(brightest[k])} counts at {distance_cm[k]:g} cm, "
             "where infrared sees nothing. Are these millimetres? Divide them by 10."
         )
-    warned = _copies(table)
+    warned = copies(table.path, dict(zip(table.lines, table.rows, strict=True)), COPIES)
     turned = np.unique(np.abs(bearing_deg[np.isfinite(bearing_deg)]))
     if len(turned) >= ENOUGH and turned[-1] < 6.4 and (turned != np.rint(turned)).any():
         warned.append(f"{table.path}: bearing_deg never passes {turned[-1]:.2f}: are these radians?")
     return tuple(warned)
 
 
-def _copies(table: Table) -> list[str]:
-    """A warning about rows that equal an earlier one in every column: copies are no further evidence."""
+def copies(path: Path, rows: Mapping[int, Sequence[str]], cure: str) -> list[str]:
+    """A warning about rows of a file, by line, that equal an earlier one in every column: copies are no
+    further evidence."""
     seen: dict[tuple[str, ...], int] = {}
-    copied = [k for k, row in enumerate(table.rows) if seen.setdefault(tuple(row), k) != k]
+    copied = [line for line, row in rows.items() if seen.setdefault(tuple(row), line) != line]
     if not copied:
         return []
-    first = table.lines[seen[tuple(table.rows[copied[0]])]]
+    first = seen[tuple(rows[copied[0]])]
     return [
-        f"{table.at(copied[0])}: a copy of line {first} (such rows: {len(copied)}): copies make the noise "
-        "look smaller than it is; leave them out, or give each reading of a place a repeat of its own"
+        f"{path}, line {copied[0]}: a copy of line {first} (such rows: {len(copied)}): copies make the noise "
+        f"look smaller than it is; {cure}"
     ]
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from realitygap.calibration.recordings.checks import FARTHEST_CM
+from realitygap.calibration.recordings.checks import FARTHEST_CM, copies
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.errors import RecordingError
 from realitygap.text import read_text, refuse_separator
@@ -52,6 +52,7 @@ def read_thymio(path: Path) -> SensorRecording:
     """
     sensor = sensor_of(path, "Other tables are folders with a recording.toml.")
     distance, values, at = [], [], []
+    told: dict[int, list[str]] = {}  # lines whose readings differ: silence repeats by itself
     lines = read_text(path, RecordingError, "Give the path of a Thymio's series.").splitlines()
     refuse_separator(path, lines, RecordingError)
     for number, line in enumerate(lines, 1):
@@ -60,6 +61,8 @@ def read_thymio(path: Path) -> SensorRecording:
             continue
         where = f"{path}, line {number}"
         away, counts = _row(cells, where, line)
+        if len(set(counts)) > 1:
+            told[number] = [cell for cell in cells if cell]
         at += [where] * len(counts)
         distance += [away] * len(counts)
         values += counts
@@ -71,6 +74,7 @@ def read_thymio(path: Path) -> SensorRecording:
         kind="infrared", object="wall", distance_cm=np.array(distance), bearing_deg=np.zeros(len(values)),
         repeat=np.arange(len(values)), counts=table, from_sensor=sensor, body_said=False, lines=at,
         source=str(path), hash=hashlib.sha256(path.read_bytes()).hexdigest(),
+        warnings=tuple(copies(path, told, "leave them out")),
         notes=f"sensor {sensor} of a Thymio II before a wall, the first {STALE} readings of a row left out",
     )  # fmt: skip
 
