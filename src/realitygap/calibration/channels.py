@@ -70,7 +70,7 @@ def fit_infrared(
         tick()
         return replace(found, warnings=(*found.warnings, *said))
     printed = form if form in INFRARED_FORMS else "extended"
-    base = replace(base, infrared=by_a_law(base.infrared)) if form == printed else base
+    base = _by_laws(base)
     made, fits, off, doubt = searched(rows, base, printed, pool, tick, measured=form != printed)
     errs = {name: rows.rmse_lit(model) for name, model in off.items()}
     best = min(errs, key=errs.__getitem__) if form == AUTO else form
@@ -81,6 +81,15 @@ def fit_infrared(
     said += lit_apart(rows, found) if best == MEASURED else []
     said += [doubt] if doubt and best == "extended" else []
     return replace(found, fit=fit, warnings=(*found.warnings, *said))
+
+
+def _by_laws(base: Profile) -> Profile:
+    """The base without curves of its sensors, with which a printed law would be none, nor what belongs to
+    them; the measured form begins anew, too."""
+    law = by_a_law(base.infrared)
+    if law is base.infrared:
+        return base
+    return replace(base, infrared=replace(law, sensors=tuple(replace(s, offset_cm=0.0) for s in law.sensors)))
 
 
 def contradicted(rows: Rows, deviation: float) -> list[str]:
