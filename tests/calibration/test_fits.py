@@ -16,7 +16,7 @@ from realitygap.calibration.infrared import infrared_problems
 from realitygap.calibration.judge import judge
 from realitygap.calibration.noise import Sample, lit_noise, sample_noise
 from realitygap.calibration.recordings.files import load_recording
-from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.recordings.recording import CHANNELS, SensorRecording
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Fit
 from realitygap.calibration.wheels.odometry import measure_odometry
@@ -435,6 +435,19 @@ def test_noise_that_differs_from_sensor_to_sensor_is_said_and_kept(recorded, lou
     kept = np.array([sensor.noise for sensor in made.profile.infrared.sensors])
     assert kept.shape == ((8, 9) if said else (8, 0))
     assert np.median(kept[:, 2:7] / size[:, None], axis=1) == pytest.approx(1.0, abs=0.3) if said else True
+
+
+@pytest.mark.parametrize("kind", ["infrared", "ambient"])
+def test_noise_that_is_measured_replaces_a_bases_tables(recorded, kind):
+    """A base may have noise by the reading without curves; in the fitted profile it would drown the figure
+    that was measured."""
+    law = PAPER.channel(kind)
+    tables = tuple(replace(s, noise=(90.0,) * 9, noise_rise=0.1) for s in law.sensors)
+    base = replace(PAPER, **{kind: replace(law, sensors=tables)})
+    object, noise = ("wall", 21.0) if kind == "infrared" else ("lamp", 4.5)
+    made = calibrate([recorded(object, noise=noise)], base, form="individual")
+    assert {(s.noise, s.noise_rise) for s in made.profile.channel(kind).sensors} == {((), 0.0)}
+    assert getattr(made.profile.noise, CHANNELS[kind]) == pytest.approx(noise, rel=0.1)
 
 
 def test_a_place_that_errs_alone_is_told_from_errors_everywhere(recorded, robot):

@@ -239,10 +239,20 @@ def _channel(
         model=fit.model, span=span,
     )  # fmt: skip
     apart = form in (MEASURED, LOOKUP) or (form == "extended" and bool(uneven))
-    profile = _with_noise(made, rows) if apart and made.measured else profile
+    if made.measured:
+        profile = _with_noise(made, rows) if apart else _with_one_noise(profile, kind)
     alike = "" if apart else "; this form simulates that figure, too; extended and measured each one's own"
     uneven = [said + alike for said in uneven]
     return replace(made, profile=profile, warnings=(*made.warnings, *doubts(made), *uneven))
+
+
+def _with_one_noise(profile: Profile, kind: str) -> Profile:
+    """The profile with one figure for all sensors of a kind: a base's tables by the reading are older."""
+    law: Any = profile.channel(kind)
+    if not any(s.noise for s in law.sensors):
+        return profile
+    sensors = tuple(replace(s, noise=(), noise_rise=0.0) for s in law.sensors)
+    return replace(profile, **{kind: replace(law, sensors=sensors)})
 
 
 def _with_noise(made: ChannelFit, rows: Rows) -> Profile:
