@@ -91,6 +91,7 @@ def test_a_surface_of_unknown_reflectance_is_fitted(recorded):
     (found,) = (c for c in made.profile.provenance.constants if c.key == "infrared.reflectance_1")
     assert found.told and found.low < 0.4 < found.high and found.high - found.low < 0.08
     assert made.surfaces[0] in made.profile.provenance.notes and "cylinder:4, fitted: 0." in made.surfaces[0]
+    assert "if the form extended is right)" in made.surfaces[0]
     judged = [judge(one, made.profile) for one in (dark, unknown, replace(dark, reflectance=1.0))]
     assert [one.reflectance for one in judged] == pytest.approx([0.4, 0.4, 1.0], abs=0.03)
     assert judged[2].rmse > 2 * judged[0].rmse > 1.9 * judged[1].rmse

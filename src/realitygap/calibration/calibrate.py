@@ -66,13 +66,16 @@ class Calibration:
 
     @property
     def surfaces(self) -> list[str]:
-        """The fitted reflectances of surfaces that the recordings left unknown, in words."""
-        fitted = self.infrared.fit.constants if self.infrared else ()
+        """The fitted reflectances of surfaces that the recordings left unknown, in words: an interval says
+        what noise leaves open, not how far off a wrong form is."""
+        if self.infrared is None:
+            return []
         near = _of_kind(self.recordings, "infrared")
         return [
             f"infrared: {Path(near[number].source).name}: reflectance of {near[number].object}, fitted: "
-            f"{c.value:.3f} ({c.low:.3f} to {c.high:.3f}){'' if c.told else ', not identifiable'}"
-            for c in fitted if c.key.startswith(REFLECTANCE)
+            f"{c.value:.3f} ({c.low:.3f} to {c.high:.3f}, if the form {self.infrared.form} is right)"
+            f"{'' if c.told else ', not identifiable'}"
+            for c in self.infrared.fit.constants if c.key.startswith(REFLECTANCE)
             for number in [int(c.key.removeprefix(REFLECTANCE))]
         ]  # fmt: skip
 
