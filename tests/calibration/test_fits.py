@@ -335,8 +335,8 @@ def test_a_dead_sensor_is_named_and_mended(recorded):
 
 def test_what_one_recording_does_not_show_another_may(recorded):
     """A robot that backs off a wall sees it with some sensors; before another side, with others. None of
-    them is dead: a sensor that faces away is read in the dark there. One that is stuck in the light is left
-    out of that one recording."""
+    them is dead: a sensor that faces away is read in the dark there. One that is stuck in the light, or sees
+    nothing of what it faces, is left out of that one recording."""
     ring = recorded("wall", repeats=4)
     series = [
         replace(ring, source=name, **{
@@ -347,6 +347,10 @@ def test_what_one_recording_does_not_show_another_may(recorded):
     stuck = series[0].counts.copy()
     stuck[:, 7] = 400.0
     rows = Rows([ring, replace(series[0], counts=stuck), series[1]], PAPER)
+    mute = series[0].counts.copy()
+    mute[:, 3] = 0.0
+    faced = Rows([ring, replace(series[0], counts=mute), series[1]], PAPER)
+    assert "front: sensors 3 tell nothing there: left out of it" in faced.warnings
     assert rows.dead == {} and rows.warnings[:2] == (
         "front: sensors 0, 5, 6 see nothing there: read as their dark level",
         "front: sensors 7 tell nothing there: left out of it",

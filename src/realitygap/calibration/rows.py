@@ -67,7 +67,7 @@ class Rows:
         checks.refuse_few(recordings)
         dead = [checks.dead_sensors(recording, self.top) for recording in recordings]
         self.dead = checks.refuse_silent(recordings, dead, self.top)
-        in_dark = _in_the_dark(recordings, dead, STILL_DARK * self.unit)
+        in_dark = _in_the_dark(recordings, dead, base)
         for recording, gone, dark in zip(recordings, dead, in_dark, strict=True):
             warned += [f"{recording.source}: {why}" for k, why in gone.items() if k in self.dead]
             for some, said in (
@@ -188,19 +188,24 @@ class Rows:
 
 
 def _in_the_dark(
-    recordings: Sequence[SensorRecording], dead: Sequence[dict[int, str]], span: float
+    recordings: Sequence[SensorRecording], dead: Sequence[dict[int, str]], base: Profile
 ) -> list[set[int]]:
-    """The sensors that face away from a recording's object: they hardly change there, and read no more than
-    their least in recordings where they do, by `span` counts at most."""
+    """The sensors that face away from a recording's object: of those that tell nothing there, the ones that
+    look aside in every row and read hardly more than their least in other recordings."""
+    if recordings[0].kind != "infrared":
+        return [set() for _ in recordings]
     live = [r.counts.copy() for r in recordings]
     for counts, gone in zip(live, dead, strict=True):
         counts[:, list(gone)] = np.inf
-    least = np.fmin.reduce(np.concatenate(live)) + span
-    seen = [r.counts if r.kind == "infrared" else np.full_like(r.counts, np.nan) for r in recordings]
-    return [
-        {k for k in gone if (counts[:, k] <= least[k]).all() and np.isfinite(least[k])}
-        for counts, gone in zip(seen, dead, strict=True)
-    ]
+    least = np.fmin.reduce(np.concatenate(live)) + STILL_DARK * count_unit(base.infrared.top)
+    looks = np.array([s.direction_deg for s in base.infrared.sensors])
+
+    def away(recording: SensorRecording, k: int) -> bool:
+        apart = np.abs((recording.bearing_deg - looks[k] + 180.0) % 360.0 - 180.0)
+        dark = (apart > checks.ASIDE_DEG) & (recording.counts[:, k] <= least[k])
+        return bool(dark.all() and np.isfinite(least[k]))
+
+    return [{k for k in gone if away(r, k)} for r, gone in zip(recordings, dead, strict=True)]
 
 
 def _listed(sensors: Collection[int]) -> list[str]:
