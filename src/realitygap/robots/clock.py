@@ -7,7 +7,8 @@ virtual clock tells the twin over a second channel, a Unix socket, how far time 
                                  the robot has put out LINES lines (0: no matter how many)
     at NOW_NS BYTES              the answer: the time now, and how many bytes were put out
 
-Both sides count bytes, so that no result depends on how fast a pseudo-terminal hands them on.
+Both sides count bytes, so that no result depends on how fast a pseudo-terminal hands them on. Messages
+that need no answer at once are sent with the next one that does: a step of a loop is one exchange.
 """
 
 import math
@@ -16,7 +17,7 @@ import select
 import socket
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import Protocol
 
 from realitygap.errors import LineError
@@ -144,7 +145,7 @@ class VirtualClock(RealClock):
             self._socket.close()
             raise LineError(f"no twin on the clock channel {channel!r}: {error.strerror}") from None
         self._now_ns = 0
-        self._replies = b""
+        self._unsent = self._replies = b""
         self._owed = 0
         self._dropping = False
         self._written = 0
@@ -157,7 +158,7 @@ class VirtualClock(RealClock):
         return self._now_ns / 1e9
 
     def sleep_until(self, time_s: float) -> None:
-        """Let the twin run on by itself, and do not wait for it."""
+        """Let the twin run on by itself; it is told with the next message that is waited for."""
         until = round(time_s * 1e9)
         if until > self._now_ns:
             with self.undisturbed():
@@ -171,8 +172,10 @@ class VirtualClock(RealClock):
                 self._run(self._now_ns, 0)
             self._catch_up()
 
-    def _catch_up(self) -> None:
-        while self._owed:
+    def _catch_up(self, owed: int = 0) -> None:
+        """Send what waits to be sent, and take the answers until only so many are owed."""
+        self._send()
+        while self._owed > owed:
             self._take_reply()
 
     def undisturbed(self) -> AbstractContextManager[None]:
@@ -185,11 +188,11 @@ class VirtualClock(RealClock):
 
     def read(self, fd: int, *, until: float, lines: int) -> bytes:
         """Let the twin run until it has put out `lines` lines; all that it has put out."""
-        self._catch_up()
+        self._run(max(int(until * 1e9) + 1, self._now_ns), lines)  # + 1: surely past `until`
         if self._dropping:
+            self._catch_up(owed=1)
             self._collect(fd)
             self._dropping = False
-        self._run(max(int(until * 1e9) + 1, self._now_ns), lines)  # + 1: surely past `until`
         return self.fetch(fd)
 
     def fetch(self, fd: int) -> bytes:
@@ -202,16 +205,23 @@ class VirtualClock(RealClock):
         self._dropping = True
 
     def close(self) -> None:
-        """Close the channel: the twin's time stops."""
+        """Close the channel: the twin's time stops where it was told to."""
+        with suppress(LineError):
+            self._send()
         self._socket.close()
 
     def _run(self, until_ns: int, lines: int) -> None:
-        try:
-            self._socket.sendall(b"run %d %d %d\n" % (until_ns, self._written, lines))
-        except OSError as error:
-            raise LineError(f"the twin is gone from its clock channel: {error.strerror}") from None
+        self._unsent += b"run %d %d %d\n" % (until_ns, self._written, lines)
         self._written = 0
         self._owed += 1
+
+    def _send(self) -> None:
+        unsent, self._unsent = self._unsent, b""
+        try:
+            if unsent:
+                self._socket.sendall(unsent)
+        except OSError as error:
+            raise LineError(f"the twin is gone from its clock channel: {error.strerror}") from None
 
     def _take_reply(self) -> None:
         while b"\n" not in self._replies:

@@ -159,9 +159,9 @@ class Server:
             return
         *lines, rest = (self._buffers[source] + data).split(b"\n")
         self._buffers[source] = rest
-        for line in lines:
-            with contextlib.suppress(OSError):  # whoever asked is gone
-                source.sendall(self._do(line.decode("utf-8", "replace")).encode() + b"\n")
+        answers = [self._do(line.decode("utf-8", "replace")) + "\n" for line in lines]
+        with contextlib.suppress(OSError):  # whoever asked is gone
+            source.sendall("".join(answers).encode())
 
     def _do(self, line: str) -> str:
         """Carry out one line of the channel; the answer."""

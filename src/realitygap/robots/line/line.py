@@ -213,17 +213,18 @@ class Line(Wire):
 
     def _exchange(self, requests: Sequence[Request]) -> list[Answer]:
         promised, self._promised = self._promised, ()
-        if promised:
-            self._heard += self.clock.fetch(self.fileno())
-        else:
+        if not promised:
             self.forget()
+        elif not requests:
+            self._heard += self.clock.fetch(self.fileno())
         if requests:
             self.tell(b"".join(request.data for request in requests))
         awaited = (*promised, *requests)
         until = self.clock.now() + self.dialect.patience_s + self._wire_s(awaited)
         answers: list[Answer] = []
         for request in awaited:
-            line = self._next_line(until, len(awaited) - len(answers))
+            left = len(awaited) - len(answers)
+            line = self._next_line(until, min(left, len(requests) or 1))  # a promised one is on its way
             if line is None:
                 raise GarbledError(f"nothing to {request.text!r}")
             self.odd = line
