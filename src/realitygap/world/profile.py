@@ -230,19 +230,22 @@ class Profile(Value):
             ConfigError: other feeds, readings of another number of sensors, or an unknown sensor.
         """
         bands = self.bands(feeds)
-        there = len(bands)
+        there = range(len(bands))
         came = len(readings) if hasattr(readings, "__len__") else readings
-        require(came == there, "readings", f"one of each {feeds} sensor ({there})", came)
-        inside = isinstance(sensors, Iterable) and all(sensor in range(there) for sensor in sensors)
-        require(inside, "sensors", f"numbers from 0 to {there - 1}", sensors)
+        require(came == len(there), "readings", f"one of each {feeds} sensor ({len(there)})", came)
+        inside = isinstance(sensors, Iterable) and all(map(there.__contains__, sensors))
+        require(inside, "sensors", f"numbers from 0 to {len(there) - 1}", sensors)
         try:
-            pairs = [(float(readings[sensor]), *bands[sensor]) for sensor in sensors]
+            counts = [float(readings[sensor]) for sensor in sensors]
         except (TypeError, ValueError):
-            pairs = [(math.nan, 0.0, 0.0)]
-        require(all(math.isfinite(one[0]) for one in pairs), "readings", "finite numbers", readings)
-        shares = ((reading - low) / (high - low) for reading, low, high in pairs)
-        scaled = (math.floor(share * (2.0 * TOP_INPUT) - TOP_INPUT + 0.5) for share in shares)
-        return [max(-TOP_INPUT, min(TOP_INPUT, value)) for value in scaled]
+            counts = [math.nan]
+        require(all(map(math.isfinite, counts)), "readings", "finite numbers", readings)
+        scaled = []
+        for count, (low, high) in zip(counts, [bands[sensor] for sensor in sensors], strict=True):
+            share = (count - low) / (high - low)
+            value = math.floor(share * (2.0 * TOP_INPUT) - TOP_INPUT + 0.5)
+            scaled.append(max(-TOP_INPUT, min(TOP_INPUT, value)))
+        return scaled
 
     def to_dict(self) -> dict[str, Any]:
         """Every constant the simulation uses: the file's, and under `fixed` what no file changes."""

@@ -156,7 +156,6 @@ class Line(Wire):
 
     def _ask(self, requests: Sequence[Request], give_up_s: float) -> list[Answer]:
         start, tries, promised = self.clock.now(), 1, self._promised
-        until = start + give_up_s + self._wire_s(requests)
         try:
             return self._first_try(requests)
         except (GarbledError, RefusedError) as error:
@@ -164,6 +163,7 @@ class Line(Wire):
         once = next((r for r in requests if not self.dialect.commands[r.letter].repeatable), None)
         if once is not None:
             raise LineError(f"{failure}; {once.text!r} is not sent twice: ask the robot for its state")
+        until = start + give_up_s + self._wire_s(requests)
         while tries < LEAST_TRIES or self.clock.now() < until:
             tries += 1
             try:
