@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+import socket
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
+from realitygap.errors import LineError
 from realitygap.robots.clock import VirtualClock
 from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.loop import drive
@@ -90,6 +93,16 @@ def test_what_was_said_during_a_sleep_is_no_answer(bench: Bench) -> None:
     khepera.line.tell(b"H\nE\nB\n")
     clock.sleep_until(clock.now() + 0.5)
     assert len(khepera.read("N")) == 8 and khepera.line.faults == 0
+
+
+def test_a_twin_that_does_not_answer_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stopped, say, or on a computer that has no memory left: an error, not a wait without end."""
+    monkeypatch.setattr("realitygap.robots.clock.TWIN_LOST_S", 0.2)
+    with socket.socket(socket.AF_UNIX) as deaf:
+        deaf.bind(str(tmp_path / "clock"))
+        deaf.listen()
+        with pytest.raises(LineError, match=r"does not answer on its clock channel for 0\.2 s"):
+            VirtualClock(str(tmp_path / "clock"))
 
 
 def test_a_closed_clock_has_told_all_that_it_allowed(bench: Bench) -> None:

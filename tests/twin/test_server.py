@@ -94,26 +94,6 @@ def test_the_channel_refuses_what_it_does_not_know(bench: Bench) -> None:
     assert answers[4] == "at 0 0" and answers[5].startswith("error")
 
 
-def test_messages_that_come_together_or_in_pieces_are_answered_in_order(bench: Bench) -> None:
-    """However the socket hands them on; and whoever leaves with a message half sent, or its answers not
-    fetched, leaves a twin that serves the next."""
-    twin = bench.twin()
-    for pieces in ((b"run 1000 0 0\nrun 2000 0 0\n",), (b"run 30", b"00 0 0\nrun 4000 0 0", b"\n")):
-        with socket.socket(socket.AF_UNIX) as sock:
-            sock.connect(twin.channel)
-            for piece in pieces:
-                sock.sendall(piece)
-                time.sleep(0.05)
-            with sock.makefile("rb") as file:
-                times = [int(file.readline().split()[1]) for _ in range(2)]
-        assert times in ([1000, 2000], [3000, 4000])
-    for left in (b"run 5000 0 0\nrun 6000", b"run 7000 0 0\n" * 50):
-        with socket.socket(socket.AF_UNIX) as sock:
-            sock.connect(twin.channel)
-            sock.sendall(left)
-    assert channel(twin, "run 8000 0 0") == ["at 8000 0"]
-
-
 def test_a_clock_for_a_real_time_twin_is_refused(bench: Bench) -> None:
     """Real time cannot be told how far to run."""
     twin = bench.twin(clock="real")

@@ -22,6 +22,7 @@ from typing import Protocol
 
 from realitygap.errors import LineError
 from realitygap.robots.signals import undisturbed
+from realitygap.work import child
 
 __all__ = ["Clock", "RealClock", "SteppedClock", "VirtualClock"]
 
@@ -138,7 +139,7 @@ class VirtualClock(RealClock):
     def __init__(self, channel: str) -> None:
         self.channel = channel
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.settimeout(TWIN_LOST_S)
+        child.give_up_after(self._socket, TWIN_LOST_S)
         try:
             self._socket.connect(channel)
         except OSError as error:
@@ -146,10 +147,8 @@ class VirtualClock(RealClock):
             raise LineError(f"no twin on the clock channel {channel!r}: {error.strerror}") from None
         self._now_ns = 0
         self._unsent = self._replies = b""
-        self._owed = 0
+        self._owed = self._written = self._announced = 0
         self._dropping = False
-        self._written = 0
-        self._announced = 0
         self._run(0, 0)
         self.settle()
 
@@ -228,7 +227,9 @@ class VirtualClock(RealClock):
             try:
                 data = self._socket.recv(CHUNK)
             except OSError as error:
-                raise LineError(f"the twin does not answer on its clock channel: {error}") from None
+                self.close()
+                why = f" for {TWIN_LOST_S:g} s" if isinstance(error, BlockingIOError) else f": {error}"
+                raise LineError(f"the twin does not answer on its clock channel{why}") from None
             if not data:
                 raise LineError("the twin is gone: it has closed its clock channel")
             self._replies += data

@@ -30,6 +30,7 @@ from realitygap.errors import RealityGapError, UsageError
 from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.twin.firmware import Firmware
 from realitygap.twin.port import Port
+from realitygap.work import child
 
 __all__ = ["BODY", "STRANGER", "Server", "Settings"]
 
@@ -131,7 +132,7 @@ class Server:
     def _greet(self) -> None:
         """Hear another clock, or hand; whoever fetches no answers is not waited for without end."""
         connection, _ = self._listener.accept()
-        connection.settimeout(ANSWER_S)
+        child.give_up_after(connection, ANSWER_S)
         self._buffers[connection] = b""
 
     def _nap(self) -> float | None:

@@ -1,13 +1,15 @@
-"""A program in a process of its own, reached through its pipes: every wait for it ends."""
+"""A program in a process of its own, reached through its pipes or a socket: every wait for it ends."""
 
 import os
 import select
+import socket
+import struct
 import subprocess
 from contextlib import suppress
 
 from realitygap.errors import RobotError
 
-__all__ = ["ask", "end"]
+__all__ = ["ask", "end", "give_up_after"]
 
 CHUNK = 1 << 16
 
@@ -53,3 +55,13 @@ def end(process: subprocess.Popen[bytes], leave_s: float) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
+
+
+def give_up_after(waiting: socket.socket, seconds: float) -> None:
+    """Let the system end what a socket waits for; Python's own time-out costs a system call each time.
+
+    Such an end is a BlockingIOError.
+    """
+    interval = struct.pack("ll", int(seconds), int(seconds % 1 * 1e6))
+    for way in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+        waiting.setsockopt(socket.SOL_SOCKET, way, interval)
