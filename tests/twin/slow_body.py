@@ -14,7 +14,9 @@ from realitygap.twin.noise import CREEP_MS, draws
 from realitygap.twin.sensors import CYCLE_MS, HISTORY_MS, PHASE_MS
 from realitygap.twin.states import heading_of
 from realitygap.twin.wheels import (
+    AGAIN,
     ARRIVED,
+    ASIDE_M,
     MAX_PWM,
     MAX_SPEED,
     POSITION_GAINS,
@@ -24,6 +26,7 @@ from realitygap.twin.wheels import (
     SETTLED_MS,
     SPEED_GAINS,
     SPEED_SCALE,
+    THROWN,
     WINDOW_MS,
     note,
 )
@@ -60,12 +63,25 @@ class SlowBody(TwinBody):
             if not all(wheel.told_to_stand for wheel in self._wheels):  # type: ignore[attr-defined]
                 self._set_down = None
             if self._set_down is None or now <= self._set_down + SETTLED_MS:
-                mujoco.mj_step(self._model, self._data, self._substeps)
+                self._move()
             self.time_ms = now
             if now % CYCLE_MS in PHASE_MS:
                 self._history[now % HISTORY_MS] = self._qpos[:7]
             if now % 10 == 0:
                 note(now, self._machine)
+
+    def _move(self) -> None:
+        data = self._data
+        parts = data.qpos, data.qvel, data.act, data.qacc_warmstart
+        before = [part.copy() for part in parts]
+        for aside in (0.0, *(ASIDE_M * 10.0**k for k in range(AGAIN))):
+            for part, was in zip(parts, before, strict=True):
+                part[:] = was
+            data.qpos[0] += aside
+            mujoco.mj_step(self._model, data, self._substeps)
+            if math.hypot(*data.qvel[:3]) < THROWN:
+                return
+        raise AssertionError("thrown from wherever it begins")
 
     def _feel_ground(self) -> None:
         (x, y), (w, z) = self._qpos[:2].tolist(), self._qpos[[3, 6]].tolist()

@@ -12,7 +12,8 @@ from realitygap.twin import model
 from realitygap.twin.body import TwinBody
 from realitygap.twin.states import heading_of
 from realitygap.twin.wheels import SETTLED_MS
-from tests.twin.rooms import CROWDED, OPEN
+from tests.twin.rooms import ARENAS, CROWDED, OPEN
+from tests.twin.slow_body import SlowBody
 
 PULSES_PER_CM = 120
 
@@ -218,6 +219,22 @@ def test_stays_in_its_room_whatever_it_is_told() -> None:
         assert 2.6 < x < 77.4 and 2.6 < y < 57.4
         assert all(math.hypot(x - cx, y - cy) > r + 2.6 for cx, cy, r in CROWDED["cylinders"])
         assert tilt_deg(body) < 20
+
+
+@pytest.mark.parametrize(("unit", "seed", "speeds"), [(1, 2, (4, 5)), (4, 0, (5, 5))])
+def test_pressing_on_a_cylinder_throws_nobody(unit: int, seed: int, speeds: tuple[int, int]) -> None:
+    """MuJoCo's collisions of cylinders err now and then, here after 7.0 and 2.2 s, by more than a centimetre;
+    the robot stays where it presses, as fast as it was."""
+    for kind in (TwinBody, SlowBody) if unit == 4 else (TwinBody,):
+        body = kind(ARENAS["obstacle-avoidance"], unit=unit, seed=seed)
+        body.place(25, 25, 0.5)
+        body.set_speed(*speeds)
+        last = body.truth()
+        for _ in range(80 if kind is TwinBody else 25):
+            body.advance(100)
+            now = body.truth()
+            assert math.dist(now[:2], last[:2]) < 1.0
+            last = now
 
 
 def test_states_for_the_camera() -> None:

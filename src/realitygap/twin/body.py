@@ -53,6 +53,7 @@ class TwinBody:
         self._data = mujoco.MjData(self._model)
         self._qpos = self._data.qpos
         self._history = np.zeros((HISTORY_MS, 7))
+        moving = self._qpos, self._data.qvel, self._data.act, self._data.qacc_warmstart
         wheels = np.zeros(2, STATE)
         self._wheels = Wheel(NOMINAL_VOLT, wheels[0]), Wheel(NOMINAL_VOLT, wheels[1])
         self._machine = Machine(
@@ -60,6 +61,8 @@ class TwinBody:
             data=self._data._address if FOUND else self._data,
             substeps=substeps,
             qpos=self._qpos,
+            moving=moving,
+            before=tuple(part.copy() for part in moving),
             ctrl=self._data.ctrl,
             wheels=wheels.view(np.recarray),
             stood=np.zeros(1, np.int64),
