@@ -85,35 +85,40 @@ class Distances:
         ours = (np.arange(len(self.a) + len(self.b)) < len(self.a)).astype(np.float64)
         return ours, 1.0 - ours
 
-    def behaviour(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
+    def behaviour(self, wa: Floats | None = None, wb: Floats | None = None) -> Floats:
         """√ of the energy distance of the descriptors, in just-noticeable amounts; 0 or more."""
         return _root(self.energy(wa, wb))
 
-    def energy(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
+    def energy(self, wa: Floats | None = None, wb: Floats | None = None) -> Floats:
         """The energy distance of the descriptors: `2 E|X − Y| − E|X − X'| − E|Y − Y'|`; may be below 0.
 
-        Weights [n] of the trials on either side; by default a and b.
+        Weights [..., n] of the trials on either side, by default a and b; a distance [...] for each row.
         """
         wa, wb = self._weights(wa, wb)
         counts, far = self.counts, self._between * self.counts
 
-        def mean(one: Floats, other: Floats) -> float:
-            total = one @ counts @ other
-            return float(one @ far @ other / total) if total > 0 else np.nan
+        def mean(one: Floats, other: Floats) -> Floats:
+            total = np.vecdot(one @ counts, other)
+            # row by row: a product of two matrices has other last bits than that of one row
+            summed = np.vecdot((one[..., np.newaxis, :] @ far)[..., 0, :], other)
+            return np.asarray(summed / np.where(total > 0, total, np.nan))
 
         return 2 * mean(wa, wb) - mean(wa, wa) - mean(wb, wb)
 
-    def layout(self, wa: Floats | None = None, wb: Floats | None = None) -> float:
-        """Jensen-Shannon distance (√, base 2) of the occupancy maps; 0 to 1."""
+    def layout(self, wa: Floats | None = None, wb: Floats | None = None) -> Floats:
+        """Jensen-Shannon distance (√, base 2) of the occupancy maps; 0 to 1. Weights as of `energy`."""
         wa, wb = self._weights(wa, wb)
         density = []
         for weights in (wa, wb):
-            makers = weights[:, None] * self.counts  # which trials form the map that another is compared with
-            made = np.einsum("ij,ijp->jp", makers, self._occupancy)
-            density.append(made / np.maximum(makers.sum(axis=0), 1e-12)[:, None] + ANYWHERE_PER_CM2)
+            # which trials form the map that another is compared with
+            makers = weights[..., np.newaxis] * self.counts
+            made = np.einsum("...ij,ijp->...jp", makers, self._occupancy)
+            mass = np.maximum(makers.sum(axis=-2), 1e-12)
+            density.append(made / mass[..., np.newaxis] + ANYWHERE_PER_CM2)
         both = density[0] + density[1]
-        gain = [np.log2(2 * own / both).mean(axis=1) for own in density]
-        return min(1.0, _root(float(wa @ gain[0] / wa.sum() + wb @ gain[1] / wb.sum()) / 2))
+        gain = [np.log2(2 * own / both).mean(axis=-1) for own in density]
+        told = np.vecdot(wa, gain[0]) / wa.sum(axis=-1) + np.vecdot(wb, gain[1]) / wb.sum(axis=-1)
+        return np.minimum(1.0, _root(told / 2))
 
     def _weights(self, wa: Floats | None, wb: Floats | None) -> tuple[Floats, Floats]:
         return self.sides[0] if wa is None else wa, self.sides[1] if wb is None else wb
@@ -162,6 +167,6 @@ def _near(one: Trial, other: Trial) -> bool:
     return bool(away < SAME_CM and abs(turned) < SAME_RAD)
 
 
-def _root(square: float) -> float:
+def _root(square: Floats) -> Floats:
     """√, with rounding errors as 0; NaN stays NaN, where there was nothing to compare."""
-    return float(np.sqrt(square)) if not square <= ROUNDING else 0.0
+    return np.sqrt(np.where(square <= ROUNDING, 0.0, square))

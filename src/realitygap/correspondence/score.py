@@ -27,6 +27,8 @@ PIECES = 4
 """Pieces into which a single trial is cut, to show its variation."""
 RESAMPLES = 1000
 """Of the bootstrap: ends of an interval are then certain to a tenth or two."""
+TOGETHER = 50
+"""Resamples computed at once: their maps fit into a cache."""
 LEAST_STARTS = 3
 """Starts needed for an interval: with two, every other resample would have only one, and nothing to compare.
 """
@@ -100,7 +102,7 @@ def compare(
     ends = scale or scale_of(
         between, task=setting.exemplars, ceiling=cut[2] if ceiling else None, whole=not lone
     )
-    far = {name: getattr(between, name)() for name in PARTS}
+    far = {name: float(getattr(between, name)()) for name in PARTS}
     score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
     notes += [] if lone else _few(_starts(ours, theirs))
     noisy, response, loops = signed(*(between.told[::-1] if swapped else between.told))
@@ -184,11 +186,11 @@ def _interval(between: Distances, scale: Scale, resamples: int) -> tuple[float, 
     draw, scores = np.random.default_rng(0), []
     if _starts(between.a, between.b) < LEAST_STARTS:
         return None
-    for _ in range(resamples):
-        wa, wb = resampled_weights(between, draw)
-        far = {name: getattr(between, name)(wa, wb) for name in PARTS}
-        if np.isfinite(list(far.values())).all():
-            scores.append(scale.score(far))
+    for first in range(0, resamples, TOGETHER):
+        weights = resampled_weights(between, draw, min(TOGETHER, resamples - first))
+        far = np.column_stack([getattr(between, name)(*weights) for name in PARTS])
+        compared = far[np.isfinite(far).all(axis=1)].tolist()
+        scores += [scale.score(dict(zip(PARTS, row, strict=True))) for row in compared]
     if not scores:
         return None
     low, high = np.quantile(scores, [0.025, 0.975])

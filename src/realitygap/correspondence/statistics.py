@@ -28,25 +28,28 @@ class Correlation(NamedTuple):
     controllers: int
 
 
-def resampled_weights(distances: Distances, draw: np.random.Generator) -> tuple[Floats, Floats]:
-    """Weights [n] of both sides in one resample: starts drawn with replacement, and units likewise.
+def resampled_weights(distances: Distances, draw: np.random.Generator, count: int) -> tuple[Floats, Floats]:
+    """Weights [count, n] of both sides in so many resamples: starts drawn with replacement, and units
+    likewise.
 
     Matched starts are drawn together for both sides.
     """
-    starts = distances.starts
-    drawn = np.bincount(draw.integers(0, starts.max() + 1, starts.max() + 1), minlength=starts.max() + 1)
-    both = []
+    starts, size = distances.starts, int(distances.starts.max()) + 1
+    sides = []
     for side, trials in zip(distances.sides, (distances.a, distances.b), strict=True):
-        own = np.unique(starts[side > 0])
-        if not distances.matched:
-            drawn = np.bincount(draw.choice(own, len(own)), minlength=starts.max() + 1)
-        weights = side * drawn[starts]
-        units = sorted({t.unit for t in trials})
-        if len(units) > 1:
-            times = np.bincount(draw.integers(0, len(units), len(units)), minlength=len(units))
-            weights[side > 0] *= [times[units.index(t.unit)] for t in trials]
-        both.append(weights)
-    return both[0], both[1]
+        names = sorted({t.unit for t in trials})
+        sides.append((side, np.unique(starts[side > 0]), [names.index(t.unit) for t in trials]))
+    made = np.empty((2, count, len(starts)))
+    for k in range(count):
+        drawn = np.bincount(draw.integers(0, size, size), minlength=size)
+        for weights, (side, own, unit) in zip(made[:, k], sides, strict=True):
+            if not distances.matched:
+                drawn = np.bincount(draw.choice(own, len(own)), minlength=size)
+            weights[:] = side * drawn[starts]
+            if (units := max(unit) + 1) > 1:
+                times = np.bincount(draw.integers(0, units, units), minlength=units)
+                weights[side > 0] *= times[unit]
+    return made[0], made[1]
 
 
 def two_sample_p(distances: Distances, *, permutations: int = 199, seed: int = 0) -> float:
