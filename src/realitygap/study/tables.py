@@ -27,6 +27,8 @@ class Tables:
         self.config: StudyConfig = read_config(folder)
         self._reader = Reader(folder / DATABASE)
         self._rows = self._reader.runs()
+        self._block: tuple[int, int, Genes] = 0, 0, np.zeros(0)
+        """Of the run that an individual was read from last: its number, that of the first, and they."""
 
     def evaluations(self, run: int | None = None) -> Table:
         """Every evaluation of a run, or of all: run, number, fitness, score_1 …, parents, cell."""
@@ -43,9 +45,12 @@ class Tables:
         Raises:
             StudyError: no such evaluation.
         """
-        kind, shape = self._form(run)
-        first, found = self._reader.genotypes(self._id(run), number)
-        genes: Genes = np.frombuffer(found, kind).reshape(-1, *shape)
+        of, (whose, first, genes) = self._id(run), self._block
+        if whose != of or not 0 <= number - first < len(genes):  # a run's next one is likely from there
+            kind, shape = self._form(of)
+            first, found = self._reader.genotypes(of, number)
+            genes = np.frombuffer(found, kind).reshape(-1, *shape)
+            self._block = of, first, genes
         if not 0 <= number - first < len(genes):
             raise StudyError(f"{self.folder}: run {run} has no evaluation {number}.")
         one: Genes = genes[number - first].copy()
