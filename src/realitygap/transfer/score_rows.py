@@ -35,6 +35,8 @@ OnProgress = Callable[[int, int], None]
 
 FEW = 4
 """Up to this number rows are computed before other processes could load what they need."""
+TOGETHER = 5
+"""Rows in a job: those of one task share their study and their namer, which arrive and are made once."""
 
 
 def marks_of(
@@ -60,7 +62,8 @@ def marks_of(
 
     tell(len(jobs) - len(left), len(jobs))
     with opened(1 if len(left) <= FEW else near(workers)) as pool:
-        pool.work(Setup(_Scorer), [(k, jobs[k]) for k in left], heard)
+        some = (left[first : first + TOGETHER] for first in range(0, len(left), TOGETHER))
+        pool.work(Setup(_Scorer), [[(k, jobs[k]) for k in rows] for rows in some], heard)
     kept |= {keys[k]: made[k].to_dict() for k in left}
     if left:
         _write(study.folder / MARKS, {key: row for key, row in kept.items() if key in keys})
@@ -94,11 +97,12 @@ def _write(file: Path, rows: Mapping[str, dict[str, Any]]) -> None:
 
 
 class _Scorer(Closing):
-    """Computes score rows; a job contains everything that its row follows from except the trials' files."""
+    """Computes score rows; a job contains everything that its rows follow from except the trials' files."""
 
-    def carry_out(self, job: tuple[int, Job], tell: Tell) -> None:
-        """One row, with its number."""
-        tell((job[0], job[1].mark()))
+    def carry_out(self, job: list[tuple[int, Job]], tell: Tell) -> None:
+        """Some rows, each with its number."""
+        for k, row in job:
+            tell((k, row.mark()))
 
 
 def kind_of(one: Transferred) -> str:
