@@ -7,6 +7,7 @@ run drove a robot or a twin, the situated one from the same pose.
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -22,10 +23,8 @@ from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
-from realitygap.track import Track, Trajectory, read_track
-from realitygap.transfer.packed import placed
+from realitygap.track import Track, Trajectory
 from realitygap.transfer.replay import Replays
-from realitygap.transfer.trial import SIMULATED, SITUATED
 from realitygap.values import fed
 from realitygap.world.arena import Arena
 from realitygap.world.noise import noise_name
@@ -168,10 +167,10 @@ class _Gather:
         cast = _Cast(task=task, genes=genes, slots=slots, profile=self.study.profile)
         order = {robot: i for i, robot in enumerate(robots_of(pairs))}
         there = sorted(
-            (p for p in pairs if len(p.paths[1])),
-            key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start),
+            pairs, key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start)
         )
-        trials = [self.transfer(part, pair, cast) for pair in there[:MOST_TRIALS]]
+        shown = islice((pair for pair in there if pair.seen), MOST_TRIALS)
+        trials = [self.transfer(part, pair, cast) for pair in shown]
         name = f"#{run.index}" + ("" if run.finished else ", unfinished")
         trials = trials or [self.alone(part, condition, row, cast)]
         return {"name": name, "link": run.name, "network": drawing, "trials": trials}
@@ -189,11 +188,9 @@ class _Gather:
         replay = self.replays.of(pair.folder)
         scores = [part.text(value) for value in pair.fitness]
         known = replay.simulated
-        with placed(pair.folder) as here:
-            path = read_track(here / SIMULATED) if known is None else known.track
-            there = read_track(here / SITUATED)
+        path = pair.simulated if known is None else known.track
         simulated = cast.drive("simulated", scores[0], path, known, replay.genes)
-        situated = cast.drive(pair.where, scores[1], there, replay.situated, replay.genes)
+        situated = cast.drive(pair.where, scores[1], pair.situated, replay.situated, replay.genes)
         who = "" if pair.individual == "champion" else f"{pair.individual}/"
         name, link = f"{pair.where}, start {pair.start}", f"{pair.robot}/{who}start-{pair.start}"
         return {"name": name, "link": link, "simulated": simulated, "situated": situated}

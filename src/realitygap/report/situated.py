@@ -126,7 +126,10 @@ def _sheet(part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, listed
     rows: list[list[PathPanel | None]] = []
     many = 0
     for condition in part.conditions:
-        runs = {p.run: p for p in reversed(here) if p.level == condition.level and len(p.paths[1])}
+        runs: dict[int, Pair] = {}
+        for p in here:
+            if p.level == condition.level and p.run not in runs and p.seen:
+                runs[p.run] = p
         pairs = [runs[run] for run in sorted(runs)][:PER_CONDITION]
         many += len(pairs)
         if pairs:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -30,15 +31,20 @@ MAKES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Pair(Transferred):
-    """One transfer of a run, which is number `index` among those evolved at its noise level.
-
-    Attributes:
-        paths: simulated and situated, thinned for drawing tails, without lost poses.
-    """
+    """One transfer of a run, which is number `index` among those evolved at its noise level."""
 
     level: float
     index: int
-    paths: tuple[Track, Track]
+
+    @cached_property
+    def paths(self) -> tuple[Track, Track]:
+        """Simulated and situated, thinned for drawing tails, without lost poses; read when first needed."""
+        return _drawn(self.simulated), _drawn(self.situated)
+
+    @property
+    def seen(self) -> bool:
+        """Whether anything is known of the situated path."""
+        return bool(self.situated.found.any())
 
     @property
     def fitness(self) -> tuple[float, float]:
@@ -102,7 +108,7 @@ def pairs_of(study: Study, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
 
 def _pair(one: Transferred, level: float, index: int) -> Pair:
     known = {field.name: getattr(one, field.name) for field in fields(one)}
-    return Pair(**known, level=level, index=index, paths=(_drawn(one.simulated), _drawn(one.situated)))
+    return Pair(**known, level=level, index=index)
 
 
 def _drawn(track: Track) -> Track:
@@ -137,9 +143,9 @@ def _worth(pairs: Sequence[Pair]) -> tuple[int, int, int]:
 def shown_pair(condition: NoiseClass, pairs: Sequence[Pair]) -> Pair | None:
     """The pair in a figure: of the run shown in the report, if there is one; filmed ones first."""
     row = chosen(condition)
-    here = [pair for pair in pairs if pair.level == condition.level and len(pair.paths[1])]
-    key = lambda p: (row is None or p.run != row.run.id, not p.filmed, p.run, p.start)  # noqa: E731
-    return min(here, key=key, default=None)
+    here = [pair for pair in pairs if pair.level == condition.level]
+    here.sort(key=lambda p: (row is None or p.run != row.run.id, not p.filmed, p.run, p.start))
+    return next((pair for pair in here if pair.seen), None)
 
 
 def groups_of(part: TaskPart, pairs: Sequence[Pair]) -> list[Group]:
