@@ -52,7 +52,10 @@ class Table(NamedTuple):
             UsageError: of the table's class: a value is not a number.
         """
         texts = self.texts(name)
-        out = np.array([_number(text) for text in texts], np.float64)
+        try:
+            out = np.array(list(map(float, texts)), np.float64)
+        except ValueError:  # something is empty, or wrong
+            out = np.array([_number(text) for text in texts], np.float64)
         wrong = ~(np.abs(out) <= LARGEST) & ~(empty & np.isnan(out))
         if wrong.any():
             limits = f" from -{LARGEST:g} to {LARGEST:g}" if np.isfinite(out[wrong.argmax()]) else ""
@@ -113,7 +116,7 @@ def read_table(
     refuse_separator(path, lines, error)
     reader = csv.reader(lines)
     try:
-        found = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
+        found = [(reader.line_num, list(map(str.strip, row))) for row in reader]
     except csv.Error as why:
         raise error(
             f"{path}, line {reader.line_num}: not CSV: {why}. {cure or 'Correct that line.'}"
