@@ -48,9 +48,9 @@ def report(studies: tuple[str, ...], out: Path | None, trust: bool, json_output:
     ask_trust(study, trust)
     with ProgressLine() as progress, opened(None, one_thread=True) as pool:
         loaded = load_study(study)
-        marks_of(loaded, workers=pool, on_progress=progress.marks)
+        marks = marks_of(loaded, workers=pool, on_progress=progress.marks)
         page = build_report(study, workers=pool, on_progress=progress.report)
-        tables = study_tables(loaded)
+        tables = study_tables(loaded, marks)
     tell(json_output, {"report": str(page), "tables": [t.to_dict() for t in tables]}, f"report {page}")
 
 

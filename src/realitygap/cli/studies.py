@@ -106,9 +106,9 @@ def reported(
     from realitygap.report.scores import study_tables
     from realitygap.transfer.score_rows import marks_of
 
-    marks_of(study, workers=workers, on_progress=progress.marks)
+    marks = marks_of(study, workers=workers, on_progress=progress.marks)
     page = build_report(folder, workers=workers, on_progress=progress.report)
-    return Carried(folder, study, page, study_tables(study), more, progress.took())
+    return Carried(folder, study, page, study_tables(study, marks), more, progress.took())
 
 
 def show_shard(folder: Path, more: Mapping[str, Any], *lines: str, json_output: bool) -> None:

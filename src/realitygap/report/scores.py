@@ -171,9 +171,9 @@ def score_tables(task: Task, levels: Iterable[float], marks: Sequence[ScoreRow])
     ]
 
 
-def study_tables(study: Study) -> list[ScoreTable]:
-    """All tables of a study, in the order of its tasks."""
-    marks, found = marks_of(study), []
+def study_tables(study: Study, marks: Sequence[ScoreRow] | None = None) -> list[ScoreTable]:
+    """All tables of a study, in the order of its tasks; `marks` are its score rows, if they are there."""
+    marks, found = marks_of(study) if marks is None else marks, list[ScoreTable]()
     for name in dict.fromkeys(run.task for run in study.runs):
         levels = sorted({noise_level(run.noise) for run in study.runs if run.task == name})
         found += score_tables(study.task(name), levels, marks)
