@@ -34,10 +34,10 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     width, depth = (float(v) for v in arena.size)
     edge = 0.02 * max(width, depth)
     floor = Rectangle((0, 0), width, depth, facecolor=style.FLOOR, edgecolor=style.WALL, linewidth=1.6)
-    ax.add_patch(floor).set(zorder=0)
+    ax.add_artist(floor).set(zorder=0)
     for x, y, radius in arena.cylinders.reshape(-1, 3):
         post = Circle((x, y), radius, facecolor=style.CYLINDER, edgecolor=style.WALL, linewidth=0.8, zorder=1)
-        ax.add_patch(post)
+        ax.add_artist(post)
     _name_surfaces(ax, arena)
     segments = arena.segments.reshape(-1, 2, 2)
     if len(segments):
@@ -74,7 +74,7 @@ def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:
     for points, centre in zip(arena.lamp_points, arena.lamp_centre, strict=True):
         for radius, alpha in ((9.0, 0.12), (6.0, 0.18), (3.2, 0.3)):
             glow = Circle(tuple(centre), radius, facecolor=style.LAMP, edgecolor="none", alpha=alpha)
-            ax.add_patch(glow).set(zorder=0.5)
+            ax.add_artist(glow).set(zorder=0.5)
             glow.set_clip_path(Rectangle((0, 0), *arena.size, transform=ax.transData))
         ax.plot(
             *points.T, "o", color=style.LAMP, markersize=3.2, zorder=4, markeredgecolor=style.WALL,
@@ -97,7 +97,7 @@ def draw_start(ax: Axes, start: np.ndarray) -> None:
     x, y, radius = (float(v) for v in start[:3])
     if radius > 0:
         disc = Circle((x, y), radius, fill=False, edgecolor=style.INK, linewidth=1.0, linestyle=(0, (2, 1.5)))
-        ax.add_patch(disc).set(zorder=7)
+        ax.add_artist(disc).set(zorder=7)
     else:
         ax.plot([x], [y], "+", color=style.INK, markersize=6, markeredgewidth=1.0, zorder=7)
     line = {"arrowstyle": "-", "color": style.INK, "lw": 0.7, "shrinkA": 1, "shrinkB": 0}

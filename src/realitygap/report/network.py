@@ -134,7 +134,7 @@ def _draw_neurons(ax: Axes, wiring: Wiring, laid: Layout, sensors: Sequence[int]
             shape.set(edgecolor=style.INK, linewidth=1.2)
         else:
             shape = Circle((x, y), size, facecolor=style.PAPER, edgecolor=style.INK, linewidth=1.0)
-        ax.add_patch(shape)
+        ax.add_artist(shape)
         shape.set(zorder=9, alpha=pale if n >= wiring.inputs else None)
         text = partial(ax.text, x, ha="center", va="center", zorder=10, alpha=pale)
         threshold = n in wiring.thresholds
@@ -153,7 +153,7 @@ def _label(ax: Axes, link: Link, spot: np.ndarray, unit: float) -> None:
     words += f" d{link.delay}" if link.delay else ""
     wide, tall = (0.086 * len(words) + 0.03) * unit, 0.105 * unit
     plate = Rectangle((spot[0] - wide, spot[1] - tall), 2 * wide, 2 * tall, facecolor=style.BODY)
-    ax.add_patch(plate).set(edgecolor="none", alpha=0.85, zorder=10.5)
+    ax.add_artist(plate).set(edgecolor="none", alpha=0.85, zorder=10.5)
     ax.text(spot[0], spot[1], words, ha="center", va="center_baseline", fontsize=6.6, zorder=11)
 
 

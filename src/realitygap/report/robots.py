@@ -43,16 +43,18 @@ def draw_robot(
     body = Polygon(turned, closed=True) if len(turned) else Circle((x, y), robot.radius)
     body.set(facecolor=look.body, edgecolor=edge, linestyle=look.line, linewidth=1.1, zorder=5)
     length, width = WHEEL_CM[0] / 2, WHEEL_CM[1] / 2
-    artists: list[Patch | Line2D] = [ax.add_patch(body)]
+    shapes: list[Patch] = [body]
     for side in (1, -1):
         inner, outer = (side * (robot.track / 2 - width) + part for part in (-width, width))
         corners = np.array([[length, inner], [length, outer], [-length, outer], [-length, inner]])
         turned = corners @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
-        artists.append(ax.add_patch(Polygon(turned, closed=True, facecolor=edge, linewidth=0, zorder=5.1)))
+        shapes.append(Polygon(turned, closed=True, facecolor=edge, linewidth=0, zorder=5.1))
+    for shape in shapes:
+        ax.add_artist(shape)  # unlike add_patch it measures nothing: the limits are set
     ahead = front(robot)
     tip = (x + ahead * cos, y + ahead * sin)
-    artists += ax.plot([x, tip[0]], [y, tip[1]], color=edge, linewidth=1.3, zorder=5.2, solid_capstyle="butt")
-    return artists
+    line = ax.plot([x, tip[0]], [y, tip[1]], color=edge, linewidth=1.3, zorder=5.2, solid_capstyle="butt")
+    return [*shapes, *line]
 
 
 def front(robot: Robot) -> float:
@@ -89,7 +91,7 @@ def _draw_sensor(ax: Axes, place: F, ray: F, name: str) -> None:
     facing = math.atan2(*ray[:, : ray.shape[1]].mean(axis=1)[::-1]) + math.pi / 2
     out, turn = np.array([math.cos(facing), math.sin(facing)]), math.degrees(facing)
     half = Wedge(tuple(spot), DISC_CM, turn - 90, turn + 90, facecolor=style.RAY, edgecolor="none", zorder=6)
-    ax.add_patch(half)
+    ax.add_artist(half)
     arrow = {"arrowstyle": "-|>", "color": style.RAY, "lw": 0.8, "mutation_scale": 6}
     ax.annotate("", tuple(spot + 1.35 * out), tuple(spot + DISC_CM * out), zorder=6, arrowprops=arrow)
     x, y = spot + 1.75 * out
