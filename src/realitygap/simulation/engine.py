@@ -102,7 +102,7 @@ class Cores:
     def worlds(self, streams: Streams) -> list[tuple[World, slice, float]]:
         """Those that trials happen in: of each world its trials, and its robot's `farthest_notice`."""
         if not self.task.spread:
-            return [(self.world, slice(None), farthest_notice(self.robot, self._fan))]
+            return [(self.world, slice(None), self._far)]
         each = map(self.world_of, streams)
         return [
             (world, slice(t, t + 1), farthest_notice(world.robot, self._fan)) for t, world in enumerate(each)
@@ -111,6 +111,10 @@ class Cores:
     @cached_property
     def _fan(self) -> Floats:
         return spread_fan(self.robot)
+
+    @cached_property
+    def _far(self) -> float:
+        return farthest_notice(self.robot, self._fan)
 
     @cached_property
     def room(self) -> Room:

@@ -136,13 +136,12 @@ class Simulation:
 
     def _require(self, what: str, found: object, shape: tuple[int, ...]) -> None:
         """No engine of one's own is taken at its word."""
-        expected, came = f"float64{list(shape)}", shown(found)
-        if isinstance(found, np.ndarray) and came == expected and not np.isfinite(found).all():
-            came = "some that are not"
-        if came != expected:
+        fits = isinstance(found, np.ndarray) and found.dtype == np.float64 and found.shape == shape
+        if not (fits and np.isfinite(found).all()):  # type: ignore[call-overload]
+            came = "some that are not" if fits else shown(found)
             raise UsageError(
-                f"engine {type(self.engine).__name__}: expected finite {what} {expected}, a row for each "
-                f"network, got {came}."
+                f"engine {type(self.engine).__name__}: expected finite {what} float64{list(shape)}, a row "
+                f"for each network, got {came}."
             )
 
     def trajectory(
