@@ -5,7 +5,6 @@ it ends.
 only at the end of a job, and what runs cannot be ended.
 """
 
-import gc
 import multiprocessing
 import os
 import signal
@@ -184,9 +183,7 @@ def _serve(connection: Connection) -> None:
     try:
         while True:
             other, job = connection.recv()
-            if other is not None:
-                setup = other
-                gc.freeze()  # else all that was loaded for it is searched for garbage again and again
+            setup = other or setup
             assert setup is not None
             bench_of(setup).carry_out(job, lambda message: connection.send((MESSAGE, message)))
             connection.send((DONE, None))
