@@ -36,6 +36,9 @@ CLAIMS = ("tests/experiments/test_claims.py",)
 STUDY = ("tests/experiments/test_noise_compared.py",)
 ARMS = ("tests/experiments/test_noise_arms.py",)
 ARENA = ("tests/world/test_arena.py",)
+RAYS = ("tests/world/test_rays.py",)
+ROOM = ("tests/calibration/test_room.py",)
+PHYSICS = ("tests/twin/test_physics.py",)
 
 WARP = ("tests/simulation/test_cuda_sensors.py",)
 RAYWISE = ("tests/kernels/test_raywise.py",)
@@ -259,6 +262,19 @@ MUTATIONS = (
              CLAIMS),
     Mutation("experiments/noise/claims.py", "seed sets need not agree",
              "if p >= ALPHA or len(signs) > 1 else", "if p >= ALPHA else", CLAIMS),
+    Mutation("twin/wheels.py", "a robot that rests is not woken",
+             "machine.stood[0] = -1", "machine.stood[0] += 0", PHYSICS),
+    Mutation("twin/wheels.py", "a robot rests while its motors are uncontrolled",
+             "machine.wheels[side].mode != SPEED or machine.wheels[side].wanted != 0.0",
+             "machine.wheels[side].wanted != 0.0", PHYSICS),
+    Mutation("twin/wheels.py", "a thrown robot flies on",
+             "speed[1] * speed[1] + speed[2] * speed[2] < THROWN * THROWN", "0.0 < 1e9", PHYSICS),
+    Mutation("twin/wheels.py", "a thrown robot keeps its speed",
+             "_copy(machine.before, machine.moving)", "_copy(machine.moving, machine.before)", PHYSICS),
+    Mutation("world/rays.py", "a product's error is forgotten when it is rounded",
+             "off = (product - whole) + error", "off = product - whole", RAYS),
+    Mutation("calibration/forward.py", "rows of a second recording are read at the first's places",
+             "[scene.row + begin for scene", "[scene.row for scene", ROOM),
     Mutation("correspondence/statistics.py", "a two-sample p may be 0",
              "return (1 + at_least) / (1 + permutations)", "return at_least / permutations", SCORE),
     Mutation("experiments/noise/simulated.py", "every unit is compared with the home unit's simulation",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from realitygap.calibration import calibrate as fits
-from realitygap.calibration import forms, light_forms, unit
+from realitygap.calibration import forms, light, light_forms, unit
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.checks import refuse_swapped
 from realitygap.calibration.forward import illumination, light_readings, scene_of
@@ -62,6 +62,28 @@ def test_gains_come_back_in_an_arena(lit):
     judged = judge(table, made.profile)
     assert (judged.turn_deg, judged.brightness) == (0.0, 1.0) and judged.noise_fits
     assert judged.rmse == pytest.approx(made.ambient.rmse, rel=0.01)
+
+
+def test_several_recordings_are_modelled_as_each_alone(lit):
+    """Each row reads what the profile of the values reads at its place, whatever changed since the last try:
+    nothing, gains, the lamp, directions, the rigs, or how many rays have a weight."""
+    tables = [lit(9), lit(20)]
+    names = ["turn_0_deg", "turn_1_deg"]
+    scenes = [(name, scene_of(table)) for name, table in zip(names, tables, strict=True)]
+    memory, draw = light.LightMemory(scenes), np.random.default_rng(4)
+    values = {"log_gain": np.zeros(8), "lamp_height_cm": np.array([3.0]), "exponent": np.array([1.0])}
+    values |= {"direction_deg": np.array([s.direction_deg for s in PAPER.ambient.sensors])}
+    values |= {name: np.zeros(1) for name in names}
+    for key, size in [("", 0), ("log_gain", 0.3), ("lamp_height_cm", 1.0), ("direction_deg", 5.0),
+                      ("turn_1_deg", 3.0), ("exponent", 60.0)]:  # fmt: skip
+        if key:
+            values[key] = values[key] + size * draw.uniform(0.5, 1.0, values[key].shape)
+        made = light.with_light(PAPER, values, "linear")
+        alone = [
+            light_readings(made, illumination(made, scene, float(values[name][0]))) for name, scene in scenes
+        ]
+        both = light.light_model(PAPER, values, scenes, "linear", memory)
+        assert both.tobytes() == np.concatenate(alone).tobytes(), key
 
 
 def test_front_sensors_that_look_past_each_other_are_no_exchange(lit):
