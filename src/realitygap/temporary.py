@@ -35,6 +35,8 @@ class Folder(tempfile.TemporaryDirectory[str]):
         while self._lock is None:  # a sweeper may come between making and holding
             super().__init__(prefix=f"{PREFIX}{kind}.")
             self._lock = hold(Path(self.name))
+            if self._lock is None:
+                super().cleanup()  # else it warns of this one when the next is done with
 
     def cleanup(self) -> None:
         super().cleanup()
