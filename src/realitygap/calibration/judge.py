@@ -64,7 +64,7 @@ class Judgement:
     @property
     def fitted_out(self) -> list[str]:
         """How the recording's set-up differs from its description or from the profile's room, in words."""
-        said = [f"rig turned by {self.turn_deg:+.1f} degrees"] if self.turn_deg else []
+        said = [f"rig turned by {self.turn_deg:+.1f} degrees"] if round(self.turn_deg, 1) else []
         if self.shift_cm or self.background:
             where = "farther away" if self.shift_cm > 0 else "nearer"
             said.append(f"set down {abs(10 * self.shift_cm):.1f} mm {where}")
