@@ -177,7 +177,7 @@ class FilmWriter:
         rate: frames a second.
         made_by: which camera made it, such as "MuJoCo's renderer": kept in the film.
         notes: what else to keep in it, ready for JSON.
-        quality: H.264's constant rate factor: 0 lossless, 18 looks good, 51 worst.
+        quality: H.264's constant rate factor: 0 lossless, 20 looks good, 51 worst.
 
     Raises:
         FilmError: a path or a rate that cannot be used, frames of different sizes.
@@ -190,7 +190,7 @@ class FilmWriter:
         rate: float,
         made_by: str,
         notes: Mapping[str, Any] | None = None,
-        quality: float = 18,
+        quality: float = 20,
     ) -> None:
         self.path = Path(path)
         if self.path.suffix.lower() != ".mp4":

@@ -294,8 +294,6 @@ class Run:
     @cached_property
     def tests(self) -> dict[tuple[str, float], NDArray[np.float64]]:
         """Scores on fresh trials by (who, noise level); empty before the run is finished."""
-        if not self.finished:
-            return {}
         table = self.study.tests(self.id)
         pairs = dict.fromkeys(zip(table["who"].tolist(), table["noise"].tolist(), strict=True))
         return {(w, n): table["score"][(table["who"] == w) & (table["noise"] == n)] for w, n in pairs}

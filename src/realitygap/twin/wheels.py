@@ -256,7 +256,7 @@ def _copy(parts: Any, into: Any) -> None:
 @jit
 def _move(machine: Any) -> None:
     """Let MuJoCo step; again from a little aside if that threw the robot: it finds now and then that one of
-    two cylinders that touch is centimetres deep in the other (4.0.1; twice in 14 minutes of pressing)."""
+    two cylinders that touch is centimetres deep in the other (4.0.1; in two of 72 drives of 12 s)."""
     _copy(machine.moving, machine.before)
     for k in range(1 + AGAIN):
         for _ in range(machine.substeps):
