@@ -1,4 +1,4 @@
-"""Train Stable-Baselines3's PPO on the vector environment, half a million steps (a minute).
+"""Train Stable-Baselines3's PPO on the vector environment, half a million steps (half a minute of a core).
 
 pip install 'realitygap[sb3]'
 python examples/learn_sb3.py [STEPS]

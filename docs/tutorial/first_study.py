@@ -28,8 +28,8 @@ folder = Path(mkdtemp())
 # ## Evolve
 #
 # A *condition* is a task at a noise level: 0 is none, 1 is as much as was measured on a robot, 2 is twice
-# that. Each condition is evolved `runs` times. The same configuration and seed give the same bits on every
-# machine.
+# that. Each condition is evolved `runs` times. The same configuration and seed give the same bits, with any
+# number of processes.
 
 # %%
 config = realitygap.StudyConfig(

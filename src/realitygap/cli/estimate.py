@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = ["ask_trust", "consider", "note", "note_new", "note_versions"]
 
-EVALUATIONS_A_SECOND = 650
-"""Of one core: two trials of twenty seconds each, tests included (docs/noise-level.md)."""
-TRIALS_A_SECOND = 1.0
+EVALUATIONS_A_SECOND = 1000
+"""Of one core: two trials of twenty seconds each, tests included (docs/benchmarks.md)."""
+TRIALS_A_SECOND = 2.5
 """Of one core: watched trials of twenty seconds on the twin (the same)."""
 DAY_S = 86400.0
 POPULATION = 64
