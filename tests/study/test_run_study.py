@@ -41,6 +41,14 @@ def test_every_evaluation_is_kept(finished):
     }
 
 
+def test_a_study_stays_its_own_wherever_the_process_goes(finished, tmp_path, monkeypatch):
+    """A relative path is taken once."""
+    monkeypatch.chdir(finished.folder.parent)
+    study = load_study(finished.folder.name)
+    monkeypatch.chdir(tmp_path)
+    assert (study.evaluations(1)["fitness"] == finished.evaluations(1)["fitness"]).all()
+
+
 def test_tables_make_data_frames(finished):
     """Tables are columns of equal length, as pandas takes them."""
     pandas = pytest.importorskip("pandas")

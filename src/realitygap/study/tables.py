@@ -23,9 +23,9 @@ class Tables:
     """The contents of a study's database; runs are given by number or name."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
+        self.folder = folder.absolute()  # the same study wherever the process goes
         self.config: StudyConfig = read_config(folder)
-        self._reader = Reader(folder / DATABASE)
+        self._reader = Reader(self.folder / DATABASE)
         self._rows = self._reader.runs()
         self._block: tuple[int, int, Genes] = 0, 0, np.zeros(0)
         """Of the run that an individual was read from last: its number, that of the first, and they."""
