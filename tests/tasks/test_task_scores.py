@@ -1,6 +1,7 @@
 """The paper's scores by hand, and compiled against plain Python."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,3 +83,22 @@ def test_compiled_scores_have_the_same_bits(name):
         wheels = random.normal(3, 4, (2, 200))
         trial = path(*wheels, x=random.uniform(3, 100, 200), y=random.uniform(3, 60, 200))
         assert task.compiled_score()(trial, task.room(PAPER)) == task.score(trial, task.room(PAPER))
+
+
+WEIGHT = 1.0
+
+
+def weighted(path, room):
+    """A score with a number from outside."""
+    return WEIGHT * path.x.size
+
+
+def test_a_number_that_a_score_uses_may_change(monkeypatch):
+    """A new task compiles it anew."""
+    task = replace(load_task("avoidance"), name="weighted", score=weighted)
+    rows = np.zeros(5)
+    path = Path(x=rows, y=rows, heading=rows, left=rows, right=rows, contact=rows)
+    room = task.room(load_profile("paper"))
+    assert task.compiled_score()(path, room) == 5
+    monkeypatch.setattr(f"{__name__}.WEIGHT", 2.0)
+    assert replace(task, name="again").compiled_score()(path, room) == 10

@@ -8,6 +8,7 @@ import random
 import re
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import Any
@@ -17,9 +18,9 @@ from numpy.typing import NDArray
 
 from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
-from realitygap.outside import used
+from realitygap.outside import frozen, used
 
-__all__ = ["CompiledScore", "Score", "compile_score", "example", "reason"]
+__all__ = ["CompiledScore", "Score", "compile_score", "compiled_in", "example", "reason"]
 
 Score = Callable[[Any, Any], float]
 """What a user writes: (Path, Room) → a number, larger is better."""
@@ -89,13 +90,25 @@ class CompiledScore:
         return TaskError(f"{where}: the score fails with {told}. {cure}")
 
 
-@lru_cache(maxsize=64)
 def compile_score(score: Score) -> CompiledScore:
     """`score` compiled by Numba for (Path, Room), or as it is where the compiler is off.
 
     Raises:
         TaskError: it draws at random, prints, does not compile or returns no float; names file and line.
     """
+    return _compiled(score, compiled_in(score))
+
+
+def compiled_in(score: Score) -> tuple[str, ...]:
+    """The numbers and arrays that a score uses besides its arguments, as texts: they may have changed."""
+    with suppress(OSError, TypeError):
+        return frozen(score)
+    return ()
+
+
+@lru_cache(maxsize=64)
+def _compiled(score: Score, told: tuple[str, ...]) -> CompiledScore:
+    """The score with what it uses, `told`."""
     _refuse_unrepeatable(score, set())
     import numba
 

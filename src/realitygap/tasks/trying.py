@@ -14,7 +14,7 @@ import numpy as np
 
 from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
-from realitygap.tasks.scoring import CompiledScore, Score, compile_score
+from realitygap.tasks.scoring import CompiledScore, Score, compile_score, compiled_in
 from realitygap.world.arena import Arena
 
 __all__ = ["tried"]
@@ -28,13 +28,18 @@ ALIKE = 1e-6
 TOP_CM_S, RADIUS_CM = 8.0, 2.9
 
 
-@lru_cache(maxsize=64)
 def tried(score: Score, arena: Arena, steps: int) -> CompiledScore:
     """The compiled score, unless it fails on an example.
 
     Raises:
         TaskError: names the user's file and line.
     """
+    return _tried(score, compiled_in(score), arena, steps)
+
+
+@lru_cache(maxsize=64)
+def _tried(score: Score, told: tuple[str, ...], arena: Arena, steps: int) -> CompiledScore:
+    """The score with what it uses, `told`."""
     made = compile_score(score)
     own = _room(arena)
     other = own._replace(lamps=np.zeros((0, 2)), cylinders=np.zeros((0, 3)))
