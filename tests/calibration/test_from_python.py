@@ -42,6 +42,8 @@ def test_errors_are_typed(made_tables, tmp_path):
     with pytest.raises(CalibrationError, match="one for each of 1 recordings, got 2"):
         realitygap.calibrate(wall, objects=["wall", "wall"])
     loaded = realitygap.load_recording(wall, object="wall")
+    with pytest.raises(CalibrationError, match=r"light: expected paper or .* or auto, got 'extnded'"):
+        realitygap.calibrate([loaded], light="extnded")
     with pytest.raises(CalibrationError, match="objects: expected none with recordings that are loaded"):
         realitygap.calibrate([loaded], objects="cylinder:4")
 

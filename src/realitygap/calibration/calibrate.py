@@ -12,6 +12,7 @@ import numpy as np
 from realitygap.calibration.channel_fit import UNLIT, ChannelFit, unmeasured
 from realitygap.calibration.channels import fit_infrared, fit_light, ticks
 from realitygap.calibration.checks import refuse_mixed
+from realitygap.calibration.light import LIGHT_FORMS
 from realitygap.calibration.recordings.body import as_recorded, tells_heights
 from realitygap.calibration.recordings.recording import (
     FOLLOWED_STEPS,
@@ -129,7 +130,7 @@ def calibrate(
         StudyError: a worker process died repeatedly.
     """
     base = load_profile(base)
-    _refuse(recordings, form)
+    _refuse(recordings, form, light)
     recordings = [r.of_robot(base) if isinstance(r, SensorRecording) else r for r in recordings]
     base = as_recorded(recordings, base)
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
@@ -177,12 +178,14 @@ def _of_kind(recordings: Sequence[Recording], kind: str) -> list[SensorRecording
     return [r for r in recordings if isinstance(r, SensorRecording) and r.kind == kind]
 
 
-def _refuse(recordings: Sequence[Recording], form: str) -> None:
+def _refuse(recordings: Sequence[Recording], form: str, light: str | None) -> None:
     must_be(recordings, Sequence, "recordings", "Give a list of what load_recording(path) reads.")
     for one in recordings:
         must_be(one, SensorRecording | WheelRecording, "recordings", "load_recording(path) reads one.")
     if form not in FORMS:
         raise CalibrationError(f"form: expected {' or '.join(FORMS)}, got {form!r}.")
+    if light is not None and light not in (known := (*LIGHT_FORMS, "measured", "auto")):
+        raise CalibrationError(f"light: expected {' or '.join(known)}, got {light!r}.")
     if not recordings:
         raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
     refuse_mixed(recordings)
