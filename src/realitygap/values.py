@@ -68,7 +68,7 @@ def shown(value: object) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Where a robot's centre is and where it looks, counter-clockwise from +x."""
+    """Where a robot's centre is, cm, and where it looks, radians counter-clockwise from +x."""
 
     x: float
     y: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -120,6 +121,7 @@ def test_probe_with_noise():
         ((2.8, 25, 0), "wall at x = 0"), ((25, 47.2, 0), "wall at y = 50"),
         ((-5, 25, 0), "outside of the room"),
         ((1000, 25, 0), "outside of the room"), ((math.nan, 25, 0), "finite"), ((25, 25, math.inf), "finite"),
+        ((25, 25, 90), "radians, got 90"), ((25, 25, 1e7 + 0.5), "radians"), (("25", "25", "1"), "finite"),
     ],
 )  # fmt: skip
 def test_poses_in_obstacles_are_refused(pose, words):
@@ -234,3 +236,21 @@ def test_compile_makes_ready():
     simulation = Simulation(SEEKING, PAPER, 1)
     simulation.compile()
     assert simulation.scores(networks(2)[1], np.zeros((2, 2), np.uint64)).shape == (2, 2)
+
+
+def test_nothing_of_it_can_change():
+    """Trials go on with what was compiled, so an assignment would be ignored."""
+    simulation = Simulation(AVOIDANCE, PAPER, 0)
+    for name in ("noise", "profile", "task", "engine"):
+        with pytest.raises(UsageError, match=rf"simulation\.{name}: it cannot change"):
+            setattr(simulation, name, getattr(simulation, name))
+
+
+def test_threads_share_one():
+    """Each has scratch of its own."""
+    simulation, found = Simulation(AVOIDANCE, PAPER, 1), networks(4)[1]
+    streams = np.arange(4 * 64, dtype=np.uint64).reshape(4, 64)
+    expected = simulation.scores(found, streams)
+    with ThreadPoolExecutor(4) as pool:
+        for scores in pool.map(lambda _: simulation.scores(found, streams), range(8)):
+            assert (scores == expected).all()

@@ -5,8 +5,10 @@ An engine is made of a task, a robot and a noise level; `Simulation(…, engine=
 """
 
 import math
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any, Protocol
+from threading import get_ident
+from typing import Any, Protocol, TypeVar, cast
 
 import numba
 import numpy as np
@@ -18,7 +20,7 @@ from realitygap.kernels import batch
 from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import SHELF
-from realitygap.kernels.lanes import WIDE, Lanes, fit_lanes, new_lanes
+from realitygap.kernels.lanes import WIDE, fit_lanes, new_lanes
 from realitygap.kernels.light_bounds import fit_bounds
 from realitygap.kernels.lockstep import run_lockstep
 from realitygap.kernels.network import think
@@ -43,6 +45,7 @@ REPAID, LOADED = 40_000_000, 400_000
 _asked = [0]
 """Steps of this process that could have gone in lockstep."""
 Streams = NDArray[np.uint64]
+T = TypeVar("T")
 
 
 class Engine(Protocol):
@@ -68,7 +71,7 @@ class Engine(Protocol):
 
 
 class Cores:
-    """The compiled kernels, one trial after the other; use one in each thread.
+    """The compiled kernels, one trial after the other.
 
     Attributes:
         robot, arena, trial, world, room: what the kernels and the score are told. The last three need a robot
@@ -80,8 +83,7 @@ class Cores:
         self.robot, self.arena = profile.to_kernel(), task.arena.to_kernel()
         if profile.infrared.table:
             self._refuse_what_no_table_knows()
-        self._work: dict[tuple[int, int], Work] = {}
-        self._lanes: dict[tuple[int, int], Lanes] = {}
+        self._scratch: dict[tuple[object, ...], Any] = {}
 
     @cached_property
     def trial(self) -> Trial:
@@ -126,9 +128,9 @@ class Cores:
         """The task's, compiled."""
         return self.task.compiled_score()
 
-    @cached_property
+    @property
     def _paths(self) -> Floats:
-        return np.zeros((CHUNK, len(Path._fields), self.trial.steps))
+        return self._own("paths", (), lambda: np.zeros((CHUNK, len(Path._fields), self.trial.steps)))
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """As `Engine` has it."""
@@ -173,9 +175,16 @@ class Cores:
     def scratch(self, networks: Networks) -> Work:
         """Scratch for networks of this size, kept for the next batch."""
         size = (networks.thresholds.shape[1], networks.links.shape[1])
-        if size not in self._work:
-            self._work[size] = new_work(self.robot, self.trial, networks, fit_bounds(self.world))
-        return self._work[size]
+        return self._own(
+            "work", size, lambda: new_work(self.robot, self.trial, networks, fit_bounds(self.world))
+        )
+
+    def _own(self, name: str, size: tuple[int, ...], make: Callable[[], T]) -> T:
+        """Scratch of this thread's own."""
+        key = name, get_ident(), *size
+        if key not in self._scratch:
+            self._scratch[key] = make()
+        return cast("T", self._scratch[key])
 
     def require_finite_path(self, *arrays: Floats) -> None:
         """No path or reading that is not finite is ever a result."""
@@ -246,9 +255,7 @@ class Cores:
     ) -> None:
         """Up to WIDE trials of a network at once."""
         size = (networks.thresholds.shape[1], networks.links.shape[1])
-        if size not in self._lanes:
-            self._lanes[size] = new_lanes(self.world, networks)
-        lanes = self._lanes[size]
+        lanes = self._own("lanes", size, lambda: new_lanes(self.world, networks))
         ends = [*(np.flatnonzero(np.diff(which)) + 1), len(which)]
         for first, end in zip([0, *ends], ends, strict=False):
             for t in range(first, end, WIDE):

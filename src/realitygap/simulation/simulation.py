@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from numbers import Real
 from os import PathLike
 
 import numpy as np
@@ -37,6 +38,8 @@ __all__ = ["Simulation", "engine_named"]
 LONGEST_S = 100_000
 MOST_READINGS = 10**6
 """Limits on a trajectory's length and on one probe's repetitions."""
+MOST_RAD = 1e6
+"""Beyond, a heading has lost its digits."""
 MakeEngine = Callable[[Task, Profile, float], Engine]
 
 
@@ -59,15 +62,15 @@ def engine_named(name: str | MakeEngine) -> MakeEngine:
 
 
 class Simulation:
-    """A task, a robot and a noise level, ready to run; use one in each thread.
+    """A task, a robot and a noise level, ready to run; none of them can change.
 
     Args:
         task: what is to be done, and where.
         profile: the robot.
         noise: zero, observed, double, or any level (1 = observed).
         arena: another arena than the task's.
-        engine: what carries out batches: "cores", "cuda" (an NVIDIA GPU), or whatever makes one of task,
-            profile and noise.
+        engine: what carries out batches: "cores", "cuda" (an NVIDIA GPU; in each thread another), or whatever
+            makes one of task, profile and noise.
 
     Task, profile and arena may be given by name or file too.
 
@@ -95,6 +98,13 @@ class Simulation:
         lacking = [way for way in ("scores", "tracks", "compile") if not hasattr(self.engine, way)]
         if lacking:
             raise UsageError(f"engine: got {shown(self.engine)}, which has no {', '.join(lacking)}.")
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in vars(self):  # what follows from it is compiled or laid out
+            raise UsageError(
+                f"simulation.{name}: it cannot change. Make another: Simulation(task, profile, …)."
+            )
+        super().__setattr__(name, value)
 
     @property
     def layout(self) -> Layout:
@@ -247,12 +257,15 @@ class Simulation:
         if not isinstance(pose, Pose):
             cure = "Pose.from_degrees(25, 25, 90) makes one."
             raise UsageError(f"pose: expected a Pose, got {shown(pose)}. {cure}")
-        try:
-            place = tuple(map(float, (pose.x, pose.y, pose.heading)))  # others would be compiled for apart
-        except (TypeError, ValueError):
-            place = (math.nan,)
+        numbers: tuple[object, ...] = pose.x, pose.y, pose.heading
+        plain = all(isinstance(one, Real) and not isinstance(one, bool) for one in numbers)
+        place = tuple(map(float, numbers)) if plain else (math.nan,)  # type: ignore[arg-type]
         if not all(map(math.isfinite, place)):
             raise UsageError(f"pose: expected finite numbers, got {pose}.")
+        if abs(place[2]) > MOST_RAD or (abs(place[2]) > math.tau and place[2].is_integer()):
+            raise UsageError(
+                f"pose: expected a heading in radians, got {place[2]:g}. Pose.from_degrees takes degrees."
+            )
         if not batch.is_clear(self._cores.robot, self._cores.arena, *place):
             radius = self.profile.body.radius_cm
             arena = self.task.arena
