@@ -62,10 +62,11 @@ def test_any_controller_lives_the_kernels_trial(simulation):
 
 
 def test_a_drive_gives_track_and_score(simulation):
-    """On the simulated body the track is the simulation's, up to its stop; the score is taken from it."""
+    """On the simulated body the track is the simulation's, to its end; the score is taken from it."""
     lived, score = drive_simulated(simulation, NETWORK, stream=4)
     made = drive(SimulatedBody(simulation, stream=4), NETWORK, task="avoidance")
-    assert (made.track.x[1:-1] == lived.x[1:]).all() and len(made.recording.commands) == 200
+    assert (made.track.x[:-1] == lived.x).all() and made.track.x[-1] == lived.end.x
+    assert len(made.recording.commands) == 200
     assert made.score == pytest.approx(score, abs=0.02)  # a film's score: ground speeds from poses
     still = drive(
         SimulatedBody(simulation), lambda inputs: Command(left=0, right=0), task="avoidance", seconds=1
@@ -95,6 +96,8 @@ def test_a_simulated_robot_of_any_kind_is_driven_as_in_its_simulation(name):
     assert np.ptp(lived.inputs) > 5
     with pytest.raises(UsageError, match=r"got one of .*: (calibrate it, and )?use its own profile"):
         drive(body, Bends(), task=simulation.task, profile="paper")
+    with pytest.raises(UsageError, match="task: expected one in the body's arena 'obstacle-avoidance-large'"):
+        drive(body, Bends(), task="avoidance")
 
 
 def test_a_drive_without_a_place_is_refused(simulation):

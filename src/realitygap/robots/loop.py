@@ -48,6 +48,7 @@ def drive(
     inputs: Callable[[Readings], list[int]],
     clock: Clock | None = None,
     recorder: Recorder | None = None,
+    at_end: Callable[[], None] = lambda: None,
 ) -> Recording:
     """Drive a body with a controller, one step each of its periods.
 
@@ -60,6 +61,7 @@ def drive(
         inputs: turns readings into the controller's inputs.
         clock: the body's own if None.
         recorder: keeps the steps, in a folder if it has one.
+        at_end: called when the last step is over, before the robot is stopped.
 
     Raises:
         RobotStoppedError: Ctrl-C or SIGTERM; or Ctrl-Z, after the suspension.
@@ -78,6 +80,7 @@ def drive(
         for step in _steps(body, controller, clock, inputs, steps):
             recorder.add(step)
             heed()
+        at_end()
     return recorder.recording()
 
 

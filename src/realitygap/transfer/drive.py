@@ -83,6 +83,9 @@ def drive(
         raise UsageError(f"body: expected {expected}, got {shown(body)}.")
     own = body.simulation.profile if isinstance(body, SimulatedBody) else "paper"
     task, profile = load_task(task), load_profile(own if profile is None else profile)
+    if isinstance(body, SimulatedBody) and task.arena != body.simulation.task.arena:
+        expected = f"one in the body's arena {body.simulation.task.arena.name!r}, such as its simulation.task"
+        raise UsageError(f"task: expected {expected}, got one in {task.arena.name!r}.")
     start = getattr(body, "pose", None) if start is None else start
     if not isinstance(start, Pose):
         expected = "a Pose, such as Pose.from_degrees(25, 25, 90)"

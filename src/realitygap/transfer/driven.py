@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from realitygap.errors import UsageError
-from realitygap.robots.body import Body, Paced, Seen, attend, known_pose, odometry_of
+from realitygap.robots.body import Body, Odometry, Paced, Seen, attend, known_pose, odometry_of
 from realitygap.robots.loop import Controller, drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.simulation.body import SimulatedBody
@@ -94,6 +94,7 @@ def driven(
         recorder: records the steps.
     """
     poses: list[Pose] = []
+    ended: list[Odometry] = []
     sensors = task.of(profile).sensors
     seen = body if isinstance(body, Seen) else None
 
@@ -105,13 +106,16 @@ def driven(
         look()
         return profile.inputs(fed(readings, task.feeds).tolist(), task.feeds, sensors)
 
+    def look_again() -> None:
+        look()
+        attend(body)
+        body.sense()
+        ended.append(odometry_of(body))
+
     attend(body, *task.kinds)
     commands = controller if isinstance(body, SimulatedBody) else Scaled(controller, profile)
-    made = drive(body, commands, seconds=seconds, inputs=inputs, recorder=recorder)
-    look()
-    attend(body)
-    body.sense()
-    last, unknown = odometry_of(body), (np.nan, np.nan)
+    made = drive(body, commands, seconds=seconds, inputs=inputs, recorder=recorder, at_end=look_again)
+    last, unknown = ended[0], (np.nan, np.nan)
     counters = np.vstack([made.counters, last.counters or unknown])
     speeds = np.vstack([made.speeds, last.speeds or unknown])
     late = made.late[-1] if made.late[-1] <= body.period_s else 0.0  # as in the loop's schedule
