@@ -25,7 +25,8 @@ DOCS = Path(__file__).resolve().parent.parent
 DRAWN_BY = DOCS / "figures" / "noise-level-drawn-by.txt"
 """Another version of Matplotlib draws other pixels."""
 FIGURES = {"noise-map": "map", "noise-claims": "claims", "noise-fitness": "fitness"}
-STUDIES_TOLD = ("default", "evaluations-5000", "twin-noise-2", "default-first")
+STUDIES_TOLD = ("default", "evaluations-5000", "twin-noise-2", "default-first", "default-again")
+UNDRAWN = STUDIES_TOLD[3:]
 TABLES = (
     "both-tasks-a", "both-tasks-b", "both-tasks-c", "both-tasks-split", "ends", "peaks", "paper", "fitness",
     "falls", "names", "calibration",
@@ -56,7 +57,7 @@ def read() -> dict[str, Told]:
 
 def drawn(told: dict[str, Told]) -> list[str]:
     """Studies with a section of their own."""
-    return [name for name in told if name != "default-first"]
+    return [name for name in told if name not in UNDRAWN]
 
 
 def draw(one: Told, folder: Path) -> None:
@@ -69,7 +70,7 @@ def draw(one: Told, folder: Path) -> None:
 
 def page(told: dict[str, Told]) -> str:
     """The page's text."""
-    default, long, loud, first = (told[name] for name in STUDIES_TOLD)
+    default, long, loud, first, again = (told[name] for name in STUDIES_TOLD)
     marks, p = paper_marks()
     rows = powers(default.data)
     environment = Environment(
@@ -77,7 +78,7 @@ def page(told: dict[str, Told]) -> str:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     return HEAD + environment.get_template("page.md.j2").render(
-        default=default, first=first, long=long, loud=loud, avoidance=AVOIDANCE, light=LIGHT,
+        default=default, first=first, again=again, long=long, loud=loud, avoidance=AVOIDANCE, light=LIGHT,
         failed=f"{FAILED:g}", saturated=f"{SATURATED:g}",
         loud_at_two=judged_against(loud, 2.0), makings=Makings(first, default),
         real={m.channel: f"{m.ratio:.2f}" for m in real_misfits()},
