@@ -39,8 +39,10 @@ class Told:
         return next(f for f in self.scopes[scope].findings if f.claim.key == key)
 
     def contrast(self, key: str, level: float, scope: str = BOTH) -> Contrast:
-        """Of a claim, against a level."""
-        return next(c for c in self.finding(key, scope).contrasts if c.other == level)
+        """Of a claim, or of (c) on the calibration unit alone ("home"), against a level."""
+        home = key == "home"
+        contrasts = self.scopes[scope].home if home else self.finding(key, scope).contrasts
+        return next(c for c in contrasts if c.other == level)
 
     def verdict(self, key: str, scope: str = BOTH) -> str:
         """On a claim."""
@@ -132,9 +134,10 @@ class Told:
         fall = next(f for f in self.report.facts.falls if f.task == task)
         return str(Number(span=fall.rho, signed=True))
 
-    def ratios(self, channel: str) -> list[str]:
+    def ratios(self, channel: str, which: str = "ratio") -> list[str]:
         """Model error over noise of each unit."""
-        return [f"{m.ratio:.2f}" for m in self.report.results.calibration if m.channel == channel]
+        units = (m for m in self.report.results.calibration if m.channel == channel)
+        return [f"{getattr(m, which):.2f}" for m in units]
 
     def noise(self, channel: str) -> str:
         """Mean noise that was measured, counts."""
