@@ -78,7 +78,7 @@ def test_a_heading_that_contradicts_the_way_is_refused(refused, trials, tmp_path
 def test_a_heading_without_rhyme_is_warned_of(json_of, call, trials, tmp_path):
     """Where no mistake explains it, score and classify go on and say so, on stderr and in JSON."""
     draw = np.random.default_rng(0)
-    odd = [replace(t, heading=draw.uniform(-3, 3, len(t))) for t in trials]
+    odd = [replace(t, heading=draw.uniform(-1.5, 1.5, len(t))) for t in trials]
     wrong = write(tmp_path / "odd.csv", odd)
     for words in (("score", wrong, wrong), ("classify", wrong)):
         (said,) = json_of(*words)["warnings"]

@@ -15,7 +15,7 @@ from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import behaviour_score, compare, ends_of
 from realitygap.correspondence.statistics import correlation, parting_s, transferability
-from realitygap.correspondence.trials import resampled, trial_of
+from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.correspondence.words import differences, noisiness
 from realitygap.errors import UsageError
 from realitygap.simulation.simulation import Simulation
@@ -307,3 +307,34 @@ def test_noise_of_the_simulation_is_seen():
         simulation = Simulation(task, load_profile("paper"), level)
         sets.append([trial_of(simulation.trajectory(networks, stream=k)[0]) for k in range(10)])
     assert all(noisiness(one, other) > 0.1 for one, other in itertools.pairwise(sets))
+
+
+@pytest.mark.parametrize(
+    ("odd", "says"),
+    [
+        ({"x": np.ones(50)}, "of one length"),
+        ({"y": np.ones((201, 2))}, "of one length"),
+        ({"x": ["a"] * 201}, "of one length, got list"),
+        (dict.fromkeys(("x", "y", "heading"), 1.0), r"arrays \[n\], n at least 1, got float"),
+        (dict.fromkeys(("x", "y", "heading"), ()), "n at least 1"),
+        ({"x": np.append(np.ones(200), np.nan)}, "finite numbers"),
+        ({"heading": np.where(np.arange(201) < 100, 3.1, -3.1)}, "π from row to row, got 6.2. Unwrap it"),
+        ({"heading": np.arange(201) * 4.0}, r"np.unwrap\(np.radians"),
+        ({"radius_cm": -2}, "positive radius_cm, got -2"),
+        ({"radius_cm": "2"}, "radius_cm: expected a float"),
+    ],
+)
+def test_a_trial_holds_what_can_be_compared(odd, says):
+    """Rows of one length, finite; radians, unwrapped; a body of some size. Lists become arrays."""
+    good = {name: [1.0] * 201 for name in ("x", "y", "heading")}
+    assert Trial(**good).x.shape == (201,)
+    with pytest.raises(UsageError, match=says):
+        Trial(**good | odd, source="t.csv")
+
+
+def test_a_film_that_flickers_is_still_a_trial():
+    """Between rows at 10 Hz a film's heading may turn by more than π; nobody knows which way."""
+    t = np.arange(0, 10, 0.04)
+    heading = np.radians(np.where(np.arange(len(t)) < 120, 0, 170.0 * np.arange(len(t))))
+    made = resampled(Track(t=t, x=t, y=t, heading=heading))
+    assert np.abs(np.diff(made.heading)).max() <= np.pi

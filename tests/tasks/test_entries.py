@@ -204,6 +204,8 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a unit in words": lambda: rg.calibrated_unit("nowhere", unit="one", noise=1.0, seed=0),
     "tracks in numbers": lambda: rg.read_trials(3),
     "trials that are none": lambda: rg.setting_of([1]),
+    "a setting of no trials": lambda: rg.setting_of([]),
+    "names for numbers": lambda: rg.namer(rg.setting_of([], "light")).name([1], rg.setting_of([], "light")),
     "a task that is none": lambda: rg.setting_of([], 3),
     "a setting that is none": lambda: rg.namer("light"),
     "a body in words": lambda: rg.namer(rg.setting_of([], "light"), "2"),

@@ -25,7 +25,7 @@ from realitygap.correspondence.catalogue import FOR_LARGE, FOR_NAMES, Descriptor
 from realitygap.correspondence.descriptors import describe_all, in_units
 from realitygap.correspondence.evidence import tells
 from realitygap.correspondence.setting import Setting
-from realitygap.correspondence.trials import RADIUS_CM, Trial
+from realitygap.correspondence.trials import RADIUS_CM, Trial, require_trials
 from realitygap.errors import TrackError
 from realitygap.tasks.load import load_task
 from realitygap.text import must_be
@@ -106,7 +106,12 @@ class Namer:
         self._rows = plain @ self._axes
 
     def name(self, trials: Sequence[Trial], setting: Setting) -> list[Name]:
-        """A name for each trial."""
+        """A name for each trial.
+
+        Raises:
+            UsageError: something else than trials.
+        """
+        require_trials(trials)
         near = self.nearest(rows_of(trials, setting.arena, large=self._large))
         found = shares(*near, self.reach, self.temperature)
         found *= np.array([of_length(trial.seconds) for trial in trials])[:, None]

@@ -44,13 +44,15 @@ def setting_of(trials: Sequence[Trial], task: Task | str | PathLike[str] | None 
     """The setting of trials: a task's arena, or the paper's arena in which they fit.
 
     Raises:
-        TrackError: a track that leaves the task's arena.
+        TrackError: a track that leaves the task's arena; neither trials nor a task.
     """
     require_trials(trials)
     if task is not None:
         task = load_task(task)
         _require_inside(trials, task)
         return _setting(task, task.name)
+    if not trials:
+        raise TrackError("trials: expected at least one, or a task, got none. Name the task.")
     for name in TASKS:
         guess = load_task(name)
         if all(fits(guess.arena, t.x, t.y, t.radius_cm) for t in trials):

@@ -10,7 +10,7 @@ import numpy as np
 from realitygap.errors import TrackError
 from realitygap.text import must_be
 from realitygap.track import Track, Trajectory
-from realitygap.values import Floats
+from realitygap.values import Floats, shown
 
 __all__ = [
     "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "Trial", "require_trials", "resampled", "trial_of",
@@ -29,6 +29,8 @@ FARTHEST_CM = 1e5
 """No robot is this far from its arena's corner: such a track is in other units."""
 SLOWEST_HZ = 4.5
 """Tracks with fewer rows a second do not resolve turns."""
+LARGEST_TURN = math.pi + 1e-6
+"""From row to row, rad: an unwrapped heading's, but for rounding."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +47,10 @@ class Trial:
         bridged_s: time lost and interpolated.
         rate_hz: rows a second of its source, at most 10.
         doubt: a warning; "" for none.
+
+    Raises:
+        TrackError: arrays that are no trial: of several lengths, not finite, or a heading that is not in
+            radians or not unwrapped; a radius that is not positive.
     """
 
     x: Floats
@@ -58,6 +64,34 @@ class Trial:
     rate_hz: float = RATE_HZ
     doubt: str = ""
 
+    def __post_init__(self) -> None:
+        try:
+            rows = np.array((self.x, self.y, self.heading), np.float64)
+        except (TypeError, ValueError):
+            sizes = ", ".join(map(shown, (self.x, self.y, self.heading)))
+            raise self._refused("x, y and heading as arrays [n] of one length", sizes) from None
+        if rows.ndim != 2 or not rows.size:
+            raise self._refused("x, y and heading as arrays [n], n at least 1", shown(self.x))
+        if not np.isfinite(rows).all():
+            cure = "resampled(track) bridges short losses."
+            raise self._refused("finite numbers", "NaN or infinity", cure)
+        turn = float(np.abs(rows[2, 1:] - rows[2, :-1]).max(initial=0.0))
+        if turn > LARGEST_TURN:
+            cure = "Unwrap it: np.unwrap(np.radians(degrees)), or np.unwrap(radians)."
+            raise self._refused(
+                "a heading in rad that turns by at most π from row to row", f"{turn:.3g}", cure
+            )
+        must_be(self.radius_cm, float | int, "radius_cm", "Give the body's, in cm.")
+        if not 0 < self.radius_cm < math.inf:
+            raise self._refused("a positive radius_cm", repr(self.radius_cm))
+        for name, row in zip(("x", "y", "heading"), rows, strict=True):
+            if not isinstance(getattr(self, name), np.ndarray):
+                object.__setattr__(self, name, row)
+
+    def _refused(self, expected: str, got: str, cure: str = "") -> TrackError:
+        where = f"{self.source}, start {self.start}"
+        return TrackError(f"{where}: expected {expected}, got {got}.{' ' + cure if cure else ''}")
+
     def __len__(self) -> int:
         return len(self.x)
 
@@ -69,6 +103,8 @@ class Trial:
     def cut(self, seconds: float) -> Self:
         """Its first `seconds`."""
         n = round(seconds * RATE_HZ) + 1
+        if n == len(self):
+            return self
         return replace(self, x=self.x[:n], y=self.y[:n], heading=self.heading[:n])
 
     def pieces(self, count: int) -> list[Self]:
@@ -130,7 +166,7 @@ def resampled(
     gaps = np.diff(t)[np.diff(t) > 1.5 * usual]
     x, y, heading = (np.interp(grid, t, values) for values in (rows[1], rows[2], np.unwrap(rows[3])))
     return Trial(
-        x=x, y=y, heading=heading, start=start, unit=unit, radius_cm=radius_cm, source=source,
+        x=x, y=y, heading=np.unwrap(heading), start=start, unit=unit, radius_cm=radius_cm, source=source,
         bridged_s=float((gaps - usual).sum()), rate_hz=min(RATE_HZ, 1 / usual),
     )  # fmt: skip
 
