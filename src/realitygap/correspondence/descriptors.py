@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.correspondence.catalogue import FOR_LARGE, FOR_NAMES, Descriptor, chosen
-from realitygap.correspondence.setting import Around, around
+from realitygap.correspondence.setting import Around, around, fits
 from realitygap.correspondence.trials import STEP_S, Trial, resampled
+from realitygap.errors import TrackError, UsageError
 from realitygap.kernels.params import Path
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.text import must_be
 from realitygap.track import Track
-from realitygap.values import Floats
+from realitygap.values import Floats, shown
 from realitygap.world.arena import Arena
 from realitygap.world.profile import Profile, load_profile
 
@@ -62,15 +63,28 @@ def describe(
         Arrays [...] by name, of all descriptors that this arena allows.
 
     Raises:
-        TrackError: trials shorter than two seconds.
+        UsageError: arrays of several shapes.
+        TrackError: trials shorter than two seconds, or outside the task's arena.
     """
     must_be(path, Path, "path", "Simulation.tracks makes one.")
-    task, profile, steps = load_task(task), load_profile(profile), path.x.shape[-1]
-    rows = (np.reshape(one, (-1, steps)) for one in (path.x, path.y, path.heading))
+    try:
+        made = np.array((path.x, path.y, path.heading), np.float64)
+        (x, y), steps = made[:2], made[0].shape[-1]
+    except (TypeError, ValueError, IndexError):
+        sizes = ", ".join(map(shown, (path.x, path.y, path.heading)))
+        expected = "x, y and heading as arrays [..., steps] of one shape"
+        raise UsageError(f"path: expected {expected}, got {sizes}. Simulation.tracks makes one.") from None
+    task, profile, seen = load_task(task), load_profile(profile), np.isfinite(x) & np.isfinite(y)
+    if not fits(task.arena, x[seen], y[seen], 0.0):
+        raise TrackError(
+            f"path: expected one inside the arena of task {task.name!r}, got one that leaves it. Give the "
+            "task of the simulation that made it: simulation.task."
+        )
+    rows = (np.reshape(one, (-1, steps)) for one in made)
     t, radius_cm = np.arange(steps, dtype=np.float64) * profile.period_s, profile.body.radius_cm
     tracks = (Track(t=t, x=x, y=y, heading=h, seen_by="simulation") for x, y, h in zip(*rows, strict=True))
     told = describe_all([resampled(track, radius_cm=radius_cm) for track in tracks], task.arena)
-    return {name: values.reshape(path.x.shape[:-1]) for name, values in told.items()}
+    return {name: values.reshape(x.shape[:-1]) for name, values in told.items()}
 
 
 def _of_one_length(
