@@ -175,12 +175,21 @@ def test_lost_frames_are_gaps(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "row", ["0.1,,2,3,0.9", "0.1,1,nan,3,0.9", "0.1,1,2,NaN,0.9", "0.1,1,2,3,0", "0.1,,,,0", "0.1,,,,"]
+    "row",
+    [
+        "0.1,,2,3,0.9",
+        "0.1,1,nan,3,0.9",
+        "0.1,1,2,NaN,0.9",
+        "0.1,1,2,3,0",
+        "0.1,,,,0",
+        "0.1,,,,",
+        "0.1,1,2,3,",
+    ],
 )
 def test_half_a_row_is_lost(row):
     """A row without place, heading or quality is lost altogether, as files of other programs have it."""
     back = read_text(f"t_s,x_cm,y_cm,heading_deg,quality\n0,1,2,3,0.9\n{row}\n")
-    assert back.found.tolist() == [True, False] and back.quality[1] == 0
+    assert back.found.tolist() == [True, False] and back.quality.tolist() == [0.9, 0]
     assert np.isnan([back.x[1], back.y[1], back.heading[1]]).all()
 
 
@@ -223,10 +232,38 @@ def test_broken_tracks_are_refused(tmp_path, text, says):
         read_track(path, error=StudyError, cure="Make it again.")
 
 
-def test_columns_are_of_one_length():
-    """A track whose columns differ in length is refused."""
-    with pytest.raises(UsageError, match="one length"):
-        Track.from_degrees([0, 1], [1, 2], [1, 2], [0])
+@pytest.mark.parametrize("column", ["y", "heading"])
+def test_a_pose_that_is_half_known_is_lost(column):
+    """Wherever NaN is, the row counts as lost, and is written so."""
+    half = replace(track(), **{column: np.array([0, LOST, LOST, LOST, 1])})
+    assert half.lost == 3 and half.gaps() == [(0.04, pytest.approx(0.12))]
+    assert text_of(half).splitlines()[2] == "0.0400,,,,0"
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: Track.from_degrees([0, 1], [1, 2], [1, 2], [0]), r"of one length.*heading \[1\]"),
+        (lambda: Track.from_degrees([0], [1], [2], [3], quality=[1, 1]), r"of one length.*quality \[2\]"),
+        (lambda: Track.from_degrees("a", [1], [2], [3]), "expected t as numbers, got str"),
+        (lambda: replace(track(), x=np.ones((5, 2))), r"x \[5, 2\]"),
+        (lambda: replace(track(), quality=np.ones(3)), r"quality \[3\]"),
+        (lambda: Track(t=1, x=1, y=1, heading=1), r"t \[\]"),
+        (lambda: track().only([999]), "numbers of its 5 rows, or a mask of them, got \\[999"),
+        (lambda: track().only(3), r"t \[\]"),
+        (lambda: track().only([]).end, "at least one row, got none"),
+    ],
+)
+def test_what_is_no_track_is_refused(call, says):
+    """Columns are numbers [n] of one length, quality included; rows that it lacks are not taken."""
+    with pytest.raises(UsageError, match=says):
+        call()
+
+
+def test_lists_become_columns():
+    """Lists are taken, a quality's too."""
+    assert Track(t=[0, 1], x=[1, 2], y=[3, 4], heading=[0, 0]).x.dtype == np.float64
+    assert Track.from_degrees([0, 1], [1, 2], [1, 2], [0, 90], quality=[1, 0]).lost == 1
 
 
 def test_a_step_is_the_simulations():

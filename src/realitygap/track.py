@@ -8,7 +8,6 @@ where the robot was lost the fields of place and heading are empty. Columns star
 several tracks.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from realitygap import whole
 from realitygap.errors import TrackError, UsageError
 from realitygap.table import Table, read_table
 from realitygap.text import to_csv
-from realitygap.values import Floats, Pose
+from realitygap.values import Floats, Pose, shown
 
 __all__ = ["COLUMNS", "Track", "Trajectory", "read_track", "read_tracks", "settled"]
 
@@ -42,7 +41,7 @@ def settled(heading: ArrayLike, *, wrapped: bool = True) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """Where a robot was, a row a time, arrays [n]; where it was lost, place and heading are NaN.
+    """Where a robot was, a row a time, arrays [n]; where it was lost, place or heading is NaN.
 
     Attributes:
         t: time, s.
@@ -51,6 +50,9 @@ class Track:
         quality: how much what a tracker saw looked like the disk, 0 (lost) to 1; None: no tracker.
         seen_by: "simulation", "camera", "film", "counters" (the wheels' own), "truth" (the twin's); "" if
             unknown.
+
+    Raises:
+        UsageError: columns of several lengths, or of no numbers.
     """
 
     t: Floats
@@ -61,9 +63,23 @@ class Track:
     seen_by: str = ""
 
     def __post_init__(self) -> None:
-        sizes = [len(column) for column in (self.t, self.x, self.y, self.heading)]
-        if len(set(sizes)) != 1:
-            raise UsageError(f"track: expected t, x, y and heading of one length, got {sizes}.")
+        for name in self._names:
+            column = getattr(self, name)
+            try:
+                object.__setattr__(self, name, np.asarray(column, np.float64))
+            except (TypeError, ValueError):
+                raise UsageError(f"track: expected {name} as numbers, got {shown(column)}.") from None
+        shapes = [getattr(self, name).shape for name in self._names]
+        if set(shapes) != {(self.t.size,)}:
+            sizes = ", ".join(
+                f"{name} {list(shape)}" for name, shape in zip(self._names, shapes, strict=True)
+            )
+            raise UsageError(f"track: expected columns [n] of one length, got {sizes}.")
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        """Of its columns."""
+        return ("t", "x", "y", "heading", *(() if self.quality is None else ("quality",)))
 
     @classmethod
     def from_degrees(
@@ -73,7 +89,7 @@ class Track:
         y_cm: ArrayLike,
         heading_deg: ArrayLike,
         *,
-        quality: Floats | None = None,
+        quality: ArrayLike | None = None,
         seen_by: str = "",
     ) -> Self:
         """A track from columns as in files; a row without place, heading or quality is lost altogether.
@@ -84,14 +100,17 @@ class Track:
             seen_by: who saw it.
 
         Raises:
-            UsageError: columns of several lengths.
+            UsageError: columns of several lengths, or of no numbers.
         """
-        t, x, y, turn = (np.asarray(column, np.float64) for column in (t_s, x_cm, y_cm, heading_deg))
-        track = cls(t=t, x=x, y=y, heading=np.radians(turn), seen_by=seen_by)
-        lost = np.isnan(x) | np.isnan(y) | np.isnan(turn) | (quality is not None and quality <= 0)
-        x, y, heading = (np.where(lost, np.nan, column) for column in (x, y, track.heading))
-        quality = None if quality is None else np.where(lost, 0.0, quality)
-        return replace(track, x=x, y=y, heading=heading, quality=quality)
+        told: dict[str, Any] = {"t": t_s, "x": x_cm, "y": y_cm, "heading": heading_deg, "quality": quality}
+        track = cls(**told, seen_by=seen_by)
+        lost = np.isnan(track.x) | np.isnan(track.y) | np.isnan(track.heading)
+        if track.quality is not None:
+            lost |= ~(track.quality > 0)
+        columns = (track.x, track.y, np.radians(track.heading))
+        x, y, heading = (np.where(lost, np.nan, column) for column in columns)
+        sure = None if track.quality is None else np.where(lost, 0.0, track.quality)
+        return replace(track, x=x, y=y, heading=heading, quality=sure)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -104,7 +123,7 @@ class Track:
     @property
     def found(self) -> NDArray[np.bool_]:
         """In which rows the robot was seen, [n]."""
-        return ~np.isnan(self.x)
+        return np.isfinite(self.x) & np.isfinite(self.y) & np.isfinite(self.heading)
 
     @property
     def lost(self) -> int:
@@ -113,7 +132,13 @@ class Track:
 
     @property
     def end(self) -> Pose:
-        """The last pose."""
+        """The last pose.
+
+        Raises:
+            UsageError: it has no rows.
+        """
+        if not len(self):
+            raise UsageError("track: expected at least one row, got none.")
         return Pose(x=float(self.x[-1]), y=float(self.y[-1]), heading=float(self.heading[-1]))
 
     def gaps(self) -> list[tuple[float, float]]:
@@ -124,9 +149,16 @@ class Track:
         ]
 
     def only(self, rows: NDArray[Any]) -> Self:
-        """Some of its rows: their numbers, or a mask [n]."""
-        names = ("t", "x", "y", "heading", *(() if self.quality is None else ("quality",)))
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+        """Some of its rows: their numbers, or a mask [n].
+
+        Raises:
+            UsageError: it has no such rows.
+        """
+        try:
+            return replace(self, **{name: getattr(self, name)[rows] for name in self._names})
+        except IndexError:
+            expected = f"numbers of its {len(self)} rows, or a mask of them"
+            raise UsageError(f"rows: expected {expected}, got {rows!r}.") from None
 
     def to_dict(self) -> dict[str, list[float]]:
         """Its columns by their names in the file, in cm and degrees; NaN where it was lost."""
@@ -142,10 +174,9 @@ class Track:
         tenths = self.quality is None and (np.abs(self.t - np.round(self.t, 1)) < LATE_S).all()
         time = ".1f" if tenths else ".4f"
         rows: list[Sequence[str]] = [tuple(columns)]
-        for t, x, y, heading, *quality in zip(*columns.values(), strict=True):
-            lost = math.isnan(x)
-            told = ("", "", "") if lost else (f"{x:{place}}", f"{y:{place}}", f"{heading:{turn}}")
-            rows.append((f"{t:{time}}", *told, *("0" if lost else f"{q:.3f}" for q in quality)))
+        for found, t, x, y, heading, *quality in zip(self.found, *columns.values(), strict=True):
+            told = (f"{x:{place}}", f"{y:{place}}", f"{heading:{turn}}") if found else ("", "", "")
+            rows.append((f"{t:{time}}", *told, *(f"{q:.3f}" if found else "0" for q in quality)))
         whole.write(path, to_csv(rows))
 
 
