@@ -239,6 +239,40 @@ def test_refusals():
         vector(0)
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.int8, np.uint64])
+def test_numpys_seeds_count_on(kind):
+    """Robot i of a seed in few bits has seed + i, beyond those bits too; beyond 64 it is refused."""
+    last, env = int(np.iinfo(kind).max), vector()
+    if last < 2**63:
+        assert (env.reset(seed=kind(last))[0] == vector().reset(seed=last)[0]).all()
+        return
+    with pytest.raises(UsageError, match="seed: expected a whole number from 0"):
+        env.reset(seed=kind(last))
+
+
+@pytest.mark.parametrize("seed", [-1, [7, 8, 3.5], True])
+def test_a_refused_reset_changes_nothing(seed):
+    """Neither seeds nor settings; who was not reset still is not."""
+    fresh, env, same = vector(), vector(), vector()
+    env.reset(seed=1), same.reset(seed=1)
+    for one, options in ((fresh, None), (env, {"noise": 0})):
+        with pytest.raises(UsageError, match="seed: expected a whole number"):
+            one.reset(seed=seed, options=options)
+    with pytest.raises(UsageError, match="expected a reset first"):
+        fresh.step(np.zeros((3, 2)))
+    assert (env.step(np.ones((3, 2)))[0] == same.step(np.ones((3, 2)))[0]).all()
+    assert (env.reset()[0] == same.reset()[0]).all()
+
+
+def test_a_refused_pose_changes_nothing_of_a_single_one():
+    """Its trial goes on, at the noise that it had."""
+    one, same = RobotEnv("avoidance"), RobotEnv("avoidance")
+    one.reset(seed=1), same.reset(seed=1)
+    with pytest.raises(UsageError, match="pose: expected a free place"):
+        one.reset(options={"noise": 0, "pose": (0, 0, 0)})
+    assert (one.step(np.ones(2))[0] == same.step(np.ones(2))[0]).all()
+
+
 def test_a_score_that_fails_on_a_part_of_a_path_is_named(tmp_path):
     """A user's score meets every beginning of a path; one that cannot take it says so, with its line."""
     file = tmp_path / "own.py"

@@ -109,6 +109,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         """
         given = spaces.checked_options(options, {"pose", "reset_mask", *SETTINGS})
         which = self._masked(given.get("reset_mask"))
+        seeds = self._streams(seed, which)
         simulation = self.simulation
         if changed := {key: given[key] for key in SETTINGS if key in given}:
             if len(which) < self.num_envs:
@@ -121,7 +122,11 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         pose = spaces.pose_of(simulation, given.get("pose"))
         if changed:
             self._settle(simulation)
-        self._seed(seed, which)
+        if self._seeds is None:
+            super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
+            self._seeds = self.np_random.integers(0, 2**63, self.num_envs, np.uint64)
+        for i, stream in seeds.items():
+            self._seeds[i], self._trial[i] = stream, 0
         self._begin(which, pose)
         return self._seen(), {}
 
@@ -181,22 +186,18 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             f"reset_mask: expected an array bool[{self.num_envs}] with at least one True, got {mask!r}."
         )
 
-    def _seed(self, seed: int | Sequence[int | None] | None, which: NDArray[np.int64]) -> None:
-        """Streams of the seeds; robots without one keep those that they have."""
-        if self._seeds is None:
-            super().reset(seed=seed if isinstance(seed, int) else None)
-            self._seeds = self.np_random.integers(0, 2**63, self.num_envs, np.uint64)
+    def _streams(
+        self, seed: int | Sequence[int | None] | None, which: NDArray[np.int64]
+    ) -> dict[int, np.uint64]:
+        """Of the seeds, by robot; robots without one keep those that they have."""
         if seed is None:
-            return
+            return {}
         first = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-        given: Any = [seed + i for i in range(self.num_envs)] if first else seed  # type: ignore[operator]
+        given: Any = [int(as_stream(seed, "seed")) + i for i in range(self.num_envs)] if first else seed
         if not (isinstance(given, Sequence) or np.ndim(given)) or len(given) != self.num_envs:
             expected = f"a whole number, or {self.num_envs} of them, one for each robot"
             raise UsageError(f"seed: expected {expected}, got {seed!r}.")
-        for i in which:
-            one = given[i]
-            if one is not None:
-                self._seeds[i], self._trial[i] = as_stream(one, "seed"), 0
+        return {i: as_stream(given[i], "seed") for i in which.tolist() if given[i] is not None}
 
     def _begin(self, which: NDArray[np.int64], pose: Pose | None = None) -> None:
         """The next trial of these robots: each a function of its robot's seed and of how many came before."""

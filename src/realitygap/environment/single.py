@@ -82,17 +82,17 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
                 robot that does not answer.
         """
         seed = None if seed is None else int(as_stream(seed, "seed"))
-        super().reset(seed=seed)
         given = spaces.checked_options(options, {"pose", "reality", *SETTINGS})
         pose = given.pop("pose", None)
         if given:
-            self._change(given)
+            self._change(given, pose)
+        super().reset(seed=seed)
         if seed is None and self._inner._seeds is None:
             seed = int(self.np_random.integers(0, 2**62))
         seen, info = self._inner.reset(seed=seed, options={"pose": pose})
         return seen[0], info
 
-    def _change(self, given: Info) -> None:
+    def _change(self, given: Info, pose: object) -> None:
         """Another robot, or another noise: the next trial is the one that it would have been.
 
         Noise and spread of the simulation wait while another reality, which has its own, is stepped.
@@ -101,6 +101,7 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         own = {} if settings["reality"] == SIMULATION else {"noise": given.get("noise"), "spread": 0.0}
         inner = _made(**{**self._fixed, **settings, **own})
         spaces.require_same(inner.simulation, self.observation_space)
+        spaces.pose_of(inner.simulation, pose)  # a refusal leaves all as it was
         self._inner.close()
         inner._seeds, inner._trial = self._inner._seeds, self._inner._trial
         self._inner, self._settings, self.simulation = inner, settings, inner.simulation
