@@ -21,10 +21,26 @@ from realitygap.errors import RealityGapError, TaskError, UsageError  # noqa: E4
 from realitygap.kernels.rng import substream  # noqa: E402
 from realitygap.simulation.simulation import Simulation  # noqa: E402
 from realitygap.tasks.load import load_task  # noqa: E402
+from realitygap.world.arena import load_arena  # noqa: E402
+from realitygap.world.profile import load_profile  # noqa: E402
 
 AVOID, SEEK = "realitygap/ObstacleAvoidance-v0", "realitygap/LightSeeking-v0"
 STEPS = 200
 HEADER = Path("/usr/include/enki/PhysicalEngine.h")
+
+
+OWN = """
+from realitygap import Start, Task
+
+
+def score(path, room):
+    return path.x[150]
+
+
+start = Start(x_cm=25, y_cm=25)
+task = Task(name="own", arena="obstacle-avoidance", feeds="proximity", score=score, start=start)
+"""
+"""A task whose score cannot take the beginning of a path."""
 
 
 def vector(count: int = 3, task: str = "obstacle-avoidance", **settings) -> RobotVectorEnv:
@@ -273,17 +289,31 @@ def test_a_refused_pose_changes_nothing_of_a_single_one():
     assert (one.step(np.ones(2))[0] == same.step(np.ones(2))[0]).all()
 
 
+@pytest.mark.parametrize("make", [RobotEnv, vector])
+def test_files_are_read_once(make, tmp_path):
+    """What is edited later counts no more, whatever a reset's options change."""
+    profile, arena, task = (tmp_path / name for name in ("mine.toml", "room.toml", "own.py"))
+    profile.write_text(load_profile("paper").to_toml())
+    arena.write_text(load_arena("obstacle-avoidance").to_toml())
+    task.write_text(OWN)
+    env = make(task=task, profile=profile, arena=arena)
+    for file in (profile, arena, task):
+        file.write_text("none any more")
+    before = env.simulation
+    env.reset(seed=1, options={"noise": 0})
+    assert env.simulation.profile is before.profile
+    assert env.simulation.task.arena == before.task.arena
+    with pytest.raises(RealityGapError, match=r"none\.toml"):
+        env.reset(options={"profile": tmp_path / "none.toml"})
+
+
 def test_a_score_that_fails_on_a_part_of_a_path_is_named(tmp_path):
     """A user's score meets every beginning of a path; one that cannot take it says so, with its line."""
     file = tmp_path / "own.py"
-    file.write_text(
-        "from realitygap import Start, Task\n\n\ndef score(path, room):\n    return path.x[150]\n\n\n"
-        'task = Task(name="own", arena="obstacle-avoidance", feeds="proximity", score=score, '
-        "start=Start(x_cm=25, y_cm=25))\n"
-    )
+    file.write_text(OWN)
     env = gymnasium.make("realitygap/Task-v0", task=str(file)).unwrapped
     env.reset(seed=0)
-    with pytest.raises(TaskError, match=r"own.py, line 5: the score fails with IndexError"):
+    with pytest.raises(TaskError, match=r"own.py, line 6: the score fails with IndexError"):
         env.step(np.zeros(2))
 
 

@@ -22,7 +22,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.values import Floats, Pose, as_count, as_stream
-from realitygap.world.arena import Arena
+from realitygap.world.arena import Arena, load_arena
 from realitygap.world.profile import Profile
 
 __all__ = ["RobotVectorEnv"]
@@ -71,10 +71,11 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             raise UsageError(f"autoreset_mode: expected {', '.join(known)}, got {autoreset_mode!r}.")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self._task, self._arena, self._nobody = load_task(task).under(spread), arena, quiet()
+        self._task, self._nobody = load_task(task).under(spread), quiet()
+        self._arena = None if arena is None else load_arena(arena)
         self._seeds: NDArray[np.uint64] | None = None
         self._trial = np.zeros(num_envs, np.int64)
-        self._settle(Simulation(self._task, profile, noise, arena))
+        self._settle(Simulation(self._task, profile, noise, self._arena))
         self.single_observation_space, self.single_action_space = spaces.spaces_of(self.simulation)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

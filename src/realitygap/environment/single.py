@@ -20,13 +20,14 @@ from realitygap.robots.address import Address
 from realitygap.robots.body import Body, Paced, Placing, Seen, attend, clock_of, known_pose, odometry_of
 from realitygap.robots.signals import MOVING, NUMBERS, Stopping, heed
 from realitygap.simulation.simulation import Simulation
+from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.driven import turned
 from realitygap.transfer.paths import of_counters, of_poses, score
 from realitygap.transfer.plan import check_fit
 from realitygap.values import Command, Pose, as_stream, fed
-from realitygap.world.arena import Arena
+from realitygap.world.arena import Arena, load_arena
 from realitygap.world.profile import Profile
 
 __all__ = ["RobotEnv"]
@@ -65,9 +66,11 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         reality: str = SIMULATION,
     ) -> None:
         self._settings: Info = {"profile": profile, "noise": noise, "reality": reality}
-        self._fixed: Info = {"task": task, "arena": arena, "spread": spread}
+        room = None if arena is None else load_arena(arena)
+        self._fixed: Info = {"task": load_task(task), "arena": room, "spread": spread}
         self._inner = _made(**self._settings, **self._fixed)
         self.simulation = self._inner.simulation
+        self._settings["profile"] = self.simulation.profile  # what its file holds later counts no more
         self.observation_space, self.action_space = spaces.spaces_of(self.simulation)
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Seen32, Info]:
@@ -104,7 +107,8 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         spaces.pose_of(inner.simulation, pose)  # a refusal leaves all as it was
         self._inner.close()
         inner._seeds, inner._trial = self._inner._seeds, self._inner._trial
-        self._inner, self._settings, self.simulation = inner, settings, inner.simulation
+        self._inner, self.simulation = inner, inner.simulation
+        self._settings = {**settings, "profile": inner.simulation.profile}
 
     def step(self, action: Seen32) -> tuple[Seen32, float, bool, bool, Info]:
         """One step of the robot's period.
