@@ -19,6 +19,7 @@ from realitygap.controller.network import NetworkController, decode  # noqa: E40
 from realitygap.environment import RobotEnv, RobotVectorEnv  # noqa: E402
 from realitygap.errors import RealityGapError, TaskError, UsageError  # noqa: E402
 from realitygap.kernels.rng import substream  # noqa: E402
+from realitygap.problem import Problem  # noqa: E402
 from realitygap.simulation.simulation import Simulation  # noqa: E402
 from realitygap.tasks.load import load_task  # noqa: E402
 from realitygap.world.arena import load_arena  # noqa: E402
@@ -287,6 +288,16 @@ def test_a_refused_pose_changes_nothing_of_a_single_one():
     with pytest.raises(UsageError, match="pose: expected a free place"):
         one.reset(options={"noise": 0, "pose": (0, 0, 0)})
     assert (one.step(np.ones(2))[0] == same.step(np.ones(2))[0]).all()
+
+
+@pytest.mark.parametrize("make", [Problem, RobotEnv, RobotVectorEnv])
+@pytest.mark.parametrize(
+    ("given", "made"), [({}, (0.2, 0.0)), ({"spread": 0.1}, (0.1, 0.0)), ({"spread": 0.0}, (0.0, None))]
+)
+def test_a_tasks_own_spread_counts_unless_another_is_given(make, given, made):
+    """None leaves it, 0 switches it off, another keeps that of the wheels."""
+    task = make(load_task("avoidance").under(0.2, 0.0), **given).simulation.task
+    assert (task.spread, task.spread_wheels) == made
 
 
 @pytest.mark.parametrize("make", [RobotEnv, vector])

@@ -83,9 +83,10 @@ def test_the_wheels_may_have_a_share_of_their_own():
     assert task.name == "obstacle-avoidance-spread-40-wheels-2" and task.plain_name == "obstacle-avoidance"
     again = task.under(0.1)
     assert (again.name, again.title) == (
-        "obstacle-avoidance-spread-10",
-        "Obstacle avoidance, constants drawn within ±10 %",
+        "obstacle-avoidance-spread-10-wheels-2",
+        "Obstacle avoidance, constants drawn within ±10 %, the wheels' ±2 %",
     )
+    assert task.under(None) is task and task.under(0.0) == load_task("avoidance")
     condition = Condition(task="avoidance", spread=0.4, spread_wheels=0.02)
     assert Condition(**condition.to_dict()) == condition
     with pytest.raises(ConfigError, match="spread_wheels"):

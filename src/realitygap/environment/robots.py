@@ -46,7 +46,8 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         profile: the robot: a shipped profile's name or a TOML file.
         noise: zero, observed, double or a number.
         arena: in place of the task's.
-        spread: share, 0 to 0.9, within which each trial draws the robot's constants anew (`Task.spread`).
+        spread: share, 0 to 0.9, within which each trial draws the robot's constants anew (`Task.spread`);
+            None: the task's own.
         autoreset_mode: what happens to a robot whose trial is over: it starts again with the next step
             (Gymnasium's default), with the same one, or when `reset` is called with `reset_mask`.
 
@@ -62,7 +63,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         profile: Profile | str | PathLike[str] = "paper",
         noise: str | float = "observed",
         arena: Arena | str | PathLike[str] | None = None,
-        spread: float = 0.0,
+        spread: float | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         self.num_envs = num_envs = as_count(num_envs, "num_envs")

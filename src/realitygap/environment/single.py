@@ -47,7 +47,8 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
     Args:
         task, profile, arena: as of `RobotVectorEnv`.
         noise: zero, observed (None), double or a number; of the simulation alone.
-        spread: share, 0 to 0.9, within which each trial draws the robot's constants anew; of the simulation.
+        spread: share, 0 to 0.9, within which each trial draws the robot's constants anew; None: the
+            task's own. Of the simulation alone.
         reality: "simulation", or a robot's address: twin:1, enki:epuck, khepera:/dev/ttyUSB0, my.py:Class.
 
     Raises:
@@ -62,7 +63,7 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         profile: Profile | str | PathLike[str] = "paper",
         noise: str | float | None = None,
         arena: Arena | str | PathLike[str] | None = None,
-        spread: float = 0.0,
+        spread: float | None = None,
         reality: str = SIMULATION,
     ) -> None:
         self._settings: Info = {"profile": profile, "noise": noise, "reality": reality}
@@ -130,7 +131,7 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
 
 
 def _made(
-    *, noise: str | float | None, reality: str, spread: float, **settings: Any
+    *, noise: str | float | None, reality: str, spread: float | None, **settings: Any
 ) -> RobotVectorEnv | _Situated:
     if reality == SIMULATION:
         level = "observed" if noise is None else noise

@@ -77,7 +77,8 @@ class Problem:
         profile: the robot: a shipped profile's name or a TOML file.
         noise: zero, observed, double or a number.
         arena: in place of the task's.
-        spread: share, 0 to 0.9, within which each trial draws the robot's constants anew (`Task.spread`).
+        spread: share, 0 to 0.9, within which each trial draws the robot's constants anew (`Task.spread`);
+            None: the task's own.
         workers: threads; one a core if None. It never changes a result.
 
     Attributes:
@@ -101,7 +102,7 @@ class Problem:
         profile: Profile | str | PathLike[str] = "paper",
         noise: str | float = "observed",
         arena: Arena | str | PathLike[str] | None = None,
-        spread: float = 0.0,
+        spread: float | None = None,
         workers: int | None = None,
     ) -> None:
         self.simulation = Simulation(load_task(task).under(spread), profile, noise, arena)

@@ -109,7 +109,7 @@ def gather(config: StudyConfig) -> Materials:
         task.to_kernel(profile)  # the robot fits the start and has the sensors
         config.evolution.make(config.encoding_for(task))  # the genotype has room for the inputs
         loaded[key] = task
-    tasks = tuple(loaded[c.task].under(c.spread, c.spread_wheels) for c in config.conditions)
+    tasks = tuple(loaded[c.task].under(c.spread or None, c.spread_wheels) for c in config.conditions)
     _refuse_repetition([(task.name, c.noise) for task, c in zip(tasks, config.conditions, strict=True)])
     return Materials(config=config, profile=profile, tasks=tasks)
 

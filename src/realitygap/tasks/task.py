@@ -109,22 +109,25 @@ class Task:
         """Its name without what `under` adds."""
         return self.name.removesuffix(ending(self.spread, self.spread_wheels))
 
-    def under(self, spread: float, wheels: float | None = None) -> Self:
+    def under(self, spread: float | None, wheels: float | None = None) -> Self:
         """The same task with constants drawn anew, under a name and a title that say so.
 
         Args:
-            spread: share, 0 to 0.9, as the attribute; 0 leaves the task as it is.
-            wheels: that of wheels and track, if it is another.
+            spread: share, 0 to 0.9, as the attribute; None leaves the task as it is, 0 draws nothing anew.
+            wheels: that of wheels and track, if it is another; None keeps the task's.
 
         Raises:
             ConfigError: no such share.
         """
-        check_spread(spread, wheels)
-        if not spread:
+        if spread is None:
             return self
+        check_spread(spread, wheels)
+        if not (spread or self.spread):
+            return self
+        wheels = self.spread_wheels if wheels is None and spread else wheels
         within = f"±{100 * spread:g} %" + (f", the wheels' ±{100 * wheels:g} %" if wheels is not None else "")
         name = self.plain_name + ending(spread, wheels)
-        title = self.title.partition(DRAWN)[0] + DRAWN + within
+        title = self.title.partition(DRAWN)[0] + (DRAWN + within if spread else "")
         return replace(self, name=name, title=title, spread=spread, spread_wheels=wheels)
 
     @property

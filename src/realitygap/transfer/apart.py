@@ -117,6 +117,6 @@ def in_pseudo_realities(task: Task, profile: Profile, networks: Networks, stream
         networks: of one genotype.
         stream: random stream.
     """
-    simulation = Simulation(task.under(PSEUDO_SPREAD), profile, 1.0)
+    simulation = Simulation(task.under(PSEUDO_SPREAD, PSEUDO_SPREAD), profile, 1.0)
     seed = int(substream(np.uint64(stream), np.uint64(PSEUDO)))
     return float(simulation.scores(networks, batch_streams(seed, PSEUDO_REALITIES)[None]).mean())
