@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from realitygap.errors import ConfigError, StudyBusyError, StudyError
+from realitygap.study import runner
 from realitygap.study.load import load_study
 from realitygap.study.lock import LOCK
 from realitygap.study.merge import all_shards, merge_runs, new_folder
@@ -26,7 +27,7 @@ def shards(tmp_path_factory) -> list[Path]:
     place = tmp_path_factory.mktemp("shards")
     folders = [Shard(number, 3).folder(place / "study") for number in (1, 2, 3)]
     for number, folder in enumerate(folders, start=1):
-        run_study(folder, small(), shard=Shard(number, 3), workers=1)
+        run_study(folder, small(), shard=Shard(number, 3) if number == 1 else f"{number}/3", workers=1)
     return folders
 
 
@@ -54,6 +55,22 @@ def test_what_is_no_shard_is_refused_in_python(pair):
     """Its share would be that of another, or none."""
     with pytest.raises(ConfigError, match=r"shard: expected I/N, .*, got '-?\d/3'"):
         Shard(*pair)
+
+
+@pytest.mark.parametrize("shard", [2, "2", (1, 2)])
+def test_what_is_no_shard_leaves_no_study(shard, tmp_path):
+    """It is refused before anything is made."""
+    with pytest.raises(ConfigError, match="shard: expected I/N"):
+        run_study(tmp_path / "study", small(), shard=shard, workers=1)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_study_that_fails_to_start_is_taken_back(tmp_path, monkeypatch):
+    """Whatever the error, before anything was saved."""
+    monkeypatch.setattr(runner, "compile_side_by_side", lambda pool: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        run_study(tmp_path / "study", small(), shard="1/2", workers=1)
+    assert not list(tmp_path.iterdir())
 
 
 def test_shards_share_everything_once():

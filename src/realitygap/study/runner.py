@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from realitygap.errors import RealityGapError, StudyInterruptedError
+from realitygap.errors import StudyInterruptedError
 from realitygap.study.ahead import compile_side_by_side
 from realitygap.study.config import StudyConfig
 from realitygap.study.far import Words, home_of, words_for
@@ -41,7 +41,7 @@ def run_study(
     *,
     workers: Workers = None,
     resume: bool = False,
-    shard: Shard | None = None,
+    shard: Shard | str | None = None,
     engine: str = "cores",
     on_progress: OnProgress | None = None,
 ) -> Study:
@@ -54,8 +54,8 @@ def run_study(
         config: the study's configuration; None to resume a study with its own.
         workers: processes that carry out runs, one a core if None, 1 stays in this process; or a pool.
         resume: continue the study in the folder; without one, create it from `config`.
-        shard: the share of the runs to carry out; a started one keeps its share. `merge` makes the study from
-            all shards' folders.
+        shard: the share of the runs to carry out, such as "1/2"; a started one keeps its share. `merge` makes
+            the study from all shards' folders.
         engine: "cores", or "cuda": an NVIDIA GPU runs the trials of all runs side by side, without workers.
         on_progress: called a few times a second.
 
@@ -67,6 +67,7 @@ def run_study(
         StudyInterruptedError: Ctrl-C; what was saved is kept.
     """
     folder = as_path(folder, "folder")
+    shard = None if shard is None else Shard.parse(shard)
     if config is not None:
         must_be(config, StudyConfig, "config", "StudyConfig.single(task) makes one.")
     try:
@@ -94,7 +95,7 @@ def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
     new = not exists(folder)
     try:
         yield
-    except RealityGapError:
+    except Exception:
         if new and requested is not None:
             take_back(folder, requested)
         raise

@@ -62,7 +62,7 @@ def run_transfer(
     *,
     workers: Workers = None,
     attendant: Attendant | None = None,
-    shard: Shard | None = None,
+    shard: Shard | str | None = None,
     on_progress: OnProgress | None = None,
 ) -> list[Transferred]:
     """Drive robots with individuals of a study, each from the same poses as in simulation.
@@ -74,7 +74,7 @@ def run_transfer(
         options: who drives where; by default all champions, once, on unit 1 of the twin.
         workers: processes for trials on the twin, one a core if None; or a pool.
         attendant: carries a real robot; required for one.
-        shard: the share of the trials to make, in a folder of its own beside the study's.
+        shard: the share of the trials to make, such as "1/2", in a folder of its own beside the study's.
         on_progress: called a few times a second.
 
     Returns:
@@ -87,6 +87,7 @@ def run_transfer(
     """
     study, options = as_study(study), options or Transfer()
     must_be(options, Transfer, "options", "Transfer(robots=…, starts=…) makes one.")
+    shard = None if shard is None else Shard.parse(shard)
     if shard is not None and options.named is not None:
         raise UsageError("shard: expected none with a controller of your own. Leave it out.")
     place = place_of(study.folder, options) if shard is None else shard_folder(study.folder, shard)

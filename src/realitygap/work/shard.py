@@ -41,8 +41,8 @@ class Shard:
             raise _no_shard(str(self))
 
     @classmethod
-    def parse(cls, text: str) -> Self:
-        """From "2/3".
+    def parse(cls, text: str | Self) -> Self:
+        """From "2/3"; a Shard stays what it is.
 
         Raises:
             ConfigError: not a shard, or one that does not exist.
@@ -74,7 +74,7 @@ class Shard:
         return out.with_name(out.name + suffix)
 
 
-def _no_shard(text: str) -> ConfigError:
+def _no_shard(text: object) -> ConfigError:
     return ConfigError(
         f"shard: expected I/N, share I (from 1 to N) of N up to {MOST}, such as 2/3, got {text!r}."
     )

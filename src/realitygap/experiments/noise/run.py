@@ -49,7 +49,7 @@ def noise_study(
     workers: Workers = None,
     engine: str = "cores",
     resume: bool = False,
-    shard: Shard | None = None,
+    shard: Shard | str | None = None,
     on_progress: OnProgress | None = None,
 ) -> Path:
     """Carry out a study in a folder, or continue the one that is there.
@@ -76,6 +76,7 @@ def noise_study(
         RobotError: a twin does not follow its commands.
     """
     folder = Path(folder)
+    shard = None if shard is None else Shard.parse(shard)
     if config is not None:
         check_robot(config)
     with session(folder, workers) as pool:
