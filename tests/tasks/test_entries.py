@@ -177,6 +177,8 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a camera that watches in words": lambda: rg.Transfer(watch="no"),
     "trials packed in words": lambda: rg.Transfer(pack="no"),
     "runs in a word": lambda: rg.Transfer(runs="12"),
+    "runs by half their numbers": lambda: rg.Transfer(runs=[1.5]),
+    "runs that are true": lambda: rg.Transfer(runs=[True]),
     "a calibration of nothing": lambda: rg.calibrate(None),
     "a calibration of numbers": lambda: rg.calibrate([3]),
     "a calibration of a generator": lambda: rg.calibrate(Path(name) for name in ["unit-1"]),
@@ -245,6 +247,15 @@ def test_values_go_where_their_names_go(tmp_path: Path):
     assert rg.Simulation("light", "paper", "zero", arena="light-seeking").task.name == task.name
     assert rg.StudyConfig.single(task) == rg.StudyConfig.single("light-seeking")
     assert rg.setting_of([], task) == rg.setting_of([], "light")
+
+
+def test_a_transfer_keeps_its_lists():
+    """What was given may be used up, or changed later."""
+    runs = [1, "light-seeking-1"]
+    made = rg.Transfer(runs=iter(runs), robots=(f"twin:{unit}" for unit in (1, 2)))
+    other = rg.Transfer(runs=runs, robots=["twin:1", "twin:2"])
+    runs.append(3)
+    assert made == other and made.runs == (1, "light-seeking-1") and len(made.bodies) == 2
 
 
 @pytest.mark.parametrize("what", ["profile", "arena"])

@@ -5,6 +5,7 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral
 from pathlib import Path
 
 from realitygap.errors import UsageError
@@ -108,6 +109,10 @@ class Transfer:
         for name, given in {"runs": self.runs, "robots": self.robots}.items():
             if isinstance(given, str) or not isinstance(given, Iterable):
                 raise UsageError(f"{name}: expected a list, got {given!r}. Write [{given!r}].")
+            object.__setattr__(self, name, tuple(given))
+        for run in self.runs:
+            if isinstance(run, bool) or not isinstance(run, Integral | str):
+                raise UsageError(f"runs: expected their ids (whole numbers) or names, got {run!r}.")
         self._check_values()
         if self.controller is not None and self.individual != "champion":
             raise UsageError("individual: expected none with a controller of your own. Leave it out.")
