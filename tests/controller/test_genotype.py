@@ -18,8 +18,11 @@ from realitygap.controller.genotype import (
     save_genotype,
     to_text,
 )
+from realitygap.controller.handmade import constant
+from realitygap.controller.network import NetworkController
 from realitygap.controller.operators import Variation
-from realitygap.errors import GenotypeError
+from realitygap.errors import GenotypeError, UsageError
+from realitygap.values import Command
 from tests.controller.strategies import SMALL, genotypes
 
 TEXT = """\
@@ -120,6 +123,17 @@ def test_files(tmp_path):
     assert b"\r" not in (tmp_path / "a.genotype").read_bytes()
 
 
+def test_other_inputs_are_not_taken_for_eight():
+    """Without its layout a genotype of more inputs is refused, not read as one whose wheels stand."""
+    wide = Layout(inputs=16)
+    genes = constant(1, 2, wide)
+    for use in (to_text, NetworkController):
+        with pytest.raises(GenotypeError, match=r"of 8 inputs, .* slots 8 and 9 are blank.*Give its layout"):
+            use(genes)
+    assert (parse_text(to_text(genes, wide))[0] == genes).all()
+    assert NetworkController(constant(0, 0, Layout())).decide([0] * 8) == Command(left=0, right=0)
+
+
 def test_files_that_cannot_be_read_or_written(tmp_path):
     """A missing file, a folder, bytes that are no text, and other inputs are refused by name."""
     (tmp_path / "bytes").write_bytes(b"\xff\xfe\x00")
@@ -132,6 +146,8 @@ def test_files_that_cannot_be_read_or_written(tmp_path):
     ):
         with pytest.raises(GenotypeError, match=message):
             load_genotype(os.path.join(tmp_path, name), Layout())
+    with pytest.raises(UsageError, match="layout: expected a Layout, got str"):
+        load_genotype(tmp_path / "three", "x")
     with pytest.raises(GenotypeError, match="cannot write the genotype"):
         save_genotype(tmp_path / "no" / "where", random_genotype(Layout(), np.uint64(1)))
 

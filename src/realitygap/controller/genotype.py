@@ -23,6 +23,7 @@ from realitygap.controller.layout import (
     Layout,
     bare,
     check_genes,
+    check_layout,
     links_of,
 )
 from realitygap.controller.operators import Variation
@@ -50,7 +51,7 @@ def to_text(genes: Genes, layout: Layout | None = None) -> str:
     Raises:
         GenotypeError: genes that do not fit the layout.
     """
-    layout = layout or Layout.of(genes)
+    layout = Layout.of(genes) if layout is None else layout
     check_genes(genes, layout)
     lines = [
         HEADER,
@@ -186,6 +187,8 @@ def load_genotype(path: str | Path, layout: Layout | None = None) -> Genes:
         GenotypeError: names the file and the line.
     """
     path = as_path(path, "genotype")
+    if layout is not None:
+        check_layout(layout)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:

@@ -79,11 +79,23 @@ class Layout:
         return ("left motor", "right motor", "hidden")[min(slot - self.inputs, 2)]
 
     @classmethod
-    def of(cls, genes: Genes, *, inputs: int = 8) -> Self:
-        """The layout of a genotype that has `inputs` sensor neurons."""
+    def of(cls, genes: Genes, *, inputs: int | None = None) -> Self:
+        """The layout of a genotype that has `inputs` sensor neurons; eight, unless they are given.
+
+        Raises:
+            GenotypeError: no genotype; or `inputs` is not given, and eight cannot be right.
+        """
         if not isinstance(genes, np.ndarray) or genes.ndim != 2:
             raise GenotypeError(f"the genotype: expected an array int8[slots, fields], got {shown(genes)}")
         slots, columns = genes.shape
+        if inputs is None:
+            inputs = cls.inputs
+            motors, others = np.split(genes[inputs:, THRESHOLD:], [cls.outputs])
+            if others.any() and not motors.any():
+                raise GenotypeError(
+                    f"the genotype: expected one of {inputs} inputs, as no layout is given, got one whose "
+                    f"slots {inputs} and {inputs + 1} are blank, which would be the motors. Give its layout."
+                )
         return cls(inputs=inputs, slots=slots, links=(columns - FIRST_LINK) // LINK_FIELDS)
 
 
