@@ -53,6 +53,32 @@ class CellsContract(AlgorithmContract):
         with pytest.raises(UsageError, match="evaluation 2: expected a finite number"):
             algorithm.tell(state, algorithm.ask(state, 4), np.array([0.0, 1.0, np.nan, 2.0]))
 
+    def test_anything_else_is_refused_by_its_name(self):
+        """What is no stream, no state, no batch or no real number."""
+        algorithm = self.made()
+        state = algorithm.init(SEED)
+        batch = algorithm.ask(state, 4)
+        for wrong in (1.5, True, "1", -1, 2**64):
+            with pytest.raises(UsageError, match="stream: expected a whole number from 0"):
+                algorithm.init(wrong)
+        with pytest.raises(UsageError, match="state: expected a Population, got None"):
+            algorithm.ask(None, 1)
+        with pytest.raises(UsageError, match="batch: expected a Batch, got None"):
+            algorithm.tell(state, None, np.zeros(4))
+        with pytest.raises(UsageError, match=r"fitness: expected real numbers, got complex128\[4\]"):
+            algorithm.tell(state, batch, np.zeros(4, complex))
+
+    def test_states_share_no_best(self):
+        """Nothing that is written into a batch, a later state or what was remembered changes a state."""
+        algorithm, size = self.made(), np.ones(2)
+        batch = algorithm.ask(algorithm.init(SEED), 4)
+        state = algorithm.tell(algorithm.init(SEED), batch, np.arange(4.0)).remember(size=size)
+        bytes_before = state.to_bytes()
+        later = algorithm.tell(state, algorithm.ask(state, 1), np.zeros(1))
+        for array in (batch.genes, later.best_genes, size):
+            array[:] += 1
+        assert state.to_bytes() == bytes_before
+
     def test_answers_out_of_turn_are_refused(self):
         """The fitness of another evaluation than the one that was asked for is refused."""
         algorithm = self.made()

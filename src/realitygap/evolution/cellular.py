@@ -19,6 +19,7 @@ from realitygap.evolution.population import Population
 from realitygap.evolution.selection import panmictic_event, torus_event
 from realitygap.kernels.rng import substream
 from realitygap.streams import OFFSPRING
+from realitygap.text import must_be
 
 __all__ = ["DistributedGA", "Panmictic", "RandomSearch"]
 
@@ -47,6 +48,7 @@ class _Cellular(ABC):
         Raises:
             StudyError: a state of another number of cells than the algorithm's, or not of one number.
         """
+        must_be(state, Population, "state", "`init` makes the first, `tell` the next.")
         cells = self.cells
         if len(state.fitness) != cells:
             there = len(state.fitness)

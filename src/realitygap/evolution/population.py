@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap.errors import StudyError, UsageError
 from realitygap.evolution.algorithm import NOBODY, Batch, Genes
-from realitygap.values import shown
+from realitygap.text import must_be
+from realitygap.values import as_stream, shown
 
 __all__ = ["MAGIC", "Population", "pack", "unpack"]
 
@@ -93,7 +94,7 @@ NUMBERS = ("stream", "evaluations", "best_fitness", "best_number")
 
 
 def _arrays_of(memory: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
-    arrays = {name: np.asarray(value) for name, value in memory.items()}
+    arrays = {name: np.array(value) for name, value in memory.items()}
     for name, array in arrays.items():
         if array.dtype.hasobject:
             raise UsageError(f"memory: {name}: expected numbers or an array of them, got {memory[name]!r}.")
@@ -128,7 +129,7 @@ class Population:
     def empty(cls, stream: np.uint64, like: Genes, cells: int, **memory: ArrayLike) -> Self:
         """Empty cells for individuals of the type and shape of one."""
         return cls(
-            stream=np.uint64(stream),
+            stream=as_stream(stream),
             evaluations=0,
             genes=np.zeros((cells, *like.shape), like.dtype),
             fitness=np.full(cells, -np.inf),
@@ -175,7 +176,7 @@ class Population:
             genes=genes,
             fitness=residents,
             numbers=numbers,
-            best_genes=best[0],
+            best_genes=best[0].copy(),
             best_fitness=best[1],
             best_number=best[2],
         )
@@ -190,6 +191,9 @@ class Population:
 
     def _checked(self, batch: Batch, fitness: ArrayLike) -> list[float]:
         """The fitness of each, if the batch is one that could be asked of this population."""
+        must_be(batch, Batch, "batch", "Give what `ask` returned.")
+        if np.iscomplexobj(fitness):
+            raise UsageError(f"fitness: expected real numbers, got {shown(np.asarray(fitness))}.")
         try:
             values = np.asarray(fitness, np.float64).reshape(len(batch.genes)).tolist()
         except (TypeError, ValueError):
