@@ -198,10 +198,11 @@ def test_a_controller_of_ones_own(tmp_path):
     for same in (module.Own, module.decide, njit(module.decide)):
         form = form_of(same, 8)
         assert (form.inputs, form.weights, form.memory) == (8, 4, 1)
-    with pytest.raises(UsageError, match="inputs: expected 8 numbers, got 'straight'"):
+    with pytest.raises(UsageError, match=r"inputs: expected 8 whole .* from -10 to 10, got 'straight'"):
         WeightedController(form, np.ones(4)).decide("straight")
-    with pytest.raises(UsageError, match=r"inputs: expected 8 numbers, got \[1, 2\]"):
-        WeightedController(form, np.ones(4)).decide([1, 2])
+    for wrong in ([1, 2], [1000] * 8, [11] + [0] * 7, [0.5] * 8, ["1"] * 8, [np.nan] * 8, None, []):
+        with pytest.raises(UsageError, match=r"inputs: expected 8 whole numbers from -10 to 10, got "):
+            WeightedController(form, np.ones(4)).decide(wrong)
     for none in (Problem, Problem.evaluate, print):
         with pytest.raises(UsageError, match=r"expected a function decide|WEIGHTS: expected a whole number"):
             form_of(none, 8)

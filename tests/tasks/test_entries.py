@@ -83,10 +83,27 @@ SCORES: dict[str, Callable[[rg.Simulation], object]] = {
     "seconds in words": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=1, seconds="long"),  # type: ignore[arg-type]
     "seconds without end": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=1, seconds=1e12),
     "a command beyond the robot's": lambda s: SimulatedBody(s).act(rg.Command(left=10**12, right=0)),
+    "a command of nothing": lambda s: SimulatedBody(s).act(None),  # type: ignore[arg-type]
+    "a command in a tuple": lambda s: SimulatedBody(s).act((5, 5)),  # type: ignore[arg-type]
+    "a body on half a stream": lambda s: reset_on(s, 2.5),
+    "a body on a stream below 0": lambda s: reset_on(s, -2),
+    "a body on a stream in words": lambda s: reset_on(s, "x"),
+    "an output between two": lambda s: s.profile.wheels.command(0.4),
+    "an output beyond the ten": lambda s: s.profile.wheels.command(25),
+    "an output that is no number": lambda s: s.profile.wheels.command(float("nan")),
+    "outputs in an array": lambda s: s.profile.wheels.command(np.array([1, 2])),
+    "an output in words": lambda s: s.profile.wheels.command("5"),
     "a drive in nothing": lambda s: rg.drive_simulated(None, lambda inputs: (1, 1)),  # type: ignore[arg-type]
     "a network's drive in a task": lambda s: rg.drive_simulated(s.task, rg.NetworkController(GENES[0])),  # type: ignore[arg-type]
     "a body of nothing": lambda s: SimulatedBody(None),  # type: ignore[arg-type]
 }
+
+
+def reset_on(simulation: rg.Simulation, stream: object) -> None:
+    """A simulated body that is put on another stream."""
+    body = SimulatedBody(simulation)
+    body.stream = stream  # type: ignore[assignment]
+    body.reset()
 
 
 @pytest.mark.parametrize("call", SCORES.values(), ids=SCORES.keys())

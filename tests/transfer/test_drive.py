@@ -141,6 +141,60 @@ def test_a_function_drives_both_alike(simulation):
     assert (made.recording.commands == lived.commands).all() and (made.track.x[1:-1] == lived.x[1:]).all()
 
 
+class Odd:
+    """Decides what it was made with, and spoils its inputs."""
+
+    def __init__(self, command):
+        self.command = command
+
+    def reset(self):
+        pass
+
+    def decide(self, inputs):
+        inputs[:] = [7] * 8
+        return self.command
+
+
+def drives_of(simulation):
+    """Both drives of a controller: what was fed and commanded."""
+
+    def body(given):
+        made = drive(SimulatedBody(simulation, stream=4), given, task="avoidance", seconds=2)
+        return made.recording.inputs.tolist(), made.recording.commands.tolist()
+
+    def simulated(given):
+        lived, _ = drive_simulated(simulation, given, stream=4, seconds=2)
+        return lived.inputs.tolist(), lived.commands.tolist()
+
+    return body, simulated
+
+
+def test_an_object_is_checked_as_a_function_is(simulation):
+    """Two numbers will do; speeds beyond the ten are refused; what it writes is nobody's."""
+    steady = [drives(lambda inputs: (5, 5)) for drives in drives_of(simulation)]
+    assert [drives(Odd((5, 5))) for drives in drives_of(simulation)] == steady
+    for drives in drives_of(simulation):
+        with pytest.raises(UsageError, match=r"test_drive.py: decide: expected \(left, right\), whole"):
+            drives(Odd(Command(left=100, right=100)))
+
+
+def test_a_changed_network_drives_as_it_decides(simulation):
+    """A subclass and a network without some of its neurons; but its genes are its own."""
+
+    class Still(NetworkController):
+        def decide(self, inputs):
+            return Command(left=0, right=0)
+
+    given = NETWORK.genes.copy()
+    cut, kept = (NetworkController(given, NETWORK.layout) for _ in range(2))
+    cut.neurons = cut.neurons[:1]
+    given[:] = 0
+    for drives in drives_of(simulation):
+        assert drives(Still(NETWORK.genes, NETWORK.layout))[1] == [[0, 0]] * 20
+        assert not any(right for _, right in drives(cut)[1])
+        assert drives(kept) == drives(NETWORK)
+
+
 def test_a_word_drives_as_the_commands_does(simulation):
     """`drive` takes what `--controller` takes: a network's file, a vehicle, two speeds."""
 

@@ -123,9 +123,9 @@ class NetworkController:
     """
 
     def __init__(self, genes: Genes, layout: Layout | None = None) -> None:
-        self.layout = layout or Layout.of(genes)
+        self.layout = Layout.of(genes) if layout is None else layout
         check_genes(genes, self.layout)
-        self.genes = genes
+        self.genes = genes.copy()
         self.neurons = neurons(genes, self.layout)
         self.reset()
 

@@ -74,12 +74,14 @@ def own_controller(named: object) -> OwnController:
     if not callable(decide):
         expected = "a function decide(inputs), or a class that has one"
         raise UsageError(f"controller: expected {expected}, got {shown(named)}.")
+    if place == "controller":
+        place = getattr(getattr(decide, "__code__", None), "co_filename", place)
     return OwnController(decide, getattr(named, "reset", None), place)
 
 
 def as_controller(given: Any) -> Any:
-    """What has `reset` and `decide` as it is; else as of `own_controller`."""
-    ready = hasattr(given, "reset") and hasattr(given, "decide") and not isinstance(given, type)
+    """One of this package as it is; else as of `own_controller`, whose commands are checked."""
+    ready = hasattr(given, "reset") and type(given).__module__.startswith("realitygap.")
     return given if ready else own_controller(given)
 
 

@@ -58,15 +58,18 @@ class WeightedController:
         """One step.
 
         Raises:
-            UsageError: another number of inputs, an output that is not finite, or a user's function
-                that fails.
+            UsageError: another number of inputs, or one beyond ±10; an output that is not finite, or a
+                user's function that fails.
         """
         try:
-            fed = np.array(inputs, np.float64) / LIMIT
+            given = np.array(inputs)
+            kind, fed = given.dtype.kind, given.astype(np.float64) / LIMIT
+            fits = kind in "iuf" and np.abs(fed).max() <= 1 and (kind != "f" or not (given % 1).any())
         except (TypeError, ValueError):
-            fed = np.empty(0)
-        if fed.shape != (self.form.inputs,):
-            raise UsageError(f"inputs: expected {self.form.inputs} numbers, got {inputs!r}.")
+            fits = False
+        if not fits or fed.shape != (self.form.inputs,):
+            expected = f"{self.form.inputs} whole numbers from -{LIMIT} to {LIMIT}"
+            raise UsageError(f"inputs: expected {expected}, got {inputs!r}.")
         try:
             self.form.decide(self._weights, self._memory, fed, self._outputs)
         except Exception as error:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.controller.network import NetworkController, decode
+from realitygap.controller.network import NetworkController, decode, neurons
 from realitygap.controller.own import as_controller
 from realitygap.errors import UsageError
 from realitygap.kernels import batch
@@ -20,7 +20,7 @@ from realitygap.robots.loop import Controller
 from realitygap.simulation.simulation import Simulation
 from realitygap.text import must_be
 from realitygap.track import Trajectory
-from realitygap.values import Command, Pose, Readings, fed
+from realitygap.values import Command, Pose, Readings, as_stream, fed
 
 __all__ = ["SimulatedBody", "drive_simulated", "network_inputs"]
 
@@ -125,6 +125,7 @@ class SimulatedBody:
         Raises:
             UsageError: a command that no Khepera can be given.
         """
+        must_be(command, Command, "command", "Command(left=5, right=5) is one.")
         for name, value in (("left", command.left), ("right", command.right)):
             if not -MOST <= value <= MOST or value != int(value):
                 raise UsageError(f"command: {name}: expected a whole number of ±{MOST}, got {value!r}.")
@@ -143,10 +144,10 @@ class SimulatedBody:
         self.stop()
 
     def _set_down(self, pose: Pose) -> None:
+        self._drawn_from = int(as_stream(self.stream))
         self.simulation._place(self._work, pose)
         batch.set_down(self._nobody, self._work)
-        self._drawn_from = self.stream
-        self._world = self.simulation._cores.world_of(self.stream)
+        self._world = self.simulation._cores.world_of(self._drawn_from)
         self._work.span[0] = farthest_notice(self._world.robot, self._work.fan)
         self._k = 0
         self._find_entries()
@@ -205,7 +206,7 @@ def drive_simulated(
 
     Args:
         simulation: task, robot, noise and arena.
-        controller: has reset() and decide(inputs), inputs as a network's of the task; or a function decide.
+        controller: has decide(inputs), inputs as a network's of the task, and perhaps reset(); or a function.
         stream: the trial's.
         pose: where it starts; by default where the stream says.
         seconds: how long it lasts; by default the task's length.
@@ -214,9 +215,10 @@ def drive_simulated(
         UsageError: a pose that is not free, a wrong length, a controller or a command that is none.
     """
     must_be(simulation, Simulation, "simulation", MADE_BY)
-    if isinstance(controller, NetworkController):
+    if type(controller) is NetworkController:  # a subclass may decide otherwise, and so may changed neurons
         networks = decode(controller.genes, controller.layout)
-        return simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
+        if controller.neurons == neurons(controller.genes, controller.layout):
+            return simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
     body, make = SimulatedBody(simulation, stream=stream, kinds=KINDS), network_inputs(simulation)
     if pose is not None:
         body.reset(pose)

@@ -12,6 +12,7 @@ from realitygap.kernels import params
 from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES
 from realitygap.lazy import above
 from realitygap.toml import to_toml
+from realitygap.values import as_count
 from realitygap.world.body import Body
 from realitygap.world.files import Value, load, require, shipped
 from realitygap.world.provenance import Provenance
@@ -73,8 +74,12 @@ class Wheels(Value):
     play_cm: float = 0.0
 
     def command(self, output: int) -> int:
-        """A network's output −10 … 10 in the robot's units, of which it takes whole ones."""
-        return round(self.top_command / TOP_INPUT * output)
+        """A network's output −10 … 10 in the robot's units, of which it takes whole ones.
+
+        Raises:
+            UsageError: another output.
+        """
+        return round(self.top_command / TOP_INPUT * as_count(output, "output", -TOP_INPUT, TOP_INPUT))
 
     def _check(self) -> None:
         for key in ("track_cm", "top_command", "divisor"):
