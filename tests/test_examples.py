@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -326,6 +327,22 @@ class TestFiveEyes(BodyContract):
         wrong.opened = lambda: nullcontext((body, clock))
         with pytest.raises(AssertionError):
             wrong.test_it_goes_where_its_wheels_take_it()
+
+    def test_another_unit_and_a_body_that_rolls_on_are_found_out(self):
+        """By its pose: it has no counters."""
+        with self.opened() as (body, _):
+            kind = type(body)
+        wrong = BodyContract()
+        far = {"reset": lambda self, pose=None: kind.reset(self, pose and replace(pose, x=250.0))}
+        on = {"stop": lambda self: hasattr(self, "given") or kind.stop(self)}
+        for change, test in (
+            (far, wrong.test_it_goes_where_its_wheels_take_it),
+            (on, wrong.test_a_stopped_body_stands),
+        ):
+            odd = type("Odd", (kind,), change)()
+            wrong.opened = lambda odd=odd: nullcontext((odd, odd.clock))
+            with pytest.raises(AssertionError):
+                test()
 
 
 def test_a_robot_of_ones_own_is_recorded_calibrated_evolved_for_and_driven(tmp_path):

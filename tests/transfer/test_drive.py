@@ -231,6 +231,26 @@ def test_a_body_of_ones_own_is_held_to_its_word(counts, says):
         drive(Odd([0.0]), NETWORK, task="avoidance", seconds=0.5)
 
 
+@pytest.mark.parametrize(
+    ("scale", "jump", "says"),
+    [
+        (10, 0, "a place in the task's arena of 50 by 50 cm, got x = 250, y = 10"),
+        (1, 10, r"at most 3\.4 cm from one step to the next, got 10"),
+    ],
+)
+def test_a_pose_that_cannot_be_is_refused(scale, jump, says):
+    """Before it drives, or at the latest before its track is scored."""
+
+    class Odd(Knowing):
+        @property
+        def pose(self):
+            at = super().pose
+            return Pose(x=scale * at.x + jump * (self.passed > 1), y=scale * at.y, heading=at.heading)
+
+    with pytest.raises(UsageError, match=f"^body: pose: expected {says}"):
+        drive(Odd([0.0]), NETWORK, task="avoidance", start=Pose(x=25, y=1, heading=0), seconds=2)
+
+
 @pytest.mark.parametrize("body", [None, SimulatedBody, Simulation("avoidance", "paper")])
 def test_what_is_no_body_is_refused_as_such(body):
     """Not as a body that does not know its place."""
@@ -290,7 +310,7 @@ class Busy:
 
 
 class Arc:
-    """A robot on an arc at 8 and 10 cm/s from (20, 20), whatever it is told; it counts 120 pulses a cm."""
+    """A robot on an arc at 8 and 10 cm/s from (25, 1), whatever it is told; it counts 120 pulses a cm."""
 
     channels, period_s, pulses_per_mm = (Channel(name="proximity", sensors=8, high=1023),), 0.1, 12.0
     counts_turns = True
@@ -329,7 +349,7 @@ class Knowing(Arc):
     @property
     def pose(self):
         turned = self.passed * TURN
-        x, y = 20 + RADIUS * math.sin(turned), 20 + RADIUS * (1 - math.cos(turned))
+        x, y = 25 + RADIUS * math.sin(turned), 1 + RADIUS * (1 - math.cos(turned))
         return Pose(x=x, y=y, heading=math.remainder(turned, math.tau))
 
 
@@ -340,8 +360,8 @@ TURN, RADIUS = 2 / 5.3, 9 * 5.3 / 2
 @pytest.mark.parametrize(("robot", "seen_by"), [(Arc, "counters"), (Knowing, "robot")])
 def test_late_steps_do_not_make_a_robot_faster(robot, seen_by, late):
     """The track is where it was when each step was due, not when the computer came to look."""
-    made = drive(robot(late), NETWORK, task="avoidance", start=Pose(x=20, y=20, heading=0), seconds=10)
+    made = drive(robot(late), NETWORK, task="avoidance", start=Pose(x=25, y=1, heading=0), seconds=10)
     assert made.recording.late_steps > 40 and made.track.seen_by == seen_by
     turned = made.track.t * TURN
-    x, y = 20 + RADIUS * np.sin(turned), 20 + RADIUS * (1 - np.cos(turned))
+    x, y = 25 + RADIUS * np.sin(turned), 1 + RADIUS * (1 - np.cos(turned))
     assert np.hypot(made.track.x - x, made.track.y - y).max() < 0.05
