@@ -328,12 +328,12 @@ class TestFiveEyes(BodyContract):
         with pytest.raises(AssertionError):
             wrong.test_it_goes_where_its_wheels_take_it()
 
-    def test_another_unit_and_a_body_that_rolls_on_are_found_out(self):
+    def test_a_wrong_place_and_a_body_that_rolls_on_are_found_out(self):
         """By its pose: it has no counters."""
         with self.opened() as (body, _):
             kind = type(body)
         wrong = BodyContract()
-        far = {"reset": lambda self, pose=None: kind.reset(self, pose and replace(pose, x=250.0))}
+        far = {"reset": lambda self, pose=None: kind.reset(self, pose and replace(pose, x=30.0))}
         on = {"stop": lambda self: hasattr(self, "given") or kind.stop(self)}
         for change, test in (
             (far, wrong.test_it_goes_where_its_wheels_take_it),
