@@ -16,7 +16,7 @@ from functools import partial
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
-from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError
+from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError, UsageError
 from realitygap.text import as_path, must_be
 
 if TYPE_CHECKING:
@@ -226,6 +226,7 @@ def calibrate(
     Raises:
         RecordingError: a recording cannot be read.
         CalibrationError: recordings from which no sensible profile can be made.
+        UsageError: no folder for the profile to be written to.
     """
     from realitygap.calibration.calibrate import base_of
     from realitygap.calibration.calibrate import calibrate as fit
@@ -235,6 +236,10 @@ def calibrate(
     from realitygap.world.profile import load_profile
 
     target = None if out is None else as_path(out, "out")
+    if target is not None and (target.is_dir() or not target.parent.is_dir()):
+        raise UsageError(f"out: expected a file in a folder that exists, got {str(target)!r}. Make it first.")
+    if on_progress is not None and not callable(on_progress):
+        raise UsageError(f"on_progress: expected a function of two counts, got {on_progress!r}.")
     read: Any = [recordings] if isinstance(recordings, str | PathLike) else recordings
     must_be(read, Iterable, "recordings", "Give [recording], or folders.")
     read = list(read)

@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import realitygap
 from realitygap.cli import realitygap as command
-from realitygap.errors import CalibrationError, RecordingError
+from realitygap.errors import CalibrationError, RecordingError, UsageError
 from tests.calibration.tables import BEARINGS
 
 
@@ -46,6 +46,11 @@ def test_errors_are_typed(made_tables, tmp_path):
         realitygap.calibrate([loaded], light="extnded")
     with pytest.raises(CalibrationError, match="objects: expected none with recordings that are loaded"):
         realitygap.calibrate([loaded], objects="cylinder:4")
+    for out in (tmp_path / "no" / "robot.toml", tmp_path):
+        with pytest.raises(UsageError, match="out: expected a file in a folder that exists"):
+            realitygap.calibrate([loaded], out=out)
+    with pytest.raises(UsageError, match="on_progress: expected a function of two counts, got 5"):
+        realitygap.calibrate([loaded], on_progress=5)
 
 
 def test_a_machines_cores_change_no_bit(made_tables, monkeypatch):

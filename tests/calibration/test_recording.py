@@ -116,6 +116,20 @@ def test_poses_come_with_their_arena(tmp_path):
     assert np.allclose(back.distance_cm, [47.25, 7.25]) and np.allclose(back.bearing_deg, [-90, 0])
 
 
+def test_numbers_that_nothing_can_be_fitted_to_are_refused():
+    """In Python, too: counts in a list, a place that is none, pulses of no length."""
+    made = infrared(4)
+    pose = np.full((4, 3), np.nan)
+    for change in ({"counts": made.counts.tolist()}, {"pose": pose, "arena": load_arena("light-seeking")}):
+        with pytest.raises(RecordingError, match=r"a recording: expected counts \[n, S\], and finite poses"):
+            replace(made, **change)
+    pairs, rows = np.zeros((2, 2)), np.arange(2)
+    steps = {"t_s": rows / 10, "commands": pairs, "counters": pairs, "speeds": pairs, "trial": rows}
+    for pulses in (0.0, -12.0, math.nan):
+        with pytest.raises(RecordingError, match="pulses_per_mm: expected more than 0, got "):
+            WheelRecording(**steps, kind=np.array(["step"] * 2), pulses_per_mm=pulses)
+
+
 @given(st.lists(st.tuples(st.integers(-10, 10), st.integers(-9999, 9999)), min_size=1, max_size=30))
 @settings(max_examples=20)
 def test_steps_come_back_equal(tmp_path_factory, pairs):

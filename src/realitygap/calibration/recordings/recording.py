@@ -46,8 +46,7 @@ PULSES_PER_MM = 12.0
 HALL_CM = 1000.0
 """A room whose other walls are out of every sensor's range."""
 HEIGHTS_CM = {"body_height_cm": 3.0, "sensor_height_cm": 1.2}
-"""Height of the robot's top, as the manufacturer states it (30 mm), and of its sensors, measured with a
-ruler."""
+"""Height of the robot's top, as the manufacturer states it (30 mm), and of its sensors, by a ruler."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,13 +86,11 @@ class SensorRecording(Recorded):
         body_outline_cm: its corners, as in a profile; empty: it is a disc.
         body_said: whether the recording states the body; else a calibration uses its base's.
         full_scale: the converter's highest count; None: its robot's.
-        reflectance: of the wall or cylinder, relative to the surfaces that constants are for; NaN: unknown,
-            to be fitted.
+        reflectance: of the wall or cylinder, relative to what constants are for; NaN: unknown, to be fitted.
         from_sensor: the sensor that faced the wall, from which distances are measured; None: from the body's
             edge.
         speed_cm_s: [n] mean absolute speed of both wheels during each reading; None: they stood.
-        edges: further places between these, where readings jump: they tell where rays end, and no error is
-            counted there.
+        edges: further places, where readings jump: they tell where rays end, and no error is counted there.
         lines: [n] where each row stands, file and line; empty: unknown.
     """
 
@@ -118,8 +115,11 @@ class SensorRecording(Recorded):
     def __post_init__(self) -> None:
         n = len(self.repeat)
         lengths = {len(self.distance_cm), len(self.bearing_deg), len(self.counts), n}
-        if lengths != {n} or self.counts.ndim != 2 or (self.pose is not None and self.pose.shape != (n, 3)):
+        if lengths != {n} or (self.pose is not None and self.pose.shape != (n, 3)):
             raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length: {lengths}.")
+        fits = isinstance(self.counts, np.ndarray) and self.counts.ndim == 2
+        if not fits or (self.pose is not None and not np.isfinite(self.pose).all()):
+            raise RecordingError(f"{self.source or 'a recording'}: expected counts [n, S], and finite poses.")
         check_object(self.kind, self.object, self.source or "a recording")
         if self.edges is not None:
             self._check_edges(self.edges)
@@ -255,6 +255,8 @@ class WheelRecording(Recorded):
         whole = all(pair.shape == (n, 2) for pair in pairs) and len(self.trial) == len(self.kind) == n
         if not whole or (self.pose is not None and self.pose.shape != (n, 3)):
             raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length.")
+        if not self.pulses_per_mm > 0:
+            raise RecordingError(f"pulses_per_mm: expected more than 0, got {self.pulses_per_mm}.")
 
     @property
     def counted(self) -> bool:
