@@ -10,6 +10,7 @@ import pytest
 from realitygap.correspondence.evidence import tells
 from realitygap.correspondence.names import NONE, UNTOLD, common_name, namer, rows_of
 from realitygap.correspondence.trials import Trial
+from realitygap.errors import TrackError, UsageError
 from realitygap.tasks.load import load_task
 from realitygap.values import Command
 from realitygap.world.arena import load_arena
@@ -117,6 +118,15 @@ def test_a_large_robots_name_without_evidence_is_unsure():
     stands = replace(standing(12, 25, 2.0), radius_cm=8.0)
     once, still = namer(setting, 8.0).name([trial, stands], replace(setting, arena=arena))
     assert still.name == NONE and max(once.confidence, still.confidence) <= UNTOLD
+
+
+def test_another_tasks_setting_is_refused():
+    """Its descriptors are others; and nothing is no setting."""
+    names, trial = namer(setting_for(AVOIDANCE)), standing(12, 25, 2.0)
+    with pytest.raises(TrackError, match="setting: expected one of the task whose kinds are one way turner"):
+        names.name([trial], setting_for("light-seeking"))
+    with pytest.raises(UsageError, match="setting: expected a Setting, got None"):
+        names.name([trial], None)
 
 
 def test_a_trial_without_its_mark_is_drawn_again():

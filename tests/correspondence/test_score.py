@@ -125,6 +125,13 @@ def test_mirror_and_turn_change_nothing(robot):
         assert flipped == pytest.approx(plain, abs=1e-3) and moved == pytest.approx(plain, abs=1e-3)
 
 
+def test_a_scale_that_is_none_is_refused():
+    """By its name."""
+    ours = lives(TURNER)
+    with pytest.raises(UsageError, match="scale: expected a Scale, got 3"):
+        compare(ours, ours, setting_for(TURNER.task), scale=3)
+
+
 def test_it_is_symmetric():
     """B beside A scores as A beside B, its interval and p too; what is said is turned round."""
     a, b = lives(TURNER), lives(TURNER, noise=4.0, again=4)

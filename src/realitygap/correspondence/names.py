@@ -110,9 +110,17 @@ class Namer:
 
         Raises:
             UsageError: something else than trials.
+            TrackError: a setting of another task.
         """
         require_trials(trials)
-        near = self.nearest(rows_of(trials, setting.arena, large=self._large))
+        must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
+        rows = rows_of(trials, setting.arena, large=self._large)
+        if rows.shape[1] != len(self._signs):
+            raise TrackError(
+                f"setting: expected one of the task whose kinds are {', '.join(self.kinds[:-1])}, got "
+                f"{setting.name!r}. namer(setting) makes a namer for it."
+            )
+        near = self.nearest(rows)
         found = shares(*near, self.reach, self.temperature)
         found *= np.array([of_length(trial.seconds) for trial in trials])[:, None]
         if self._large and setting.arena is not None:

@@ -90,6 +90,8 @@ def compare(
         TrackError: no trials, or too short ones.
     """
     must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
+    if scale is not None:
+        must_be(scale, Scale, "scale", "The `scale` of another comparison is one.")
     for trials in (a, b, ceiling or []):
         require_trials(trials)
     given = [a, b, *([ceiling] if ceiling else [])]
