@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from realitygap.errors import StudyError, TaskError
+from realitygap.errors import StudyError, TaskError, UsageError
 from realitygap.report.build import build_report
 from realitygap.study import sources
 from realitygap.study.config import StudyConfig
@@ -77,6 +77,8 @@ def test_running_asks_first(stranger):
                  lambda: run_study(folder, resume=True)):  # fmt: skip
         with pytest.raises(StudyError, match=r"brings a program, .*touch.py, .* --trust .*trust=True"):
             work()
+    with pytest.raises(UsageError, match="trust: expected a bool, got 'no'"):
+        load_study(folder, trust="no")
     assert not trace.exists()
     assert load_study(folder, trust=True).task("touch").trials == 2
     assert trace.exists()

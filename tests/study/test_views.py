@@ -65,16 +65,19 @@ def test_an_older_database_is_asked_in_the_same_way(finished, tmp_path):
         ("DELETE FROM run", "sql: attempt to write a readonly database"),
         ("SELECT 1 AS a, 2 AS a", "two columns have one name"),
         ("", "sql: expected a SELECT from runs.*got ''"),
+        ("ATTACH 'x.db' AS y", "sql: too many attached databases"),
+        ("VACUUM INTO 'x.db'", "sql: "),
         ("SELECT 1; SELECT 2", r"one statement at a time\. Expected"),
         ("-- all of them", "sql: expected a SELECT from runs.*got '-- all of them'"),
     ],
 )
-def test_sql_that_cannot_be_is_refused(finished, sql, words):
-    """With what is wrong and what there is to select from; the study is as it was."""
+def test_sql_that_cannot_be_is_refused(finished, tmp_path, monkeypatch, sql, words):
+    """With what is wrong and what there is to select from; the study is as it was, and nothing beside it."""
+    monkeypatch.chdir(tmp_path)
     before = content(finished.folder)
     with pytest.raises(StudyError, match=words):
         finished.query(sql)
-    assert content(finished.folder) == before
+    assert content(finished.folder) == before and not list(tmp_path.iterdir())
 
 
 def test_a_damaged_row_is_not_counted(finished, tmp_path):
@@ -142,5 +145,13 @@ def test_a_study_refuses_what_is_no_statement_or_genotype(finished, ask):
 def test_a_run_in_an_array_is_no_run(finished):
     """It is refused like another name that no run has; a number of NumPy's is one."""
     assert finished.run(np.int64(1)).id == 1
-    with pytest.raises(StudyError, match=r"expected a run, 1 to .*got array"):
-        finished.run(np.zeros(3))
+    for wrong, got in ((np.zeros(3), "array"), (True, "True")):
+        with pytest.raises(StudyError, match=rf"expected a run, 1 to .*got {got}"):
+            finished.run(wrong)
+
+
+@pytest.mark.parametrize("number", ["3", 3.5, True, -1])
+def test_an_evaluation_is_a_whole_number(finished, number):
+    """A genotype is asked for by it."""
+    with pytest.raises(UsageError, match="number: expected a whole number, 0 or more, got"):
+        finished.genotype(1, number)

@@ -18,6 +18,7 @@ from realitygap.study.parts import NAMED, Condition, Encoding, Evolution, TaskSe
 from realitygap.study.settings import LARGEST, apply, whole
 from realitygap.tasks.load import reference
 from realitygap.tasks.task import Task
+from realitygap.text import as_path
 from realitygap.toml import read_toml
 from realitygap.user_code import place_of, placed
 from realitygap.world.files import Value, build, require
@@ -104,6 +105,7 @@ class StudyConfig(Value):
     @classmethod
     def from_dict(cls, table: Mapping[str, Any]) -> Self:
         """From a dictionary with a file's keys (`versions`, which a study adds, is left out)."""
+        require(isinstance(table, Mapping), "configuration", "a table of keys and values", table)
         try:
             return build(cls, {key: value for key, value in with_own(table).items() if key != "versions"})
         except ConfigError:
@@ -120,7 +122,7 @@ class StudyConfig(Value):
         Raises:
             ConfigError: names the file and the key or the line.
         """
-        path = Path(path)
+        path = as_path(path, "configuration")
         table = read_toml(path, ConfigError, "Give the path of a study's TOML file.")
         try:
             if task is not None:

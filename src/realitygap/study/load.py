@@ -53,6 +53,7 @@ def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
         ConfigError: a broken study.toml.
     """
     folder = as_path(path, "study")
+    must_be(trust, bool, "trust", "True agrees to run its files.")
     if trust:
         agree(folder)
     return Study(folder)

@@ -146,6 +146,7 @@ class Reader:
                 pass  # it holds what was written
         with self.reading() as database:
             lay_views(database, config)
+            database.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)  # or ATTACH would make a file
             try:
                 rows = database.execute(sql)
                 names = [column[0] for column in rows.description or ()]

@@ -15,6 +15,7 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.folder import read_config
 from realitygap.study.reader import DATABASE, Reader, Table
 from realitygap.text import must_be
+from realitygap.values import as_count
 
 __all__ = ["Tables"]
 
@@ -45,7 +46,7 @@ class Tables:
         Raises:
             StudyError: no such evaluation.
         """
-        of, (whose, first, genes) = self._id(run), self._block
+        of, (whose, first, genes), number = self._id(run), self._block, as_count(number, "number", 0)
         if whose != of or not 0 <= number - first < len(genes):  # a run's next one is likely from there
             kind, shape = self._form(of)
             first, found = self._reader.genotypes(of, number)
@@ -57,7 +58,10 @@ class Tables:
         return one
 
     def tests(self, run: int | None = None) -> Table:
-        """Fresh trials: run, who (fittest or champion), noise, trial, score."""
+        """Fresh trials: run, who (fittest or champion), noise, trial, score.
+
+        `noise` is the one tested under, which `query` and `to_pandas` call tested_noise.
+        """
         return self._reader.tests(None if run is None else self._id(run))
 
     def retests(self, run: int | None = None) -> Table:
@@ -77,6 +81,9 @@ class Tables:
 
     def to_pandas(self, table: str = "runs") -> Any:
         """A table as pandas' DataFrame: runs, evaluations, tests, trials (on robots), or scores.
+
+        In tests, `noise` is the run's and `tested_noise` the one tested under; the retest of the last
+        population is among them, as who = "population".
 
         Raises:
             UsageError: no such table, or no pandas.
@@ -107,8 +114,9 @@ class Tables:
         return facts["dtype"], tuple(facts["shape"])
 
     def _id(self, run: int | str) -> int:
+        could = isinstance(run, Hashable) and not isinstance(run, bool)
         for row in self._rows:
-            if isinstance(run, Hashable) and run in (row["id"], row["name"], str(row["id"])):
+            if could and run in (row["id"], row["name"], str(row["id"])):
                 return int(row["id"])
         raise StudyError(
             f"{self.folder}: expected a run, 1 to {len(self._rows)} or a name such as "
