@@ -238,7 +238,7 @@ def test_a_wrong_weight_is_found(study, tmp_path):
 @pytest.mark.parametrize("genes", [RICH, constant(3, -2, Layout())], ids=["rich", "without links"])
 def test_python(study, tmp_path, genes):
     """The module needs nothing but Python, and passes its test vectors."""
-    write_source(on_board(study.runs[1], "random", genes), "micropython", tmp_path)
+    write_source(on_board(study.runs[1], "random", genes), "micropython", str(tmp_path))
     assert b"as in the simulation" in run(sys.executable, "-c", "import test_controller", cwd=tmp_path)
 
 

@@ -37,7 +37,7 @@ def test_rerun_reads_it(one, tmp_path):
     pytest.importorskip("rerun", reason="no Rerun here: pip install rerun-sdk")
     from rerun.chunk import RrdReader
 
-    path = write_log(one, "rerun", tmp_path)
+    path = write_log(one, "rerun", str(tmp_path))
     found = {}
     for chunk in RrdReader(path).stream():
         if not chunk.is_static and "trial" in chunk.timeline_names:

@@ -98,6 +98,16 @@ def test_two_uses_are_not_confused(played, tmp_path, words, told):
     assert result.exit_code == 2 and told in result.output and not (tmp_path / "out").exists()
 
 
+def test_a_study_and_a_folder_go_by_their_paths(played, written, tmp_path):
+    """As text, too."""
+    write_tables(str(played.folder), "csv", str(tmp_path / "tables"))
+    for name in TABLES:
+        text, there = (
+            (folder / f"{name}.csv").read_text() for folder in (tmp_path / "tables", written["csv"][0])
+        )
+        assert text == there
+
+
 def test_no_such_table(played):
     """Is told those that there are."""
     with pytest.raises(UsageError, match="expected runs, evaluations, tests, trials, scores, got 'run'"):

@@ -17,6 +17,7 @@ from realitygap.errors import UsageError
 from realitygap.export.trial import Lived, Side
 from realitygap.film.video import FilmReader
 from realitygap.lazy import needed
+from realitygap.text import as_path
 from realitygap.values import Floats
 from realitygap.world.arena import Arena
 
@@ -32,7 +33,7 @@ WIDE = 60
 JPEG_QUALITY = 80
 
 
-def write_log(one: Lived, kind: str, folder: Path) -> Path:
+def write_log(one: Lived, kind: str, folder: str | Path) -> Path:
     """Write a trial's log into a folder, which is made if needed; return the file.
 
     Args:
@@ -47,6 +48,7 @@ def write_log(one: Lived, kind: str, folder: Path) -> Path:
     if kind not in FORMATS:
         raise UsageError(f"format: expected {', '.join(FORMATS)}, got {kind!r}.")
     library = needed("rerun" if kind == "rerun" else "mcap.writer", "logs")
+    folder = as_path(folder, "folder")
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{one.name}{FORMATS[kind]}"
     with whole.new(path) as new:

@@ -21,6 +21,7 @@ from realitygap.evolution.algorithm import Genes
 from realitygap.kernels.network import LIMIT
 from realitygap.kernels.params import MAX_DELAY, UPDATES
 from realitygap.study.load import Run, Study
+from realitygap.text import must_be
 from realitygap.world.profile import Profile
 
 __all__ = ["Fed", "OnBoard", "Vectors", "on_board"]
@@ -121,6 +122,7 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
         UsageError: a name that is not valid in C and Python.
         StudyError: a network or a range too large for 16 bits, or a period that is not whole milliseconds.
     """
+    must_be(run, Run, "run", "study.run(1) is one.")
     study, profile, task = run.study, run.study.profile, run.study.facts(run.task)
     feeds, sensors = str(task["feeds"]), tuple(task["sensors"])
     if not NAME.fullmatch(name) or iskeyword(name):

@@ -7,6 +7,7 @@ from pathlib import Path
 from realitygap import temporary, whole
 from realitygap.errors import StudyError, UsageError
 from realitygap.export.onboard import OnBoard
+from realitygap.text import as_path
 
 __all__ = ["LANGUAGES", "sizes", "write_source"]
 
@@ -29,7 +30,7 @@ E_PUCK_STEPS_S = 1100
 """The e-puck2's library turns a wheel no faster."""
 
 
-def write_source(one: OnBoard, language: str, folder: Path) -> list[Path]:
+def write_source(one: OnBoard, language: str, folder: str | Path) -> list[Path]:
     """Write a controller as source into a folder; a sketch or an e-puck2's project has a folder of its name.
 
     Args:
@@ -55,6 +56,7 @@ def write_source(one: OnBoard, language: str, folder: Path) -> list[Path]:
     )  # fmt: skip
     if language == "e-puck2":
         _require_e_puck(one)
+    folder = as_path(folder, "folder")
     folder = folder / one.name if language in ("arduino", "e-puck2") else folder
     folder.mkdir(parents=True, exist_ok=True)
     facts = _facts(one)

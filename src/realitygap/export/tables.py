@@ -12,9 +12,9 @@ import numpy as np
 from realitygap import whole
 from realitygap.errors import UsageError
 from realitygap.lazy import needed
-from realitygap.study.load import Study
+from realitygap.study.load import Study, as_study
 from realitygap.study.reader import Table
-from realitygap.text import to_csv
+from realitygap.text import as_path, to_csv
 from realitygap.transfer.load import load_transfers
 from realitygap.transfer.score_rows import ScoreRow, kind_of, marks_of
 
@@ -54,6 +54,7 @@ def table(study: Study, name: str) -> Table:
     """
     if name not in TABLES:
         raise UsageError(f"table: expected {', '.join(TABLES)}, got {name!r}.")
+    study = as_study(study)
     if name in ORDER:
         return study.query(f"SELECT * FROM {name} ORDER BY {ORDER[name]}")
     marks = marks_of(study)
@@ -69,7 +70,7 @@ def frame(study: Study, name: str) -> Any:
     return needed("pandas", "tables").DataFrame(table(study, name))
 
 
-def write_tables(study: Study, kind: str, folder: Path) -> dict[Path, int]:
+def write_tables(study: Study, kind: str, folder: str | Path) -> dict[Path, int]:
     """Write all tables of a study, a file each; how many rows each has.
 
     Args:
@@ -84,6 +85,7 @@ def write_tables(study: Study, kind: str, folder: Path) -> dict[Path, int]:
     if kind not in FORMATS:
         raise UsageError(f"format: expected {', '.join(FORMATS)}, got {kind!r}.")
     arrow = needed("pyarrow.parquet", "tables") if kind == "parquet" else None
+    folder = as_path(folder, "folder")
     folder.mkdir(parents=True, exist_ok=True)
     made = {}
     for name in TABLES:

@@ -16,6 +16,7 @@ from realitygap.report.robots import front
 from realitygap.robots.recording import Recording
 from realitygap.study.load import Run
 from realitygap.tasks.task import Task
+from realitygap.text import must_be
 from realitygap.track import Track, Trajectory, read_track
 from realitygap.transfer.load import Transferred, load_transfers, read_trial
 from realitygap.transfer.packed import placed
@@ -86,6 +87,7 @@ def lived(
     Raises:
         StudyError: there is no such trial; names those that there are.
     """
+    must_be(run, Run, "run", "study.run(1) is one.")
     there = [one for one in load_transfers(run.study.folder) if one.run == run.id]
     wanted = {"individual": individual, "robot": robot, "start": start}
     asked = {key: value for key, value in wanted.items() if value is not None}
