@@ -63,7 +63,7 @@ def as_count(value: object, name: str, least: int = 1, most: int | None = None) 
 
 def shown(value: object) -> str:
     """A value that is refused, in few words: an array's type and shape, or what else it is."""
-    return f"{value.dtype}{list(value.shape)}" if isinstance(value, np.ndarray) else type(value).__name__
+    return f"{value.dtype}{list(value.shape)}" if type(value) is np.ndarray else type(value).__name__
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ import pytest
 import realitygap as rg
 from realitygap.errors import RealityGapError
 from realitygap.evolution import make_algorithm
+from realitygap.export import lived, on_board, table
 from realitygap.kernels.params import Networks
 from realitygap.simulation.body import SimulatedBody
 
@@ -47,6 +48,8 @@ SCORES: dict[str, Callable[[rg.Simulation], object]] = {
     "streams in one dimension": lambda s: s.scores(nets(), STREAMS[0]),
     "streams of another type": lambda s: s.scores(nets(), np.zeros((2, 3))),
     "streams in a list": lambda s: s.scores(nets(), [[1], [2]]),  # type: ignore[arg-type]
+    "streams in a matrix": lambda s: s.scores(nets(), np.matrix(STREAMS)),
+    "streams behind a mask": lambda s: s.scores(nets(), np.ma.array(STREAMS, mask=STREAMS == 0)),
     "genes for networks": lambda s: s.scores(GENES, STREAMS),  # type: ignore[arg-type]
     "no networks": lambda s: s.scores(None, STREAMS),  # type: ignore[arg-type]
     "more inputs": lambda s: s.scores(nets(inputs=np.full(2, 12)), STREAMS),
@@ -114,8 +117,11 @@ def test_a_simulation_refuses_what_does_not_fit(simulation, call):
 
 
 def test_what_fits_is_scored(simulation):
-    """The networks that the table spoils are scored as they are."""
+    """The networks that the table spoils are scored as they are; none at all have no scores."""
     assert np.isfinite(simulation.scores(nets(), STREAMS)).all()
+    nobody = rg.decode(GENES[:0], LAYOUT)
+    assert simulation.scores(nobody, STREAMS[:0]).shape == (0, 3)
+    assert simulation.tracks(nobody, STREAMS[:0]).x.shape[:2] == (0, 3)
 
 
 def genes(*place: object) -> np.ndarray:
@@ -243,6 +249,13 @@ OTHERS: dict[str, Callable[[], object]] = {
     "a variation that is none": lambda: make_algorithm("torus", 3),
     "an algorithm in a list": lambda: make_algorithm(["torus"], VARIATION),
     "a study of a task in numbers": lambda: rg.StudyConfig.single(3),
+    "a configuration of nothing": lambda: rg.StudyConfig.from_dict(None),
+    "a configuration's file of nothing": lambda: rg.StudyConfig.from_toml(None),
+    "a task of a long name": lambda: rg.load_task("a" * 5000 + ".py"),
+    "a processor's run in numbers": lambda: on_board(1, "champion", GENES[0]),
+    "a table of nothing": lambda: table(None, "runs"),
+    "a table of no study": lambda: table("nowhere", "runs"),
+    "a trial of nothing": lambda: lived(None),
     "a level in a list": lambda: rg.StudyConfig.single("light", [1, 2]),
 }
 
@@ -254,6 +267,14 @@ def test_everything_else_refuses_what_does_not_fit(call, monkeypatch, tmp_path: 
     with pytest.raises(RealityGapError):
         call()
     assert not list(tmp_path.iterdir())
+
+
+def test_a_number_of_few_bits_is_a_number():
+    """NumPy's float32 too, without a warning, however strictly NumPy is set."""
+    with np.errstate(all="raise"):
+        assert rg.Start(x_cm=np.float32(25), y_cm=25).x_cm == 25
+    with np.errstate(all="raise"), pytest.raises(rg.UsageError, match="x_cm: expected a finite number"):
+        rg.Start(x_cm=np.float32("inf"), y_cm=25)
 
 
 def test_values_go_where_their_names_go(tmp_path: Path):

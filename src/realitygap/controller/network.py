@@ -89,7 +89,7 @@ def check_networks(networks: Networks, inputs: int) -> int:
     """
     if not isinstance(networks, Networks) or [getattr(a, "ndim", 0) for a in networks] != RANKS:
         raise UsageError(f"networks: expected what `decode` makes of genotypes, got {shown(networks)}.")
-    n, m, k = len(networks.neurons), len(networks.thresholds[0]), len(networks.links[0])
+    n, m, k = len(networks.neurons), networks.thresholds.shape[1], networks.links.shape[1]
     shapes = ((n,), (n,), (n, m), (n, k, 4), (n,), (n, k, 4), (n, m + 1))
     arrays: tuple[Any, ...] = networks
     for name, array, kind, shape in zip(Networks._fields, arrays, KINDS, shapes, strict=True):

@@ -56,7 +56,7 @@ class Batch(NamedTuple):
 
     Attributes:
         fitness: [B] mean score over the trials; larger is better.
-        measures: [B, 2] the wheels' mean speed, and how much faster the right one turned than the left, over
+        measures: [B, 2] the mean of the wheels' speeds, and half of the right one's lead over the left, over
             the top speed; means over the trials.
         info: "scores" [B, trials], "sd" [B] over the trials.
     """

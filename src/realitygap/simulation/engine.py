@@ -220,7 +220,7 @@ class Cores:
     def named(self, networks: Networks, streams: Streams) -> tuple[NDArray[np.int64], Streams]:
         """Which network each trial is of, and its stream; refuses what does not fit."""
         count = check_networks(networks, self.trial.channels.shape[0])
-        fits = isinstance(streams, np.ndarray) and streams.dtype == np.uint64 and streams.ndim == 2
+        fits = type(streams) is np.ndarray and streams.dtype == np.uint64 and streams.ndim == 2
         if not fits or len(streams) != count:
             expected = f"an array uint64[{count}, trials], a row for each network"
             raise UsageError(f"streams: expected {expected}, got {shown(streams)}.")

@@ -6,6 +6,7 @@ import shutil
 from dataclasses import fields, replace
 from difflib import get_close_matches
 from os import PathLike
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ def load_task(name_or_file: str | PathLike[str] | Task) -> Task:
             task: Task = module.task
             return task
     path = Path(text).expanduser()
-    if path.suffix != ".py" and not path.is_file():
+    if path.suffix != ".py" and not isfile(path):
         near = get_close_matches(tidy, TASKS, n=1, cutoff=0.5)
         hint = f" Did you mean {near[0]!r}?" if near else ""
         raise TaskError(
@@ -102,7 +103,7 @@ def copy_task(task: Task, folder: Path) -> Path:
 
 
 def _from_file(path: Path) -> Task:
-    if not path.is_file():
+    if not isfile(path):  # unlike Path.is_file, of too long a name, too
         raise TaskError(f"{path}: no such file. Give the path of a .py file that defines a task.")
     if path.suffix != ".py":
         raise TaskError(f"{path}: expected a Python file (.py) that defines `task = Task(…)`.")

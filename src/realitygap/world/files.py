@@ -17,6 +17,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from realitygap.errors import ConfigError
 from realitygap.text import refuse_unknown
 from realitygap.toml import read_toml, to_toml
@@ -139,6 +141,7 @@ def _convert(hint: Any, value: Any, key: str) -> Any:
         if type(value) is float and abs(value) <= 1e300:  # as nearly always
             return value
         require(isinstance(value, Real) and not isinstance(value, bool), key, "a number", value)
+        value = float(value) if isinstance(value, np.floating) else value  # a float32 has no 1e300
         require(abs(value) <= 1e300 and math.isfinite(value), key, "a finite number", value)
         return float(value)
     if hint is str:
