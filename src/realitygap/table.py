@@ -128,6 +128,10 @@ def read_table(
     names, places = tuple(name.lower() for name in head), [line for line, _ in rows]
     table = Table(Path(path), names, [row for _, row in rows], top, places, error, cure)
     table.need(needs)
+    for name in needs:
+        if names.count(name) > 1:
+            told = f"{table.head}: expected one column {name}, got {names.count(name)}."
+            raise error(f"{told} {cure or 'Leave one of them out.'}")
     for k, row in enumerate(table.rows):
         if len(row) != len(head):
             told = f"{table.at(k)}: expected {len(head)} values, got {len(row)}."

@@ -123,6 +123,13 @@ def test_a_robot_that_loses_its_place_in_a_drive_is_refused(simulation):
         drive(blind, NETWORK, task="avoidance", start=start, seconds=1)
 
 
+@pytest.mark.parametrize("given", [(True, False), {6, 5}, {5: 1, 6: 2}])
+def test_what_has_no_order_is_no_command(simulation, given):
+    """Nor are truths speeds."""
+    with pytest.raises(UsageError, match="decide: expected"):
+        drive(SimulatedBody(simulation), lambda inputs: given, task="avoidance")
+
+
 @pytest.mark.parametrize("given", [7, decode(NETWORK.genes, NETWORK.layout), NETWORK.genes, Path("own.py:x")])
 def test_what_decides_nothing_is_no_controller(simulation, given):
     """Both drives say so in a line, however large the value is."""
@@ -235,11 +242,11 @@ def test_a_body_of_ones_own_is_held_to_its_word(counts, says):
     ("scale", "jump", "says"),
     [
         (10, 0, "a place in the task's arena of 50 by 50 cm, got x = 250, y = 10"),
-        (1, 10, r"at most 3\.4 cm from one step to the next, got 10"),
+        (1, 10, r"at most 3\.4 cm of a wheel from one step to the next, got 10"),
     ],
 )
 def test_a_pose_that_cannot_be_is_refused(scale, jump, says):
-    """Before it drives, or at the latest before its track is scored."""
+    """Before its track is scored."""
 
     class Odd(Knowing):
         @property
@@ -247,7 +254,7 @@ def test_a_pose_that_cannot_be_is_refused(scale, jump, says):
             at = super().pose
             return Pose(x=scale * at.x + jump * (self.passed > 1), y=scale * at.y, heading=at.heading)
 
-    with pytest.raises(UsageError, match=f"^body: pose: expected {says}"):
+    with pytest.raises(UsageError, match=f"^robot: pose: expected {says}"):
         drive(Odd([0.0]), NETWORK, task="avoidance", start=Pose(x=25, y=1, heading=0), seconds=2)
 
 

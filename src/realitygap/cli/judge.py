@@ -87,7 +87,13 @@ def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
     given: dict[int, dict[str, float]] = {}
     for file in files:
         for pair, of in read_marks(file).items():
-            given.setdefault(pair, {}).update(of)
+            there = given.setdefault(pair, {})
+            for judge, mark in of.items():
+                if there.setdefault(judge, mark) != mark:
+                    raise TrackError(
+                        f"{file}: pair {pair}: judge {judge!r} gave it {there[judge]:g} in another file, "
+                        f"{mark:g} here. Two judges need two names: change the column judge in one."
+                    )
     made = agreement(given, _scores(Path(key)))
     tell(json_output, made.to_dict(), *_told(made))
 

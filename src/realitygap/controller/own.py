@@ -46,6 +46,7 @@ class OwnController:
         try:
             left, right = (int(value) for value in pair)
             whole = (left, right) == tuple(pair) and max(abs(left), abs(right)) <= TOP
+            whole = whole and not isinstance(pair, set | frozenset | dict) and bool not in map(type, pair)
         except (TypeError, ValueError, OverflowError):
             whole = False
         if not whole:

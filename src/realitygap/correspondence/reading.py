@@ -3,7 +3,6 @@
 A track's heading must agree with its movement: a robot with two wheels moves where it faces, or back.
 """
 
-import csv
 import json
 import math
 import re
@@ -158,7 +157,7 @@ def _is_track(path: Path) -> bool:
         told = _json(path)
         return told is None or (isinstance(told, dict) and all(name in told for name in COLUMNS))
     head = _head(path)
-    return not head or (COLUMNS[0] in head and any(name in head for name in COLUMNS[1:]))
+    return not head or sum(name in head for name in COLUMNS) >= 2
 
 
 def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
@@ -196,9 +195,9 @@ def _json(path: Path) -> Any:
 def _head(path: Path) -> list[str]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            head = ",".join(next(csv.reader(file), []))
-        return [cell.strip() for cell in re.split("[,;\t]", head) if head]
-    except (OSError, UnicodeDecodeError, csv.Error):
+            head = next((line for line in file if line.strip() and not line.startswith("#")), "")
+        return [cell.strip(' "\r\n').lower() for cell in re.split("[,;\t]", head) if head]
+    except (OSError, UnicodeDecodeError):
         return []
 
 

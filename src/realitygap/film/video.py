@@ -93,6 +93,8 @@ class FilmReader(Closing):
         for source, hurt in _sound_or_hurt(self._decoded()):
             t = count / self._rate() if source.pts is None else float(source.pts * source.time_base)
             begin = t if begin is None else begin
+            if t - begin < last and not hurt:
+                raise FilmError(f"{self.path}: its times fall back at {last:.2f} s. Cut the film there.")
             last, count, damaged = t - begin, count + 1, damaged + hurt
             yield Frame(round(last, 9), _turned(_grey(source), source), hurt, source)
         if not count:
@@ -124,8 +126,9 @@ class FilmReader(Closing):
             return int(self._stream.frames)
         if self._stream.duration and self._stream.time_base:
             return round(float(self._stream.duration * self._stream.time_base) * self._rate())
-        seconds = float(self._container.duration or 0) / float(av.time_base)
-        return round(seconds * self._rate()) or None
+        named = self._container.format.name
+        begin = (self._container.start_time or 0) * ("matroska" in named)  # tells its end
+        return round(((self._container.duration or 0) - begin) / av.time_base * self._rate()) or None
 
     def _rate(self) -> float:
         return float(self._stream.average_rate or self._stream.guessed_rate or 25)

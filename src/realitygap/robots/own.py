@@ -57,6 +57,12 @@ def _number(told: Any) -> float:
     return float(told)
 
 
+def _pulses(told: Any) -> float | None:
+    if told is not None and (isinstance(told, bool) or not 0 < told < np.inf):
+        raise ValueError
+    return None if told is None else float(told)
+
+
 def _grid(told: Any) -> tuple[int, tuple[float, ...]]:
     bearings, distances = told
     return int(bearings), tuple(map(float, distances))
@@ -67,7 +73,7 @@ FORMS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "infrared_grid": ("(bearings, distances in cm)", _grid),
     "odometry": ("an Odometry(counters=(left, right))", _odometry),
     "pose": ("a Pose of finite numbers", _pose),
-    "pulses_per_mm": ("a number", lambda told: None if told is None else _number(told)),
+    "pulses_per_mm": ("a number above 0, pulses of a counter in a millimetre", _pulses),
     "read_at": ("a time (s) by its clock", _number),
     "speeds": ("(left, right) or None", _pair),
 }

@@ -131,7 +131,8 @@ class Bench:
 
     def tell(self, state: State, batch: Batch, fitness: NDArray[np.float64]) -> State:
         """The algorithm's next state, checked."""
-        told: State = self.algorithm.tell(state, batch, fitness)
+        own = batch._replace(genes=batch.genes.copy(), parents=batch.parents.copy(), cells=batch.cells.copy())
+        told: State = self.algorithm.tell(state, own, fitness.copy())  # the study's stay what they are
         expected = state.evaluations + len(fitness)
         came = getattr(told, "evaluations", type(told).__name__)
         if came != expected:

@@ -50,7 +50,7 @@ class Driven(NamedTuple):
         Raises:
             UsageError: the length of a pulse is unknown.
         """
-        if self.cm_per_pulse is None:
+        if self.cm_per_pulse is None or np.isnan(self.counters).all():
             uncounted = "a way to know where it is: its `pose`, counters, or `speeds` that it measures."
             pulses = "the length of its pulses: calibrate its wheels, or give it `pulses_per_mm`."
             raise UsageError(f"robot: expected {uncounted if np.isnan(self.counters).all() else pulses}")
@@ -120,7 +120,42 @@ def driven(
     speeds = np.vstack([made.speeds, last.speeds or unknown])
     late = made.late[-1] if made.late[-1] <= body.period_s else 0.0  # as in the loop's schedule
     times = np.append(made.t, made.t[-1] - late + body.period_s)
-    return Driven(made, *turned(body, profile, counters, speeds, times), tuple(poses), body.period_s, times)
+    told = turned(body, profile, counters, speeds, times)
+    result = Driven(made, *told, tuple(poses), body.period_s, times)
+    _refuse_impossible(result, task, profile)
+    return result
+
+
+def _refuse_impossible(made: Driven, task: Task, profile: Profile) -> None:
+    """Refuse poses beyond the walls, and poses or counters farther apart than wheels can have turned."""
+    wheels, (width, depth), radius = profile.wheels, task.arena.size_cm, profile.body.radius_cm
+    most = 1.0 + 3.0 * wheels.top_command * max(wheels.speed_per_unit_cm_s) * np.diff(made.t)
+    if made.poses:
+        x, y, heading = np.array([(at.x, at.y, at.heading) for at in made.poses]).T
+        inside = (np.abs(x - width / 2) <= width / 2 + radius) & (np.abs(y - depth / 2) <= depth / 2 + radius)
+        if not inside.all():
+            k = int(np.argmin(inside))
+            raise UsageError(
+                f"robot: pose: expected a place in the task's arena of {width:g} by {depth:g} cm, got "
+                f"x = {x[k]:g}, y = {y[k]:g}. Is it in another unit, or from another corner?"
+            )
+        turns = np.abs(np.remainder(np.diff(heading) + np.pi, 2 * np.pi) - np.pi) * wheels.track_cm / 2
+        ways = np.maximum(np.hypot(np.diff(x), np.diff(y)), turns)
+        what, cure = "pose", "Is it in another unit than cm and radians?"
+    elif made.cm_per_pulse is not None:
+        ways = np.nan_to_num(np.abs(np.diff(made.counters, axis=0) * made.cm_per_pulse)).max(axis=1)
+        what, cure = (
+            "odometry",
+            "Do counters jump or wrap, or is `pulses_per_mm` or the unit of speeds another?",
+        )
+    else:
+        return
+    if (ways > most).any():
+        k = int(np.argmax(ways > most))
+        raise UsageError(
+            f"robot: {what}: expected at most {most[k]:.1f} cm of a wheel from one step to the next, got "
+            f"{ways[k]:.1f} at step {k + 1}. {cure}"
+        )
 
 
 def turned(
@@ -139,4 +174,4 @@ def turned(
         return np.vstack([np.zeros(2), ways]), profile.wheels.speed_per_unit_cm_s
     told, nominal = profile.provenance, getattr(body, "pulses_per_mm", None)
     known = told.pulses_per_mm or nominal is not None
-    return counters, told.cm_per_pulse(nominal or 1.0) if known else None
+    return counters, told.cm_per_pulse(1.0 if nominal is None else nominal) if known else None

@@ -7,6 +7,7 @@ A trial on the twin is a function of unit, noise, stream, pose and controller al
 switched off and on again, in one process for all trials.
 """
 
+import math
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from realitygap.errors import RealityGapError, UsageError
 from realitygap.film.marker import Marker
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
-from realitygap.robots.body import Body, Filmed, Placing, abandon
+from realitygap.robots.body import Body, Filmed, Placing, Seen, abandon, known_pose
 from realitygap.robots.loop import Controller
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.streams import TWIN_NOISE
@@ -32,6 +33,9 @@ from realitygap.values import Closing, Pose
 from realitygap.world.profile import Profile
 
 __all__ = ["Rig"]
+
+PLACED_CM, PLACED_RAD = 2.0, 0.17
+"""A robot that places itself stands as near as this."""
 
 
 class Rig(Closing):
@@ -123,6 +127,8 @@ class Rig(Closing):
             body = self._fresh(int(substream(np.uint64(stream), np.uint64(TWIN_NOISE))))
             body.stop()
             body.reset(pose)
+            if isinstance(body, Seen):
+                _refuse_elsewhere(known_pose(body), pose)
             if sealed is not None and isinstance(body, Filmed):
                 body.film(sealed)
             made = driven(body, controller, recorder=recorder, **settings)
@@ -179,3 +185,15 @@ class Rig(Closing):
         body, self._body = self._body, None
         if body is not None:
             abandon(body)
+
+
+def _refuse_elsewhere(told: Pose, asked: Pose) -> None:
+    """Refuse a robot that is not where it was set down."""
+    off = math.hypot(told.x - asked.x, told.y - asked.y)
+    turned = abs(math.remainder(told.heading - asked.heading, math.tau))
+    if off > PLACED_CM or turned > PLACED_RAD:
+        raise UsageError(
+            f"robot: pose: expected its start, ({asked.x:.1f}, {asked.y:.1f}) cm at {asked.heading:.2f} rad, "
+            f"after reset(pose), got ({told.x:.1f}, {told.y:.1f}) at {told.heading:.2f}. Poses are in cm "
+            "from the arena's lower left corner, and in radians."
+        )

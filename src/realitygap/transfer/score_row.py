@@ -170,7 +170,9 @@ class Job:
     def _behaviour(self) -> float | None:
         """From the run's fresh trials at its own noise, for the paper's own tasks."""
         scores = self.run.tests.get((self.individual, self.run.noise))
-        if scores is None or self.bench.task.source is not None:
+        task = self.bench.task
+        dark = task.plain_name == "light-seeking" and not task.arena.lamps
+        if scores is None or task.source is not None or dark:
             return None
         return behaviour_score(scores, ends_of(self.bench.task, self.bench.study.profile))
 

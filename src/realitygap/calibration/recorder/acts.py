@@ -35,8 +35,8 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
                 counters, speeds = odometry_of(body)
                 if body.counts_turns and (counters is None or speeds is None):
                     raise BaudError(
-                        "robot: expected counters and speeds at each step, for which its line has no room; "
-                        "set it to 38400 baud or more."
+                        "robot: expected counters and speeds at each step, got only one of them. A line "
+                        "needs 38400 baud or more; a body of your own gives Odometry(counters=…, speeds=…)."
                     )
                 if k in looks and isinstance(body, Seen):
                     poses[k] = known_pose(body)
