@@ -277,3 +277,11 @@ def test_steps_of_any_period_keep_their_times(tmp_path, period_s):
     t = period_s * np.arange(30)
     Track(t=t, x=t, y=t, heading=t).write_csv(tmp_path / "path.csv")
     assert np.allclose(read_track(tmp_path / "path.csv").t, t, atol=1e-9)
+
+
+def test_a_column_given_twice_is_refused(tmp_path):
+    """Nobody knows which of them counts."""
+    file = tmp_path / "twice.csv"
+    file.write_text("t_s,x_cm,y_cm,heading_deg,x_cm\n0,1,2,3,4\n0.1,1,2,3,4\n")
+    with pytest.raises(TrackError, match="expected one column x_cm, got 2"):
+        read_track(file)

@@ -12,12 +12,13 @@ from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode
 from realitygap.correspondence.catalogue import chosen
 from realitygap.correspondence.distances import Distances, matched_starts
+from realitygap.correspondence.judging import read_marks
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import behaviour_score, compare, ends_of
 from realitygap.correspondence.statistics import correlation, parting_s, transferability
 from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.correspondence.words import differences, noisiness
-from realitygap.errors import UsageError
+from realitygap.errors import TrackError, UsageError
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.track import Track
@@ -345,3 +346,11 @@ def test_a_film_that_flickers_is_still_a_trial():
     heading = np.radians(np.where(np.arange(len(t)) < 120, 0, 170.0 * np.arange(len(t))))
     made = resampled(Track(t=t, x=t, y=t, heading=heading))
     assert np.abs(np.diff(made.heading)).max() <= np.pi
+
+
+def test_two_judges_of_one_name_are_noticed(tmp_path):
+    """A pair has one mark of a judge."""
+    file = tmp_path / "marks.csv"
+    file.write_text("pair,judge,mark\n1,A,5\n1,A,9\n")
+    with pytest.raises(TrackError, match="judge 'A' gives it 5 and 9"):
+        read_marks(file)

@@ -23,7 +23,7 @@ from realitygap.tasks import load_task
 from realitygap.track import Track
 from realitygap.transfer.film import WATCH_FPS
 from realitygap.transfer.paths import score
-from realitygap.transfer.rig import Rig
+from realitygap.transfer.rig import Rig, _refuse_elsewhere
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.drawing import WHOLE
 from realitygap.values import Pose
@@ -138,3 +138,10 @@ def test_each_stand_has_a_camera_of_its_own(folder: Path) -> None:
         f"camera-{TASK.name}-twin-2.json",
         f"camera-{TASK.name}-twin-1-noise-2.json",
     ]
+
+
+@pytest.mark.parametrize("told", [Pose(x=250.0, y=250.0, heading=0.5), Pose(x=25.0, y=25.0, heading=28.6)])
+def test_a_robot_that_is_not_at_its_start_is_refused(told: Pose) -> None:
+    """As one that tells its pose in millimetres or degrees."""
+    with pytest.raises(UsageError, match="robot: pose: expected its start"):
+        _refuse_elsewhere(told, Pose(x=25.0, y=25.0, heading=0.5))
