@@ -156,6 +156,20 @@ def test_garbled_film_is_never_guessed(tmp_path, clean_film, camera, poses, erro
     assert off.max() < 1.5
 
 
+def test_films_joined_into_one_are_refused(tmp_path):
+    """Their times begin again."""
+    path = tmp_path / "joined.ts"
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
+        for k in range(20):
+            film.mux(stream.encode(av.VideoFrame.from_ndarray(np.full((64, 64), 10 * k, np.uint8), "gray")))
+        film.mux(stream.encode())
+    path.write_bytes(path.read_bytes() * 2)
+    with FilmReader(path) as reader, pytest.raises(FilmError, match=r"its times fall back at 1\.9"):
+        list(reader)
+
+
 @pytest.mark.parametrize(("name", "told"), [("film.h264", True), ("film.mjpeg", True), ("film.mkv", False)])
 def test_a_film_without_times_says_so(tmp_path, name, told):
     """A bare stream, as some cameras write it, has no times: that a rate was assumed is told, and which."""

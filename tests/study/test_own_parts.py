@@ -189,6 +189,7 @@ def test_wrong_parts_are_refused(tmp_path, settings, message):
             "Population.empty(stream, mean,",
             "init: expected a state after 0 evaluations, got NoneType",
         ),
+        (TOLD, f"fitness += 99; {TOLD}", "tell: expected the highest fitness ever told"),
         (TOLD, "return None", "tell: expected a state after 5 evaluations, got NoneType"),
         (
             TOLD,

@@ -372,3 +372,16 @@ def test_late_steps_do_not_make_a_robot_faster(robot, seen_by, late):
     turned = made.track.t * TURN
     x, y = 25 + RADIUS * np.sin(turned), 1 + RADIUS * (1 - np.cos(turned))
     assert np.hypot(made.track.x - x, made.track.y - y).max() < 0.05
+
+
+def test_counters_that_jump_are_refused():
+    """As those that wrap at 16 bits; a path from them would be nonsense."""
+
+    class Jumping(Arc):
+        @property
+        def odometry(self):
+            left, right = super().odometry.counters
+            return Odometry(counters=(left + 65536 * (self.passed > 1), right))
+
+    with pytest.raises(UsageError, match=r"robot: odometry: expected at most .* Do counters jump or wrap"):
+        drive(Jumping([0.0]), NETWORK, task="avoidance", start=Pose(x=25, y=1, heading=0), seconds=2)

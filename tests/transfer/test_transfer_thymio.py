@@ -82,7 +82,7 @@ def test_its_path_is_reckoned_from_the_speeds_that_its_motors_measure(study: Stu
     with behind_a_node(pose, task.arena.plain()) as (body, enki):
         made = driven(body, controller, task=task, profile=profile, seconds=SECONDS)
         there = enki.pose
-    path = made.counted(pose, profile.wheels.track_cm)
+    path = made.counted(pose, profile)
     gone = np.hypot(there.x - pose.x, there.y - pose.y)
     assert gone > 2.0 and np.hypot(path.x[-1] - there.x, path.y[-1] - there.y) < 0.15 * gone
     assert made.recording.missed_steps == 0 and np.isfinite(made.recording.speeds).all()

@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from realitygap.controller.handmade import controller_genes
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import TOP, NetworkController
@@ -46,7 +48,8 @@ class OwnController:
         try:
             left, right = (int(value) for value in pair)
             whole = (left, right) == tuple(pair) and max(abs(left), abs(right)) <= TOP
-            whole = whole and not isinstance(pair, set | frozenset | dict) and bool not in map(type, pair)
+            whole = whole and not isinstance(pair, set | frozenset | dict)
+            whole = whole and not any(isinstance(value, bool | np.bool_) for value in pair)
         except (TypeError, ValueError, OverflowError):
             whole = False
         if not whole:

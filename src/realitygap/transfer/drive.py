@@ -99,7 +99,7 @@ def drive(
     body.reset(start)
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
-    track = made.known if made.poses else made.counted(start, profile.wheels.track_cm)
+    track = made.known(task, profile) if made.poses else made.counted(start, profile)
     return Drove(track=track, score=score(track, task, profile), recording=made.recording)
 
 

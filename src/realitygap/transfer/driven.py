@@ -11,7 +11,7 @@ from realitygap.robots.loop import Controller, drive
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.simulation.body import SimulatedBody
 from realitygap.tasks.task import Task
-from realitygap.track import Track
+from realitygap.track import Track, settled
 from realitygap.transfer.paths import of_counters, of_poses
 from realitygap.values import Command, Floats, Pose, Readings, fed
 from realitygap.world.profile import Profile
@@ -39,24 +39,42 @@ class Driven(NamedTuple):
     period_s: float
     t: Floats
 
-    @property
-    def known(self) -> Track:
-        """The path as reported by the robot itself."""
+    def known(self, task: Task, profile: Profile) -> Track:
+        """The path as reported by the robot itself.
+
+        Raises:
+            UsageError: it leaves the task's arena, or is too fast for the profile's wheels.
+        """
+        (width, depth), radius = task.arena.size_cm, profile.body.radius_cm
+        x, y, heading = np.array([(at.x, at.y, at.heading) for at in self.poses]).T
+        inside = (np.abs(x - width / 2) <= width / 2 + radius) & (np.abs(y - depth / 2) <= depth / 2 + radius)
+        if not inside.all():
+            k = int(np.argmin(inside))
+            raise UsageError(
+                f"robot: pose: expected a place in the task's arena of {width:g} by {depth:g} cm, got "
+                f"x = {x[k]:g}, y = {y[k]:g}. Is it in another unit, or from another corner?"
+            )
+        turns = np.abs(settled(np.diff(heading))) * profile.wheels.track_cm / 2
+        ways = np.maximum(np.hypot(np.diff(x), np.diff(y)), turns)
+        _refuse_far(ways, self.t, profile, "pose", "Is it in another unit than cm and radians?")
         return of_poses(self.poses, self.period_s, self.t)
 
-    def counted(self, start: Pose, axle_cm: float) -> Track:
+    def counted(self, start: Pose, profile: Profile) -> Track:
         """The path by the wheels' counters.
 
         Raises:
-            UsageError: the length of a pulse is unknown.
+            UsageError: nothing was counted, the length of a pulse is unknown, or counters jump.
         """
         if self.cm_per_pulse is None or np.isnan(self.counters).all():
             uncounted = "a way to know where it is: its `pose`, counters, or `speeds` that it measures."
             pulses = "the length of its pulses: calibrate its wheels, or give it `pulses_per_mm`."
             raise UsageError(f"robot: expected {uncounted if np.isnan(self.counters).all() else pulses}")
+        ways = np.nan_to_num(np.abs(np.diff(self.counters, axis=0) * self.cm_per_pulse)).max(axis=1)
+        cure = "Do counters jump or wrap, or is `pulses_per_mm` or the unit of speeds another?"
+        _refuse_far(ways, self.t, profile, "odometry", cure)
         return of_counters(
-            self.counters, start, cm_per_pulse=self.cm_per_pulse, axle_cm=axle_cm, period_s=self.period_s,
-            t=self.t,
+            self.counters, start, cm_per_pulse=self.cm_per_pulse, axle_cm=profile.wheels.track_cm,
+            period_s=self.period_s, t=self.t,
         )  # fmt: skip
 
 
@@ -121,35 +139,13 @@ def driven(
     late = made.late[-1] if made.late[-1] <= body.period_s else 0.0  # as in the loop's schedule
     times = np.append(made.t, made.t[-1] - late + body.period_s)
     told = turned(body, profile, counters, speeds, times)
-    result = Driven(made, *told, tuple(poses), body.period_s, times)
-    _refuse_impossible(result, task, profile)
-    return result
+    return Driven(made, *told, tuple(poses), body.period_s, times)
 
 
-def _refuse_impossible(made: Driven, task: Task, profile: Profile) -> None:
-    """Refuse poses beyond the walls, and poses or counters farther apart than wheels can have turned."""
-    wheels, (width, depth), radius = profile.wheels, task.arena.size_cm, profile.body.radius_cm
-    most = 1.0 + 3.0 * wheels.top_command * max(wheels.speed_per_unit_cm_s) * np.diff(made.t)
-    if made.poses:
-        x, y, heading = np.array([(at.x, at.y, at.heading) for at in made.poses]).T
-        inside = (np.abs(x - width / 2) <= width / 2 + radius) & (np.abs(y - depth / 2) <= depth / 2 + radius)
-        if not inside.all():
-            k = int(np.argmin(inside))
-            raise UsageError(
-                f"robot: pose: expected a place in the task's arena of {width:g} by {depth:g} cm, got "
-                f"x = {x[k]:g}, y = {y[k]:g}. Is it in another unit, or from another corner?"
-            )
-        turns = np.abs(np.remainder(np.diff(heading) + np.pi, 2 * np.pi) - np.pi) * wheels.track_cm / 2
-        ways = np.maximum(np.hypot(np.diff(x), np.diff(y)), turns)
-        what, cure = "pose", "Is it in another unit than cm and radians?"
-    elif made.cm_per_pulse is not None:
-        ways = np.nan_to_num(np.abs(np.diff(made.counters, axis=0) * made.cm_per_pulse)).max(axis=1)
-        what, cure = (
-            "odometry",
-            "Do counters jump or wrap, or is `pulses_per_mm` or the unit of speeds another?",
-        )
-    else:
-        return
+def _refuse_far(ways: Floats, t: Floats, profile: Profile, what: str, cure: str) -> None:
+    """Refuse ways (cm) from one row to the next that are longer than wheels can have driven."""
+    wheels = profile.wheels
+    most = 1.0 + 3.0 * wheels.top_command * max(wheels.speed_per_unit_cm_s) * np.diff(t)
     if (ways > most).any():
         k = int(np.argmax(ways > most))
         raise UsageError(

@@ -93,7 +93,7 @@ class Rig(Closing):
         length = self.task.seconds if seconds is None else seconds
         if self.robot.unit is None:
             made = self.trial(controller, stream, pose, length)
-            track = made.known if made.poses else made.counted(pose, self.profile.wheels.track_cm)
+            track = made.known(self.task, self.profile) if made.poses else made.counted(pose, self.profile)
             return track, made.recording
         with temporary.Folder("sealed") as folder:
             sealed = Path(folder) / "sealed.csv"

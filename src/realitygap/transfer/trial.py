@@ -169,8 +169,8 @@ class Stage:
     def _own_path(self, one: Situation, driven: Driven, pose: Pose) -> Track:
         """The path as reported by the robot, or by its wheels' counters."""
         if one.source == "robot":
-            return driven.known
-        return driven.counted(pose, self.study.profile.wheels.track_cm)
+            return driven.known(self.study.task(one.task), self.study.profile)
+        return driven.counted(pose, self.study.profile)
 
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films or only watches."""
