@@ -1,1 +1,0 @@
-"""Measure or randomise? The simulation's knowledge of a robot, compared with randomly drawn constants."""

@@ -1,0 +1,84 @@
+"""Every study's run.py carries its design out, as small as can be, to the tables that analyse.py reads."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+import realitygap.calibration.unit
+from studies import common
+from tests.experiments.noise_parts import SimulatedRig, quick_units, unit_by_hand
+
+STUDIES = Path(__file__).resolve().parents[2] / "studies"
+SMALL = ("--runs", "1", "--evaluations", "40", "--seconds", "2", "--workers", "1")
+
+
+def script(study: str) -> ModuleType:
+    """A study's run.py as a module."""
+    spec = importlib.util.spec_from_file_location(
+        f"run_{study.replace('-', '_')}", STUDIES / study / "run.py"
+    )
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def head(file: Path) -> list[str]:
+    with file.open(newline="") as rows:
+        return next(csv.reader(rows))
+
+
+def test_the_first_study(tmp_path):
+    """Two sets of runs on one unit, compared at every level: the archived columns."""
+    with quick_units():
+        words = ("--runs", "2", "--units", "1", *SMALL[2:], "--out", str(tmp_path))
+        script("noise-level").main(words)
+    for name in ("controllers.csv", "cells.csv"):
+        now, kept = head(tmp_path / "results" / name), list(common.table(f"noise-level/default-again/{name}"))
+        assert [key for key in now if "_unit_" not in key] == [key for key in kept if "_unit_" not in key]
+
+
+@pytest.mark.parametrize("arm", ["E", "T2"])
+def test_an_arm_of_the_second_study(tmp_path, arm):
+    """A run a level and set on two units, champions and fittest: the archived columns."""
+    with quick_units():
+        script("noise-level-2").main((arm, "--units", "2", *SMALL, "--out", str(tmp_path)))
+    for name in ("controllers.csv", "cells.csv", "calibration.csv", "without-camera.csv"):
+        now = head(tmp_path / "results" / name)
+        assert sorted(now) == sorted(common.table(f"noise-level-2/{arm}/{name}")), name
+    rows = (tmp_path / "results" / "controllers.csv").read_text().splitlines()[1:]
+    levels, tasks = (5, 1) if arm == "E" else (4, 2)
+    assert len(rows) == 2 * 2 * levels * tasks
+
+
+def test_measure_or_randomise(tmp_path, monkeypatch):
+    """A run of each of the 22 conditions: the archived columns, without the tables that analyse.py makes."""
+    run = script("measure-or-randomise")
+
+    class Rig(SimulatedRig):
+        watcher = None
+
+        def __init__(self, task: Any, profile: Any, *, robot: Any, **others: Any) -> None:
+            super().__init__(task, profile, robot=str(robot), **others)
+            self.robot, self.profile = robot, profile
+
+    def shared(folder: Path, *, of: Path, **_: Any) -> Path:
+        return unit_by_hand(folder, unit=int(of.parent.name.removeprefix("unit-")))
+
+    with quick_units() as patch:
+        monkeypatch.setattr(run, "calibrated_unit", realitygap.calibration.unit.calibrated_unit)
+        monkeypatch.setattr(run, "calibrated_again", shared)
+        monkeypatch.setattr(run, "Rig", Rig)
+        assert patch
+        run.main(("--robot", "twin", "--units", "2", *SMALL, "--starts", "2", "--out", str(tmp_path)))
+    for name in ("controllers.csv", "calibration.csv"):
+        assert head(tmp_path / "results" / name) == list(common.table(f"measure-or-randomise/T/{name}"))
+    assert len((tmp_path / "results" / "controllers.csv").read_text().splitlines()) == 1 + 22
