@@ -18,8 +18,8 @@ import tempfile
 import time
 
 import numpy as np
+from steps import random_networks
 
-from realitygap.cli.bench import random_networks
 from realitygap.errors import UsageError
 from realitygap.simulation import cuda
 from realitygap.simulation.engine import Cores

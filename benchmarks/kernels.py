@@ -13,8 +13,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from steps import random_networks
 
-from realitygap.cli.bench import random_networks
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.network import think
 from realitygap.kernels.params import Networks, Path

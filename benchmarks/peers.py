@@ -93,8 +93,8 @@ def contestants(kheperax: str) -> dict[str, Timed]:
 def ours(count: int, trials: int) -> Timed:
     """Trials of random networks, as evolution evaluates them."""
     import numpy as np
+    from steps import random_networks
 
-    from realitygap.cli.bench import random_networks
     from realitygap.simulation.simulation import Simulation, batch_streams
 
     simulation = Simulation("obstacle-avoidance", "paper", 1.0)

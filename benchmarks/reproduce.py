@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from steps import random_networks
 
-from realitygap.cli.bench import random_networks
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather

@@ -24,7 +24,7 @@ project_copyright = f"{author}; MIT licence"
 release = realitygap.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
-exclude_patterns = ["conf.py", "figures/*", "noise-level/*"]
+exclude_patterns = ["conf.py", "figures/*"]
 myst_heading_anchors = 3
 nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
 nb_execution_mode = "force"
@@ -72,8 +72,8 @@ def show(app: Sphinx, page: str, source: list[str]) -> None:
     text = text.replace("](../docs/", "](")
     for name, file in SHOWN.items():
         text = text.replace(f"](../{file}", f"]({name}.md")
-    # Python beside `docs` is a file to take away; within it, a notebook.
-    source[0] = re.sub(r"\]\(((?:\.\./)+[^)]+\.py\))", r"](path:\1", text)
+    # Python beside `docs` is a file to take away, as a study's pages are; within it, a notebook.
+    source[0] = re.sub(r"\]\(((?:\.\./)+(?:[^)]+\.py|studies/[^)#]+)\))", r"](path:\1", text)
 
 
 def write_reference(app: Sphinx) -> None:

@@ -26,18 +26,20 @@ settings.register_profile("patient", deadline=None)  # a loaded machine is slow,
 settings.load_profile("patient")
 
 LONGEST = (
-    "kernels/test_same_bits", "calibration/test_measured", "robots/test_epuck", "test_site",
+    "kernels/test_same_bits", "experiments/test_noise", "calibration/test_measured", "robots/test_epuck",
+    "test_site",
     "test_examples", "transfer/test_transfer_live", "transfer/test_transfer",
     "calibration/test_fits", "robots/test_thymio", "study/test_killed", "cli/test_transfer",
-    "report/test_second_page", "film/test_tag", "robots/test_faults", "simulation/test_cuda",
+    "film/test_tag", "studies/test_correspondence", "studies/test_noise_level_2",
+    "robots/test_faults", "simulation/test_cuda",
     "work/test_dask", "export/test_export", "correspondence/test_score", "film/test_tracker",
-    "calibration/test_record", "report/test_noise_page", "kernels/test_together",
-    "report/test_noise", "experiments/test_randomise", "kernels/test_trials", "transfer/test_rig",
+    "calibration/test_record", "kernels/test_together",
+    "kernels/test_trials", "transfer/test_rig",
     "report/test_build", "twin/test_camera", "test_machine_code", "twin/test_arithmetic",
-    "experiments/test_noise_arms", "experiments/test_noise_twin", "report/test_situated",
+    "report/test_situated",
     "calibration/test_room", "correspondence/test_names", "report/test_notebook",
-    "kernels/test_ambient", "correspondence/test_twin", "report/test_second_answer",
-    "report/test_player_browser", "kernels/test_light_bounds", "correspondence/test_vehicles",
+    "kernels/test_ambient",
+    "report/test_player_browser", "kernels/test_light_bounds",
 )  # fmt: skip
 """Files of eight seconds and more; the first compiles what others load."""
 

@@ -32,9 +32,7 @@ WINDOW = ("tests/film/test_window.py",)
 TRACK = ("tests/test_track.py",)
 DESCRIPTORS = ("tests/correspondence/test_descriptors.py",)
 SCORE = ("tests/correspondence/test_score.py",)
-CLAIMS = ("tests/experiments/test_claims.py",)
-STUDY = ("tests/experiments/test_noise_compared.py",)
-ARMS = ("tests/experiments/test_noise_arms.py",)
+STUDY = ("tests/experiments/test_noise.py",)
 ARENA = ("tests/world/test_arena.py",)
 RAYS = ("tests/world/test_rays.py",)
 ROOM = ("tests/calibration/test_room.py",)
@@ -224,7 +222,7 @@ MUTATIONS = (
              "(float(self.t[a]), float(self.t[min(b, len(self.t) - 1)]))", TRACK + TRACKER),
     # score
     Mutation("correspondence/names.py", "a short trial's name is as sure as a long one's",
-             "return 1.0 - LOST", "return 1.0 - 0.0 * LOST", ("tests/correspondence/test_vehicles.py",)),
+             "return 1.0 - LOST", "return 1.0 - 0.0 * LOST", ("tests/studies/test_correspondence.py",)),
     Mutation("correspondence/scale.py", "a layout counts for more than the behaviour",
              "* min(behaviour, layout)", "* layout", SCORE),
     Mutation("correspondence/scale.py", "the floor does not shrink with the starts",
@@ -243,25 +241,6 @@ MUTATIONS = (
              '"still": ((way == 0) & (np.abs(_smooth(turn)) < STILL_DEG_S)).mean(axis=1)',
              '"still": (way == 0).mean(axis=1)', DESCRIPTORS),
     # statistics
-    Mutation("experiments/noise/crossed.py", "strata without the home unit",
-             "strata = list(zip(self.task.tolist(), self.home.tolist(), strict=True))",
-             "strata = self.task.tolist()", CLAIMS),
-    Mutation("experiments/noise/crossed.py", "the bootstrap pools seed sets",
-             "self.task.tolist(), self.seed_set.tolist(), self.evolved.tolist()",
-             "self.task.tolist(), self.evolved.tolist()", CLAIMS),
-    Mutation("experiments/noise/contrasts.py", "ties are not corrected for",
-             "return n * m / 12 * (total + 1 - tied / (total * (total - 1)))",
-             "return n * m / 12 * (total + 1)", CLAIMS),
-    Mutation("experiments/noise/contrasts.py", "Holm's steps may fall",
-             "running = max(running, min(1.0, (len(p) - place) * p[i]))",
-             "running = min(1.0, (len(p) - place) * p[i])", CLAIMS),
-    Mutation("experiments/noise/contrasts.py", "a 95 % interval is one of 90 %",
-             "[(1 - share) / 2, (1 + share) / 2]", "[1 - share, share]", CLAIMS),
-    Mutation("experiments/noise/contrasts.py", "pairs of different strata count",
-             "sign = np.sign(x[:, None] - y[None, :]) * fair", "sign = np.sign(x[:, None] - y[None, :])",
-             CLAIMS),
-    Mutation("experiments/noise/claims.py", "seed sets need not agree",
-             "if p >= ALPHA or len(signs) > 1 else", "if p >= ALPHA else", CLAIMS),
     Mutation("twin/wheels.py", "a robot that rests is not woken",
              "machine.stood[0] = -1", "machine.stood[0] += 0", PHYSICS),
     Mutation("twin/wheels.py", "a robot rests while its motors are uncontrolled",
@@ -277,13 +256,9 @@ MUTATIONS = (
              "[scene.row + begin for scene", "[scene.row for scene", ROOM),
     Mutation("correspondence/statistics.py", "a two-sample p may be 0",
              "return (1 + at_least) / (1 + permutations)", "return at_least / permutations", SCORE),
-    Mutation("experiments/noise/simulated.py", "every unit is compared with the home unit's simulation",
-             "stage.simulation(one.task, u, one.home, level)",
-             "stage.simulation(one.task, one.home, one.home, level)", STUDY),
-    Mutation("experiments/noise/simulated.py", "simulated draws differ between levels of comparison",
-             "*one.key, *pair, seed_set", "*one.key, *pair, level, seed_set", STUDY),
-    Mutation("experiments/noise/stage.py", "units of an arm share their starts",
-             '(task, "unit", unit) if own', '(task, "unit") if own', ARMS),
-    Mutation("experiments/noise/second/arms.py", "claims may change once an arm is begun",
-             "begun_by is not None and begun_by != now", "begun_by is not None and not now", ARMS),
+    Mutation("experiments/noise.py", "every unit is compared with the home unit's simulation",
+             "self.simulation(one.task, unit, one.home, level)",
+             "self.simulation(one.task, one.home, one.home, level)", STUDY),
+    Mutation("experiments/noise.py", "simulated draws differ between levels of comparison",
+             '"simulated", *one.key, *pair)', '"simulated", *one.key, *pair, level)', STUDY),
 )  # fmt: skip

@@ -122,7 +122,7 @@ def merge(
     Raises:
         StudyError: a shard is missing, unfinished or of another study; or `out` exists.
     """
-    from realitygap.cli.estimate import note_versions
+    from realitygap.cli.notes import note_versions
     from realitygap.cli.progress import ProgressLine
     from realitygap.cli.studies import reported
     from realitygap.study.folder import agree

@@ -8,9 +8,8 @@ Experiments of many studies name theirs in words (`named_stream`).
 
 from hashlib import blake2b
 
-PICTURES, PSEUDO = 5, 8
-"""Under a study's seed, beside the digests of its conditions: the trials that figures show, and those in
-pseudo-realities, the same for all controllers."""
+PICTURES = 5
+"""Under a study's seed, beside the digests of its conditions: the trials that figures show."""
 
 BREEDING, TRIALS, RETEST, FRESH = 1, 2, 3, 4
 """Under a run's stream: the algorithm's draws, its evaluations' trials, the retest of the last

@@ -7,31 +7,14 @@ from pathlib import Path
 import pytest
 from tests.experiments.noise_parts import quick_units
 
-from realitygap.experiments.noise.config import NoiseConfig
+from realitygap.experiments.noise import NoiseConfig
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 ROBOT, BASE = f"{EXAMPLES / 'own_robot.py'}:FiveEyes", str(EXAMPLES / "five_eyes.toml")
 SMALL = (
-    "--levels", "0,1", "--runs", 2, "--seed-sets", 2, "--units", 1, "--starts", 2, "--evaluations", 40,
+    "--levels", "0,1", "--runs", 3, "--units", 1, "--starts", 2, "--evaluations", 40,
     "--seconds", 2, "--tasks", "avoidance", "--workers", 1,
 )  # fmt: skip
-
-
-PLAN = """
-[design]
-seeds = [1]
-foreign = 0
-starts = 2
-starts_by_unit = true
-units = 1
-[arm.A]
-tasks = ["obstacle-avoidance"]
-levels = [0.0, 1.0]
-runs = [1, 1]
-evaluations = 40
-seconds = 2.0
-[arm.B]
-"""
 
 
 @pytest.fixture(scope="module")
@@ -42,62 +25,46 @@ def units():
 
 
 def test_noise_comes_to_tables_and_a_report(units, json_of, call, refused, tmp_path):
-    """The command makes the study that its options say; --json has a paragraph and where things are."""
+    """The command makes the experiment that its options say; --json has its table; `report` makes the
+    page again."""
     out = tmp_path / "study"
     told = json_of("experiment", "noise", "--out", out, *SMALL)
-    assert told["study"] == str(out) and told["paragraph"]
+    (task,) = told["tasks"].values()
+    assert told["study"] == str(out) and [row["runs"] for row in task["levels"]] == [3, 3]
     assert (out / "results" / "cells.csv").is_file() and Path(told["report"]).exists()
     made = NoiseConfig.from_folder(out)
     assert made == NoiseConfig(
-        levels=(0, 1), runs=2, seed_sets=2, units=1, starts=2, evaluations=40, seconds=2.0,
+        levels=(0, 1), runs=3, units=1, starts=2, evaluations=40, seconds=2.0,
         tasks=("obstacle-avoidance",),
     )  # fmt: skip
     again = call("experiment", "noise", "--out", out, "--resume")  # omitted options keep their saved values
-    assert again.exit_code == 0 and told["paragraph"].split()[0] in again.stdout
+    assert again.exit_code == 0 and "noise-matched level: obstacle-avoidance" in again.stdout
+    Path(told["report"]).unlink()
+    assert json_of("report", out)["tasks"] == told["tasks"]
+    assert Path(told["report"]).is_file()
     assert "--resume" in refused("experiment", "noise", "--out", out, *SMALL)
     other = refused("experiment", "noise", "--out", out, *SMALL, "--resume", "--seed", 7)
     assert "made with seed = 1995, not 7" in other
 
 
 def test_what_cannot_be_done_is_refused(refused, tmp_path):
-    """Wrong levels, runs that do not divide, a task that is none: one line, before any work."""
+    """Wrong levels, a task that is none: one line, before any work."""
     out = ("experiment", "noise", "--out", tmp_path / "study")
     assert "got 'loud'" in refused(*out, "--levels", "0,loud")
-    assert "Give a multiple of 2" in refused(*out, "--runs", 5)
     assert "unknown task 'football'" in refused(*out, "--tasks", "football")
     assert "--starts" in refused(*out, "--starts", 1)
     assert not (tmp_path / "study").exists()
 
 
-def test_an_arm_is_carried_out_as_planned(units, json_of, call, refused, tmp_path):
-    """Its tables come out, and --resume needs no more; what would change its design is refused by name."""
-    out = ("experiment", "noise", "--out", tmp_path / "arm")
-    assert "--runs: expected none with arm T, whose design is planned, got 8" in refused(
-        *out, "--arm", "T", "--runs", 8
-    )
-    assert "arm: expected one of E, T, E5, T5, T2, S, got 'Q'" in refused(*out, "--arm", "Q")
-    (tmp_path / "plan").mkdir()
-    (tmp_path / "plan" / "arms.toml").write_text(PLAN)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.experiments.noise.second.arms.STATED", tmp_path / "plan")
-        told = json_of(*out, "--arm", "A", "--workers", 1)
-        assert told == {"study": str(out[-1]), "arm": "A", "results": str(out[-1] / "results")}
-        assert "arm A is complete" in call(*out, "--resume").stdout
-        assert "--seed: expected none with arm A" in refused(*out, "--resume", "--seed", 7)
-        assert "--arm: expected A, the arm of this experiment, got B" in refused(
-            *out, "--resume", "--arm", "B"
-        )
-
-
 def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
     """Stopped by Ctrl-C the command says so in a line, with the command that goes on; exit code 130."""
-    import realitygap.experiments.noise.situated as situated
+    import realitygap.experiments.noise as experiment
 
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(situated.Rig, "drive", stopped)
+        patch.setattr(experiment.Rig, "drive", stopped)
         result = call("experiment", "noise", "--out", tmp_path / "study", *SMALL)
     assert result.exit_code == 130 and result.stdout == ""
     last = result.stderr.splitlines()[-1]

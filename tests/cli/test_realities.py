@@ -39,18 +39,21 @@ def test_what_is_at_hand_comes_to_a_matrix(units, no_enki, json_of, call, refuse
     assert [one["robot"] for one in told["left_out"]] == list(AT_HAND[1:])
     assert all("apt install libenki-dev g++" in one["why"] for one in told["left_out"])
     (twin,) = told["realities"]
-    near = twin["channels"]["infrared"]
-    assert near["error_over_noise"] == 0.45 and (near["noise"], near["own_noise"]) == (20.0, 21.0)
-    assert near["error_over_full_scale"] == pytest.approx(9.0 / 1023)
-    assert set(twin["correspondence"]) == set(twin["noisiness"]) == {"0", "1"}
+    (error,) = twin["model_error_over_noise"]
+    assert (error["channel"], error["median"]) == ("proximity", 0.45)
+    assert set(twin["tasks"]["obstacle-avoidance"]["levels"][0]["score_by_level"]) == {"0", "1"}
     page = Path(told["report"]).read_text()
     assert "Left out" in page and 'href="../twin-1/report/index.html"' in page
     assert (out / "twin-1" / "report" / "index.html").is_file()
-    assert (out / "report" / "tables" / "realities.csv").read_text().splitlines()[0] == ",twin"
+    head, first, *_, last = (out / "report" / "tables" / "realities.csv").read_text().splitlines()
+    assert head == ",twin,a real Khepera (readings only),a real Thymio II (readings only)"
+    assert first == "proximity: error / noise,0.5,3.4 to 3.7,10.2" and last.startswith("noise-matched level,")
+    assert "score at" not in page.split("</table>")[0]  # of a single run a level
     before = (out / "report" / "tables" / "realities.csv").read_bytes()
     again = call("realities", "--out", out, "--resume", "--workers", 1)
     assert again.exit_code == 0 and "enki:epuck is left out" in again.stderr
-    assert again.stdout.splitlines()[1].split() == ["proximity:", "error", "/", "noise", "0.5"]
+    errors = "proximity: error / noise 0.5 3.4 to 3.7 10.2"
+    assert again.stdout.splitlines()[1].split() == errors.split()
     assert (out / "report" / "tables" / "realities.csv").read_bytes() == before
     assert "--resume" in refused("realities", "--out", out, *SMALL)
     assert "made with seed = 1995, not 7" in refused("realities", "--out", out, "--resume", "--seed", 7)
@@ -72,13 +75,13 @@ def test_a_reality_that_is_named_must_be_there(no_enki, refused, tmp_path):
 @pytest.mark.usefixtures("undrawn")
 def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
     """Stopped by Ctrl-C it says so in a line, and `--resume` ends as if nothing had happened."""
-    import realitygap.experiments.noise.situated as situated
+    import realitygap.experiments.noise as experiment
 
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(situated.Rig, "drive", stopped)
+        patch.setattr(experiment.Rig, "drive", stopped)
         result = call("realities", "--out", tmp_path / "study", *TWIN)
     assert result.exit_code == 130 and result.stdout == ""
     assert f"realitygap realities --out {tmp_path / 'study'} --resume" in result.stderr.splitlines()[-1]
@@ -114,8 +117,8 @@ def test_an_arena_takes_the_tasks_place_throughout(units, tmp_path):
     """The controllers evolve, drive and are compared in it; a Thymio's body is free at its start."""
     from tests.experiments.noise_parts import tiny
 
-    from realitygap.experiments.noise.run import noise_study
-    from realitygap.experiments.noise.stage import Stage
+    from realitygap.experiments.noise import NoiseExperiment
+    from realitygap.experiments.noise_run import noise_experiment
     from realitygap.study.load import load_study
     from realitygap.tasks.load import load_task
     from realitygap.world.arena import load_arena
@@ -124,9 +127,8 @@ def test_an_arena_takes_the_tasks_place_throughout(units, tmp_path):
     start = load_task("avoidance").start
     assert large.obstacle_at(start.x_cm, start.y_cm, start.radius_cm + 8.0) is None
     config = tiny(tasks=("obstacle-avoidance",), arena=large.name, units=1, runs=1)
-    noise_study(tmp_path, config, workers=1)
-    stage = Stage(tmp_path, config)
-    assert stage.task("obstacle-avoidance").arena == large
-    assert load_study(tmp_path / "evolved" / "set-1-unit-1").task("obstacle-avoidance").arena == large
+    noise_experiment(tmp_path, config, workers=1)
+    assert NoiseExperiment(tmp_path, config).task("obstacle-avoidance").arena == large
+    assert load_study(tmp_path / "evolved" / "unit-1").task("obstacle-avoidance").arena == large
     with pytest.raises(ConfigError, match="arena: expected none with several tasks"):
         tiny(arena=large.name)

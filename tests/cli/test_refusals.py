@@ -30,7 +30,6 @@ PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
         (("evolve", "light", "--workers", 0), "--workers"),
         (("evolve", "light", "--engine", "gpu"), "--engine"),
         (("evolve", "light", "--profile", "nobody"), "nobody"),
-        (("bench", "--profile", "no/such/robot.toml"), "no/such/robot.toml"),
         (("reproduce", "--runs", -5), "--runs"),
         (("reproduce", "--seed", 2.5), "--seed"),
         (("simulate", "avoidance", "--pose", 25, 25, 0), "--controller"),
@@ -65,7 +64,6 @@ PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)
         (("show", "no/such/study"), "no/such/study"),
         (("report", "no/such/study"), "no/such/study"),
         (("replay", "no/such/study", 1), "no/such/study"),
-        (("bench", "--seconds", 0), "--seconds"),
         ((*PROBE, "--arena", "no/such.toml"), "Give the path of an arena's .toml file"),
         ((*PROBE, "--profile", "no/such.toml"), "Give the path of a profile's .toml file"),
         (("twin", "serve", "--arena", "light", "--twin-noise", 11), "at most 10"),
@@ -121,13 +119,6 @@ def test_a_robot_with_no_sensors_for_a_task_or_too_many_is_refused(refused, tmp_
 def test_a_folder_that_is_no_study_is_refused(refused, tmp_path):
     """`show` of a folder without a study names the folder."""
     assert str(tmp_path) in refused("show", tmp_path)
-
-
-def test_a_report_of_a_broken_study_speaks_of_no_arm(refused, tmp_path):
-    """Whether the folder is a study's or an arm's is not known yet: the cure is good for both."""
-    (tmp_path / "study.toml").write_text("seed = ")
-    assert "study.toml: not a TOML file: " in (said := refused("report", tmp_path))
-    assert said.rstrip().endswith("Restore it from a copy.")
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ import pytest
 COMMANDS = {
     "realitygap.study.runner.open_folder": ("evolve", "light"),
     "realitygap.experiments.reproduction.open_to_begin": ("reproduce",),
-    "realitygap.experiments.noise.run.check_robot": ("experiment", "noise"),
-    "realitygap.experiments.randomise.run.open_folder": ("experiment", "measure-or-randomise"),
+    "realitygap.experiments.noise_run.check_robot": ("experiment", "noise"),
     "realitygap.experiments.realities.check_robot": ("realities", "--only", "--robot", "twin"),
 }
 """Commands, by what each calls before it keeps its settings."""

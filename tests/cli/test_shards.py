@@ -1,15 +1,17 @@
-"""`--shard`, `merge` and `slurm` as they are typed."""
+"""`--shard`, `merge` and the docs' array job as they are typed."""
 
-import json
 import os
+import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from realitygap.cli.estimate import note_versions
+from realitygap.cli.notes import note_versions
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "machines.md"
 WORDS = (
     "evolve", "light", "--noise", "double", "--seed", "7", "--runs", "2", "--evaluations", "70",
     "--set", "retest_trials=2", "--set", "fresh_trials=3", "--set", "task.seconds=2",
@@ -20,13 +22,20 @@ def _stopped(*_, **__):
     raise KeyboardInterrupt
 
 
+def _job(words: tuple[str, ...], shards: int) -> str:
+    """The Slurm template of the docs, with another command and size."""
+    script = re.search(r"```sh\n(#!/bin/bash.*?)```", PAGE.read_text("utf-8"), re.S)[1]
+    shown, size = re.search(r"^(realitygap .*) --shard \$SLURM_ARRAY_TASK_ID/(\d+)", script, re.M).groups()
+    assert f"#SBATCH --array=1-{size}\n" in script
+    command = shlex.join([sys.executable, "-m", "realitygap", *words])
+    return script.replace(shown, command).replace(f"ID/{size}", f"ID/{shards}")
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path):
-    """What `slurm` prints does its shard, and goes on; all shards merged are the study of one process."""
+    """The docs' array job does its shard, and goes on; all shards merged are the study of one process."""
     monkeypatch.chdir(tmp_path)
-    script = call("slurm", "--shards", 2, "--cores", 1, *WORDS, "--out", "many").stdout
-    assert "#SBATCH --array=1-2\n" in script and "realitygap merge many-shard-*-of-2" in script
-    (tmp_path / "job.sh").write_text(script)
+    (tmp_path / "job.sh").write_text(_job((*WORDS, "--out", "many"), 2))
     for _ in range(2):  # once more, as after a requeue
         told = subprocess.run(
             ["bash", "job.sh"], env={**os.environ, "SLURM_ARRAY_TASK_ID": "1"}, capture_output=True, text=True
@@ -62,60 +71,11 @@ def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path
             "or shard 2/3's, got another's",
         ),
         (("evolve", "light", "--shard", "4/3"), "--shard': expected I/N, share I (from 1 to N) of N"),
-        (("slurm", "--shards", "2", "show", "x"), "expected a command that can be sharded (evolve"),
-        (("slurm", "--shards", "2", "evolve", "light", "--runs", "0"), "'--runs': expected 1 or more"),
-        (("slurm", "--shards", "2", "evolve", "light", "--workers", "2"), "--workers: the script sets it"),
-        (("slurm", "--shards", "2", "evolve", "light", "--noise", "loud"), "'--noise'"),
-        (("slurm", "--shards", "2", "evolve", "light", "--out", "a\nb"), "expected words of one line"),
-        (("slurm", "--shards", "2", "evolve", "light", "--watch"), "--watch: expected none with shards"),
-        (
-            (
-                "slurm",
-                "--shards",
-                "2",
-                "transfer",
-                "out/x",
-                "--robot",
-                "twin:1",
-                "--controller",
-                "constant:5,5",
-            ),
-            "--controller: expected none with shards",
-        ),
-        (
-            ("slurm", "--shards", "2", "experiment", "measure-or-randomise"),
-            "(evolve, transfer, experiment noise), got 'experiment measure-or-randomise'",
-        ),
-        (("slurm", "--shards", "2", "experiment"), "(evolve, transfer, experiment noise), got 'experiment'"),
     ],
 )
 def test_what_cannot_be_done_in_shards_is_refused(refused, words, said):
     """Before any job is queued."""
     assert said in refused(*words)
-
-
-@pytest.mark.parametrize(
-    ("words", "merged"),
-    [
-        (("evolve", "--runs", "4", "light"), "out/light-seeking-shard-*-of-2"),
-        (("evolve", "light", "--out", "a b's/many/"), "'a b'\"'\"'s/many'-shard-*-of-2"),
-        (("transfer", "out/many/", "--robot", "twin:1"), "out/many-transfer-shard-*-of-2"),
-        (("experiment", "noise"), "out/noise-shard-*-of-2"),
-    ],
-)
-def test_a_script_names_the_folders_of_its_shards(call, monkeypatch, tmp_path, words, merged):
-    """Wherever the task stands, and however the folder is typed; from a folder that a shell has to quote."""
-    here = tmp_path / "it's here"
-    here.mkdir()
-    monkeypatch.chdir(here)
-    told = json.loads(call("slurm", "--json", "--shards", 2, "--cores", 3, "--hours", 5, *words).stdout)
-    assert told["merge"] == f"realitygap merge {merged}"
-    line = next(line for line in told["script"].splitlines() if "--dependency" in line).removeprefix("# ")
-    sbatch = shlex.split(line)
-    assert sbatch[1:-2] == ["--dependency=afterok:$jobs", "--cpus-per-task=3", "--time=5:00:00"]
-    there, command = sbatch[-1].split(" && ")
-    assert shlex.split(there) == ["cd", str(here)]
-    assert command == f"{shlex.quote(sys.executable)} -m {told['merge']}"
 
 
 def test_shards_of_different_machines_are_told(capsys):

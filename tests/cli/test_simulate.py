@@ -124,12 +124,3 @@ def test_profile_show_tells_every_sensor(json_of):
     told = json_of("profile", "show", "paper")
     assert len(told["infrared"]["sensors"]) == len(told["ambient"]["sensors"]) == 8
     assert told["body"]["radius_cm"] == 2.9
-
-
-def test_bench_tells_both_tasks(json_of):
-    """`bench` measures both tasks on one core and on all."""
-    told = json_of("bench", "--seconds", 0.05)
-    for task in ("obstacle-avoidance", "light-seeking"):
-        assert told[task]["steps_per_second_one_core"] > 0
-        assert told[task]["steps_per_second_all_cores"] > 0
-    assert told["cores"] >= 1

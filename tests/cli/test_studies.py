@@ -331,7 +331,7 @@ def test_a_strangers_task_file_is_asked_about(own, call, refused, json_of, monke
     assert json_of("show", study)["runs"][0]["champion"]
     for words in (("replay", study, 1), ("report", study), ("transfer", study, "--robot", "twin")):
         assert "--trust" in refused(*words) and "front.py" in refused(*words)
-    monkeypatch.setattr("realitygap.cli.estimate.at_terminal", lambda: True)
+    monkeypatch.setattr("realitygap.cli.notes.at_terminal", lambda: True)
     replay = ["replay", str(study), "1"]
     no = CliRunner().invoke(realitygap, replay, input="n\n")
     assert no.exit_code == 130 and "this program must run" in no.stderr

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies.correspondence.kinds import Behaviour
 
 from realitygap.correspondence.judging import Pair, blind_pairs
 from realitygap.correspondence.reading import agreement, read_transfer
@@ -15,7 +16,6 @@ from realitygap.study.config import Condition
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
 from tests.correspondence.tracks import write
-from tests.exemplars.kinds import Behaviour
 from tests.study.helpers import small
 
 ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)

@@ -5,10 +5,11 @@ Skipped where there is no Chromium (in the PATH, or named by CHROMIUM).
 
 from pathlib import Path
 
+from studies.correspondence.kinds import Behaviour
+from studies.correspondence.ladders import setting_for
+
 from realitygap.correspondence.judging import Pair, blind_pairs, page
 from tests.browser import Browser
-from tests.correspondence.ladders import setting_for
-from tests.exemplars.kinds import Behaviour
 
 ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
 TITLE, DONE, FRAME = '$("title").textContent', '$("done").textContent', 'Number($("time").value)'

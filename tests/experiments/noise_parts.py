@@ -9,11 +9,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from realitygap.controller.network import decode
-from realitygap.experiments.noise.config import NoiseConfig
+from realitygap.experiments.noise import NoiseConfig
 from realitygap.simulation.simulation import Simulation
 from realitygap.world.profile import Profile, load_profile
 from realitygap.world.provenance import FittedChannel, Provenance
@@ -23,7 +22,7 @@ TABLES = ("controllers.csv", "cells.csv", "calibration.csv")
 
 def tiny(**changes: Any) -> NoiseConfig:
     """Two tasks, two levels, two units, two runs each: short trials, little evolution."""
-    usual = {"levels": (0.0, 1.0), "runs": 2, "seed_sets": 1, "units": 2, "starts": 3}
+    usual = {"levels": (0.0, 1.0), "runs": 2, "units": 2, "starts": 3}
     return NoiseConfig(**{**usual, "evaluations": 40, "seconds": 3.0, **changes})
 
 
@@ -37,7 +36,7 @@ class SimulatedRig:
 
     def __init__(self, task: Any, profile: Any, *, robot: str, twin_noise: float, **_: Any) -> None:
         self.simulation = Simulation(
-            task, wearing(unit_profile(int(robot.partition(":")[2])), profile), twin_noise
+            task, wearing(unit_profile(int(robot.rpartition(":")[2])), profile), twin_noise
         )
         self.open = True
 
@@ -46,9 +45,8 @@ class SimulatedRig:
         assert self.open
         networks = decode(driver.genes, driver.layout)
         one, _ = self.simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
-        ends = {name: np.append(getattr(one, name), getattr(one.end, name)) for name in ("x", "y", "heading")}
         lived = {name: getattr(one, name) for name in ("proximity", "ambient", "commands")}
-        return SimpleNamespace(**ends), SimpleNamespace(**lived, speeds=one.wheels)
+        return one.track, SimpleNamespace(**lived, speeds=one.wheels)
 
     def close(self) -> None:
         """Let it go."""
@@ -66,7 +64,7 @@ def wearing(robot: Profile, own: Profile) -> Profile:
 
 def unit_profile(unit: int) -> Profile:
     """The paper's robot, with other sensors, wheels and bands for each unit."""
-    paper, more = load_profile("paper"), 1 + 0.15 * unit
+    paper, more = load_profile("paper"), 1 + 0.15 * (unit % 100)
     near, light = paper.infrared, paper.ambient
     return replace(
         paper,
@@ -84,7 +82,7 @@ def unit_profile(unit: int) -> Profile:
     )
 
 
-def unit_by_hand(folder: Path, *, unit: int, **_: Any) -> Path:
+def unit_by_hand(folder: Path, *, unit: int | str, **_: Any) -> Path:
     """A unit's profile without its recordings."""
     fit = FittedChannel(
         channel="infrared",
@@ -95,7 +93,8 @@ def unit_by_hand(folder: Path, *, unit: int, **_: Any) -> Path:
         ratio=0.45,
         ratio_over_all=0.3,
     )
-    made = replace(unit_profile(unit), provenance=Provenance(base="paper", fits=(fit,)))
+    number = int(str(unit).rpartition(":")[2])
+    made = replace(unit_profile(number), provenance=Provenance(base="paper", fits=(fit,)))
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robot.toml").write_text(made.to_toml())
     return folder / "robot.toml"
@@ -105,10 +104,10 @@ def unit_by_hand(folder: Path, *, unit: int, **_: Any) -> Path:
 def quick_units(*, rig: bool = True) -> Iterator[pytest.MonkeyPatch]:
     """Units that need no recordings, and (`rig`) no twin."""
     import realitygap.calibration.unit
-    import realitygap.experiments.noise.situated
+    import realitygap.experiments.noise
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(realitygap.calibration.unit, "calibrated_unit", unit_by_hand)
         if rig:
-            patch.setattr(realitygap.experiments.noise.situated, "Rig", SimulatedRig)
+            patch.setattr(realitygap.experiments.noise, "Rig", SimulatedRig)
         yield patch

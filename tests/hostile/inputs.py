@@ -162,7 +162,7 @@ def _study_config(folder: Path) -> object:
 
 
 def _noise_config(folder: Path) -> object:
-    from realitygap.experiments.noise.config import NoiseConfig
+    from realitygap.experiments.noise import NoiseConfig
 
     return NoiseConfig.from_folder(folder).to_toml()
 
@@ -188,20 +188,17 @@ def _drive(folder: Path) -> object:
 def _situated(folder: Path) -> object:
     from types import SimpleNamespace
 
-    from realitygap.experiments.noise import situated
+    from realitygap.experiments.noise import NoiseExperiment
 
-    stage = SimpleNamespace(
-        folder=folder,
-        config=SimpleNamespace(starts=2, driven=lambda home, individual: (1,)),
+    design = SimpleNamespace(
+        config=SimpleNamespace(starts=2),
+        driven=lambda one: (1,),
+        driven_file=lambda one: folder / "one.npz",
         task=lambda name: SimpleNamespace(steps_of=lambda profile: 20),
         profile=lambda unit: SimpleNamespace(period_s=0.1),
     )
-    one = SimpleNamespace(task="t", name="one", folder="one", home=1, individual="champion")
-    original, situated.situated_file = situated.situated_file, lambda folder, one: folder / "one.npz"
-    try:
-        return situated.read_situated(stage, one)
-    finally:
-        situated.situated_file = original
+    one = SimpleNamespace(task="t", name="one", home=1)
+    return NoiseExperiment.read_driven(design, one)  # type: ignore[arg-type]
 
 
 _FACTS = (

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.steps import random_networks
 
-from realitygap.cli.bench import random_networks
 from realitygap.kernels import batch
 from realitygap.kernels.ambient import illuminate
 from realitygap.kernels.bounded_rays import PART, total

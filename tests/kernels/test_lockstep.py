@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.steps import random_networks
 
-from realitygap.cli.bench import random_networks
 from realitygap.kernels import batch
 from realitygap.kernels.geometry import added
 from realitygap.kernels.infrared import fan_of, follow, reflected

@@ -13,10 +13,24 @@ from realitygap.world.arena import load_arena
 from tests.robots.conftest import Bench
 
 
+def at(twin):
+    """Options for a twin behind its line."""
+    return ["--robot", f"serial:{twin.device}", "--clock-channel", twin.channel]
+
+
 def test_a_check_tells_all_as_json_and_moves_nothing_unasked(bench: Bench) -> None:
     """Versions, readings, counters, LEDs, the loop; nobody agreed, so it stands."""
     twin = bench.twin()
-    args = ["check", "--port", twin.device, "--clock-channel", twin.channel, "--seconds", "1", "--json"]
+    args = [
+        "check",
+        "--robot",
+        f"serial:{twin.device}",
+        "--clock-channel",
+        twin.channel,
+        "--seconds",
+        "1",
+        "--json",
+    ]
     result = CliRunner().invoke(robot, args)
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
@@ -28,7 +42,7 @@ def test_a_check_tells_all_as_json_and_moves_nothing_unasked(bench: Bench) -> No
 def test_a_check_moves_with_consent(bench: Bench) -> None:
     """--yes: 4 cm/s for half a second, about 250 pulses; at 9600 baud it says what does not fit."""
     twin = bench.twin(baud=9600)
-    args = ["check", "--port", twin.device, "--clock-channel", twin.channel, "--seconds", "1"]
+    args = ["check", *at(twin), "--seconds", "1"]
     result = CliRunner().invoke(robot, [*args, "--baud", "any", "--yes"])
     assert result.exit_code == 0, result.output
     assert "moved: counters 2" in result.stdout and "118 ms" in result.stdout
@@ -37,7 +51,16 @@ def test_a_check_moves_with_consent(bench: Bench) -> None:
 def test_a_check_refuses_the_profile_of_another_robot(bench: Bench) -> None:
     """A Thymio's commands would send a Khepera off at 86 cm/s instead of 4: it only stands."""
     twin = bench.twin()
-    args = ["check", "--port", twin.device, "--clock-channel", twin.channel, "--yes", "--profile", "thymio"]
+    args = [
+        "check",
+        "--robot",
+        f"serial:{twin.device}",
+        "--clock-channel",
+        twin.channel,
+        "--yes",
+        "--profile",
+        "thymio",
+    ]
     result = CliRunner().invoke(robot, args)
     assert isinstance(result.exception, UsageError)
     assert "7 proximity sensors (profile 'thymio'); this robot has 8" in str(result.exception)
@@ -48,7 +71,7 @@ def test_a_check_of_nobody_says_what_to_look_at(bench: Bench) -> None:
     """A device on which nobody answers."""
     pump = bench.pump(bench.twin(clock="real"))
     pump.silent = True
-    result = CliRunner().invoke(robot, ["check", "--port", pump.device])
+    result = CliRunner().invoke(robot, ["check", "--robot", f"serial:{pump.device}"])
     assert isinstance(result.exception, LineError)
     assert "check that it is switched on" in str(result.exception)
 

@@ -21,9 +21,9 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from benchmarks.steps import random_networks
 from scipy.stats import ks_2samp
 
-from realitygap.cli.bench import random_networks
 from realitygap.controller.handmade import braitenberg
 from realitygap.controller.layout import Layout
 from realitygap.controller.network import decode

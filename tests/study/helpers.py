@@ -6,16 +6,13 @@ import hashlib
 import sqlite3
 import subprocess
 import sys
-import zlib
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from realitygap.study.config import StudyConfig
-from realitygap.study.digest import seal
 from realitygap.study.load import load_study
 from realitygap.study.parts import Condition
-from realitygap.study.views import NAMES
 
 CHILD = Path(__file__).with_name("child.py")
 
@@ -36,7 +33,7 @@ def small(**changes: Any) -> StudyConfig:
 
 
 def content(folder: Path) -> dict[str, tuple[int, str]]:
-    """Number of rows and a hash of all that is kept, in any format, except of who worked on it and when."""
+    """Number of rows and a hash of all that is kept, except of who worked on it and when."""
     found = {}
     with closing(sqlite3.connect(folder / "study.db")) as database:
         assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
@@ -51,46 +48,6 @@ def content(folder: Path) -> dict[str, tuple[int, str]]:
     genes = [study.genotypes(run.id) for run in study.runs]
     found["genotypes"] = (sum(map(len, genes)), hashlib.sha256(b"".join(genes)).hexdigest())
     return found
-
-
-def in_format(folder: Path, version: int) -> None:
-    """Make a study's database one as earlier versions wrote it: a row for each evaluation and each trial, the
-    genotype in it (3) or many in another (4); without encodings (2); without sources and digests (1)."""
-    study = load_study(folder)
-    genes = {run.id: study.genotypes(run.id) for run in study.runs}
-    old = {
-        "evaluation": (study.evaluations(), "run, number"),
-        "retest": (study.retests(), "run, cell, trial"),
-        "test": (study.tests(), "run, who, noise, trial"),
-    }
-    with closing(sqlite3.connect(folder / "study.db")) as database, database:
-        for name in ("TABLE evolved", "TABLE tested", *(f"VIEW {name}" for name in NAMES)):
-            database.execute(f"DROP {name}")
-        database.execute("DELETE FROM digest WHERE part IN ('evolved', 'tested')")
-        for part, (table, key) in old.items():
-            columns = ", ".join(table)
-            database.execute(f"CREATE TABLE {part} ({columns}, PRIMARY KEY ({key})) WITHOUT ROWID")
-            places = ", ".join("?" * len(table))
-            rows = zip(*(column.tolist() for column in table.values()), strict=True)
-            database.executemany(f"INSERT INTO {part} VALUES ({places})", rows)
-        if version >= 4:
-            database.execute("CREATE TABLE genotypes (run, number, content, PRIMARY KEY (run, number))")
-            blocks = [(run, 0, zlib.compress(every.tobytes())) for run, every in genes.items() if len(every)]
-            database.executemany("INSERT INTO genotypes VALUES (?, ?, ?)", blocks)
-        else:
-            database.execute("ALTER TABLE evaluation ADD COLUMN genotype BLOB NOT NULL DEFAULT x''")
-            rows = [(a.tobytes(), run, k) for run, every in genes.items() for k, a in enumerate(every)]
-            database.executemany("UPDATE evaluation SET genotype = ? WHERE run = ? AND number = ?", rows)
-        for run in study.runs:
-            grown = ["evaluation"] + (["genotypes"] if version >= 4 else []) if run.evaluations else []
-            seal(database, run.id, *grown, *(["retest", "test"] if run.finished else []))
-        if version < 3:
-            database.execute("ALTER TABLE run DROP COLUMN encoding")
-        for table in ("source", "task", "digest") if version == 1 else ():
-            database.execute(f"DROP TABLE {table}")
-        for run in study.runs if version == 2 else ():
-            seal(database, run.id, "run")
-        database.execute(f"PRAGMA user_version = {version}")
 
 
 def start(folder: Path, *options: str) -> subprocess.Popen[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import lzma
 import shutil
 import sqlite3
-import tarfile
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -21,10 +20,8 @@ from realitygap.study.materials import gather
 from realitygap.study.reader import DATABASE
 from realitygap.study.runner import run_study
 from realitygap.study.store import Store
-from realitygap.study.views import NAMES
-from realitygap.transfer.load import load_transfers
-from tests.hostile.flips import BELIEVED, HARMLESS, NOTICED, all_that_is_read, flips
-from tests.study.helpers import content, in_format, small
+from tests.hostile.flips import BELIEVED, HARMLESS, NOTICED, flips
+from tests.study.helpers import small
 
 
 @pytest.fixture
@@ -126,11 +123,8 @@ def test_every_table_is_sealed(copy, change, command, read):
 
 
 def test_a_digest_is_of_what_came_of_the_runs(copy, finished):
-    """Not of how it is packed, nor in which format."""
+    """Not of how it is packed."""
     genes, before = load_study(copy).genotypes(1), finished.digest()
-    old = shutil.copytree(copy, copy.with_name("old"))
-    in_format(old, 4)
-    assert load_study(old).digest() == before
 
     def kept(column: str, value: object, part: str = "evolved") -> str:
         with closing(sqlite3.connect(copy / DATABASE)) as database, database:
@@ -142,6 +136,13 @@ def test_a_digest_is_of_what_came_of_the_runs(copy, finished):
     assert kept("genotypes", lzma.compress((1 - genes).tobytes())) != before
     assert kept("genotypes", lzma.compress(genes.tobytes())) == before
     assert kept("scores", bytes(24), "tested") != before
+
+
+def test_a_study_goes_on_with_its_own_robot_only(copy):
+    """Asked for with another profile, it is refused with the file that differs."""
+    assert run_study(copy, small(), resume=True).runs[0].finished
+    with pytest.raises(StudyError, match=r"keeps a different profile.toml"):
+        run_study(copy, small(profile="khepera"), resume=True)
 
 
 def half_done(folder: Path) -> None:
@@ -161,44 +162,6 @@ def test_an_unfinished_run_is_sealed_too(folder):
         database.execute("UPDATE evolved SET scores = zeroblob(320) WHERE run = 2 AND number = 20")
     with pytest.raises(StudyError, match="run 2: table 'evolved'"):
         run_study(folder, resume=True, workers=1)
-
-
-@pytest.mark.parametrize("version", [1, 2, 3, 4])
-def test_a_study_of_an_earlier_format_is_read_and_goes_on(folder, finished, version):
-    """As `in_format` has them: a study is read, and resumes to the same bits."""
-    half_done(folder)
-    in_format(folder, version)
-    assert load_study(folder).layout("light-seeking") == finished.layout("light-seeking")
-    assert len(load_study(folder).evaluations()["run"]) == 40
-    run_study(folder, resume=True, workers=1)
-    here, there = content(folder), content(finished.folder)
-    assert {**here, "run": 0} == {**there, "run": 0}
-    assert load_study(folder).genotypes(2).shape == (90, 30, 34)
-    assert (load_study(folder).runs[0].champion == finished.runs[0].champion).all()
-
-
-def test_a_profile_of_an_earlier_version_is_no_other_profile(copy):
-    """A study whose copy lacks the keys added since goes on with the same profile, and with no other."""
-    in_format(copy, 1)
-    kept = copy / "profile.toml"
-    text = kept.read_text("utf-8")
-    kept.write_text(text.replace("sensor_height_cm = 0.0\n", "").replace("height_cm = 0.0\n", "", 1), "utf-8")
-    assert run_study(copy, small(), resume=True).runs[0].finished
-    with pytest.raises(StudyError, match=r"keeps a different profile.toml"):
-        run_study(copy, small(profile="khepera"), resume=True)
-
-
-def test_a_study_that_an_earlier_version_wrote_says_the_same(tmp_path):
-    """A file of format 4 as it was written: all that its version read of it, and its packed trials."""
-    safe = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}  # not before 3.11.4
-    shutil.unpack_archive(Path(__file__).with_name("format-4.tar.xz"), tmp_path, **safe)
-    study = load_study(tmp_path / "format-4")
-    assert all_that_is_read(study.folder).startswith("6601df65ad85f7641ac66af8b0e01867")
-    assert [len(study.query(f"SELECT * FROM {name}")["run"]) for name in NAMES] == [2, 180, 292]
-    trials = load_transfers(study.folder)
-    assert [(one.run, one.start, len(one.situated), len(one.simulated)) for one in trials] == [
-        (1, 1, 6, 6), (2, 1, 6, 6),
-    ]  # fmt: skip
 
 
 def test_flipped_bits_are_noticed(copy):

@@ -9,8 +9,7 @@ from contextlib import closing
 import pytest
 
 from realitygap.errors import StudyError
-from realitygap.experiments.noise.config import NoiseConfig
-from realitygap.experiments.randomise.plan import RandomiseConfig
+from realitygap.experiments.noise import NoiseConfig
 from realitygap.experiments.realities import Realities
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
@@ -61,11 +60,12 @@ def test_a_database_cut_short(copy):
     refused(copy, "broken")
 
 
-def test_a_newer_format(copy):
-    """A study of a newer realitygap is left alone."""
+@pytest.mark.parametrize(("version", "cure"), [(99, "Upgrade realitygap"), (4, "Make the study again")])
+def test_another_format(copy, version, cure):
+    """A study of a newer realitygap, or of one before the first release, is left alone."""
     with closing(sqlite3.connect(copy / "study.db")) as database:
-        database.execute("PRAGMA user_version = 99")
-    refused(copy, "format 99, .* Upgrade realitygap")
+        database.execute(f"PRAGMA user_version = {version}")
+    refused(copy, f"format {version}, this realitygap reads format 5\\. {cure}")
 
 
 def test_a_damaged_checkpoint(copy):
@@ -85,7 +85,7 @@ def test_no_study(tmp_path):
         load_study(tmp_path / "nowhere")
 
 
-@pytest.mark.parametrize("kind", [NoiseConfig, RandomiseConfig, Realities])
+@pytest.mark.parametrize("kind", [NoiseConfig, Realities])
 def test_an_experiments_folder_is_told_from_a_studys(tmp_path, kind):
     """Its settings' file says which command made it, and so which one makes its results again."""
     (tmp_path / kind.FILE).touch()

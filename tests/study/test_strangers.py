@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
+import sqlite3
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from realitygap.errors import StudyError, TaskError, UsageError
 from realitygap.report.build import build_report
 from realitygap.study import sources
 from realitygap.study.config import StudyConfig
+from realitygap.study.digest import seal
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
 
@@ -115,21 +118,20 @@ def test_paths_that_lead_outside_are_refused(theirs, tmp_path, way):
         words = "'profile.toml' leads out of it"
     else:
         name = way.format("other.toml" if "." in way[:1] else other)
-        _first_format(folder)
-        config = folder / "study.toml"
-        config.write_text(config.read_text().replace('"profile.toml"', f'"{name}"'))
+        _forge(folder, '"profile.toml"', f'"{name}"')
         words = r"other.toml' leads out of it"
     with pytest.raises(StudyError, match=words):
         _ = load_study(folder).profile
 
 
-def _first_format(folder: Path) -> None:
-    """A database that keeps no sources to compare with."""
-    import sqlite3
-    from contextlib import closing
-
+def _forge(folder: Path, old: str, new: str) -> None:
+    """Change a study's configuration in its file and in its database, with the digest that belongs to it."""
+    config = folder / "study.toml"
+    config.write_text(config.read_text().replace(old, new))
     with closing(sqlite3.connect(folder / "study.db")) as database, database:
-        database.execute("PRAGMA user_version = 1")
+        change = "UPDATE source SET content = ? WHERE name = 'study.toml'"
+        database.execute(change, (config.read_bytes(),))
+        seal(database, 0, "source")
 
 
 @pytest.mark.parametrize("link", ["report", "report/figures", "report/index.html", "study.lock"])

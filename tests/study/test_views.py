@@ -1,4 +1,4 @@
-"""A study's database answers what is asked of it most, in SQL, whatever its format."""
+"""A study's database answers what is asked of it most, in SQL."""
 
 import shutil
 import sqlite3
@@ -12,7 +12,7 @@ from realitygap.study.arrays import Block, joined
 from realitygap.study.digest import seal
 from realitygap.study.load import load_study
 from realitygap.study.views import NAMES
-from tests.study.helpers import content, in_format
+from tests.study.helpers import content
 
 
 def test_a_new_database_holds_the_views(finished):
@@ -41,21 +41,6 @@ def test_the_views_say_what_the_study_says(finished):
     assert np.array_equal(rows["fitness"], there["fitness"]) and np.array_equal(rows["cell"], there["cell"])
     best = finished.query("SELECT max(score) AS best FROM tests WHERE who = 'population' AND run = 1")
     assert best["best"][0] == finished.retests(1)["score"].max()
-
-
-def test_an_older_database_is_asked_in_the_same_way(finished, tmp_path):
-    """Nothing is written into it, and it answers what the new one does."""
-    keys = ("run", "run, number", "run, who, number, tested_noise, trial")
-    asked = [f"SELECT * FROM {name} ORDER BY {key}" for name, key in zip(NAMES, keys, strict=True)]
-    for version in (4, 3, 2, 1):
-        shutil.copytree(finished.folder, tmp_path / str(version))
-        in_format(tmp_path / str(version), version)
-        old, before = load_study(tmp_path / str(version)), (tmp_path / str(version) / "study.db").read_bytes()
-        for sql in asked:
-            new, found = finished.query(sql), old.query(sql)
-            assert list(new) == list(found)
-            assert all(np.array_equal(new[key], found[key], equal_nan=new[key].dtype == float) for key in new)
-        assert (tmp_path / str(version) / "study.db").read_bytes() == before
 
 
 @pytest.mark.parametrize(

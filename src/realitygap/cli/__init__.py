@@ -3,7 +3,6 @@
 import click
 
 from realitygap import __version__
-from realitygap.cli.bench import bench
 from realitygap.cli.calibrate import calibrate
 from realitygap.cli.camera import camera
 from realitygap.cli.classify import classify
@@ -25,7 +24,6 @@ from realitygap.cli.score import score
 from realitygap.cli.shipped import arena, profile
 from realitygap.cli.show import show
 from realitygap.cli.simulate import simulate
-from realitygap.cli.slurm import slurm
 from realitygap.cli.track import track
 from realitygap.cli.transfer import transfer
 from realitygap.cli.twin import twin
@@ -56,8 +54,7 @@ def realitygap(ctx: click.Context) -> None:
 
 for _command in (
     reproduce, evolve, experiment, realities, simulate, probe, show, replay, report, export, transfer, drive,
-    score, merge, slurm, classify, judge, robot, twin, record, calibrate, track, camera, profile, arena,
-    bench,
+    score, merge, classify, judge, robot, twin, record, calibrate, track, camera, profile, arena,
 ):  # fmt: skip
     realitygap.add_command(_command)
 

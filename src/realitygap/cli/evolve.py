@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import consider, note_new
+from realitygap.cli.notes import note_few, note_new
 from realitygap.cli.scene import note_dark
 from realitygap.cli.studies import carry_out, show_study
 
@@ -80,7 +80,7 @@ def evolve(
     fields = {**options, "arena": arena, "spreads": spreads}
     chosen = changed_config(begun, task, noise, settings, option.given(fields))
     if not resume:
-        _notes(chosen, task, workers, shard)
+        _notes(chosen, task)
     else:
         note_new(folder, DATABASE)
     words = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
@@ -126,7 +126,7 @@ def changed_config(
     return replace(begun, **fields)
 
 
-def _notes(config: StudyConfig, task: str, workers: Workers, shard: Shard | None) -> None:
+def _notes(config: StudyConfig, task: str) -> None:
     """What is taken as it was said, though it may be a slip."""
     from dataclasses import replace
 
@@ -141,9 +141,7 @@ def _notes(config: StudyConfig, task: str, workers: Workers, shard: Shard | None
     loaded.to_kernel(profile)  # or what the robot lacks would be told as a fault of the encoding
     note_dark(loaded, loaded.arena)
     population = config.evolution.make(config.encoding_for(loaded)).cells
-    runs = config.runs * len(config.conditions)
-    runs = runs if shard is None else len(shard.own(range(runs)))
-    consider(runs=runs, evaluations=config.evaluations, workers=workers, population=population)
+    note_few(config.evaluations, population)
 
 
 def _conditions(

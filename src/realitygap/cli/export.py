@@ -9,8 +9,8 @@ import click
 from click.core import ParameterSource
 
 from realitygap.cli import option
-from realitygap.cli.estimate import ask_trust
 from realitygap.cli.kinds import Whole
+from realitygap.cli.notes import ask_trust
 from realitygap.cli.output import tell
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""How a command begins and ends: its words tidied, then one clear line on stderr and an exit code.
+"""How a command ends: in one clear line on stderr and an exit code.
 
 0 done; 1 not the user's doing; 2 something that the user can fix; 130 stopped by Ctrl-C. Never a
 traceback.
@@ -8,8 +8,7 @@ import errno
 import os
 import sys
 import traceback
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
@@ -18,7 +17,7 @@ import click
 
 from realitygap.errors import RealityGapError, StudyInterruptedError
 
-__all__ = ["Commands", "StoppedError", "is_begun", "resumable", "tidy"]
+__all__ = ["Commands", "StoppedError", "is_begun", "resumable"]
 
 DEBUG = "REALITYGAP_DEBUG"
 """Set to 1 in the environment, this shows the traceback of a failure."""
@@ -26,8 +25,8 @@ DEBUG = "REALITYGAP_DEBUG"
 STOPPED = 130
 """Exit code after Ctrl-C."""
 
-LONGEST = 400
-"""Most characters of one word, such as a path, in a message."""
+LONGEST = 2000
+"""Most characters of a message."""
 
 _FULL = {errno.ENOSPC, errno.EDQUOT}
 _NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
@@ -72,19 +71,11 @@ class Commands(click.Group):
         """Commands in the order in which a person meets them."""
         return list(self.commands)
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command that the arguments name, and its words, tidied."""
-        if args[:1] == ["study"]:
-            raise click.UsageError("study: renamed; it is `realitygap experiment` now.", ctx)
-        name, command, rest = super().resolve_command(ctx, args)
-        return name, command, rest if command is None else tidy(command, ctx, rest)
-
-    def main(self, *args: Any, **extra: Any) -> NoReturn:
+    def main(self, args: Sequence[str] | None = None, *more: Any, **extra: Any) -> NoReturn:
         """Run the command that the arguments name, and exit."""
         extra["standalone_mode"] = False
-        sys.exit(guarded(lambda: super(Commands, self).main(*args, **extra)))
+        words = _spread(sys.argv[1:] if args is None else args)
+        sys.exit(guarded(lambda: super(Commands, self).main(words, *more, **extra)))
 
 
 def guarded(work: Callable[[], Any]) -> int:
@@ -108,17 +99,14 @@ def explain(failure: Exception) -> int:
         _close(sys.stdout)  # whoever read our output has seen enough
         return 1
     line, code = _describe(failure)
-    for stream, said in ((sys.stderr, [_shortened(word) for word in line.split()]), (sys.stdout, [])):
+    line = " ".join(line.splitlines())
+    said = line if len(line) <= LONGEST else f"{line[:LONGEST]}…"  # of a damaged file, say
+    for stream, text in ((sys.stderr, said), (sys.stdout, "")):
         try:
-            click.echo(" ".join(said), stream, nl=bool(said))
+            click.echo(text, stream, nl=bool(text))
         except OSError:  # it is full: the interpreter would try it once more
             _close(stream)
     return code
-
-
-def _shortened(word: str) -> str:
-    """A word that a damaged file made endless, cut short."""
-    return word if len(word) <= LONGEST else f"{word[: LONGEST // 2]}…{word[-LONGEST // 4 :]}"
 
 
 def _describe(failure: Exception) -> tuple[str, int]:
@@ -163,48 +151,17 @@ def _close(stream: TextIO) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def tidy(command: click.Command, ctx: click.Context, args: list[str]) -> list[str]:
-    """The words after a command's name; "25,25,90" becomes three where an option takes three.
-
-    Of a group's the subcommand's are looked at too.
-
-    Raises:
-        click.UsageError: an option that takes one value and is given twice, or too few numbers.
-    """
-    own = click.Context(command, info_name=command.name, parent=ctx)
-    options = [p for p in command.get_params(own) if isinstance(p, click.Option)]
-    for option in options:
-        if option.nargs > 1:
-            args = _apart(option, own, args)
-    try:
-        _, rest, order = command.make_parser(own).parse_args(list(args))
-    except click.UsageError:
-        return args  # click's own words, when it reads them
-    for param, times in Counter(p for p in order if isinstance(p, click.Option)).items():
-        if times > 1 and not (param.multiple or param.is_flag or param.count):
-            raise click.UsageError(f"{param.opts[0]}: expected once, got {times} times. Keep one.", own)
-    inner = command.get_command(own, rest[0]) if isinstance(command, click.Group) and rest else None
-    if inner is None:
-        return args
-    before = args[: len(args) - len(rest) + 1]
-    return [*before, *tidy(inner, own, rest[1:])]
-
-
-def _apart(option: click.Option, ctx: click.Context, args: list[str]) -> list[str]:
-    """Numbers with commas between them, after an option that takes several, as words of their own."""
+def _spread(words: Sequence[str]) -> list[str]:
+    """`--pose 25,25,90` as the three words that Click takes."""
     made: list[str] = []
-    words = list(args)
-    while words:
-        word = words.pop(0)
-        name, sign, joined = word.partition("=")
-        if name not in option.opts:
-            made.append(word)
-            continue
-        numbers = joined.split(",") if sign else []
-        while words and len(numbers) < option.nargs and not words[0].startswith("--"):
-            numbers += [number for number in words.pop(0).split(",") if number]
-        if len(numbers) != option.nargs:
-            expected = f"{option.nargs} numbers, {option.metavar}, such as {name} 25 25 90"
-            raise click.UsageError(f"{name}: expected {expected}, got {' '.join(numbers) or 'none'}.", ctx)
-        made += [name, *numbers]
+    left = 0
+    for word in words:
+        name, _, joined = word.partition("=")
+        if name == "--pose":
+            made, left, word = [*made, name], 3, joined
+        if left and not word.startswith("--"):
+            numbers = [number for number in word.split(",") if number]
+            made, left = [*made, *numbers], left - len(numbers)
+        else:
+            made, left = [*made, word], 0
     return made

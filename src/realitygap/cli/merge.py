@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import ask_trust, note_versions
 from realitygap.cli.experiment import show_noise
 from realitygap.cli.failure import resumable
+from realitygap.cli.notes import ask_trust, note_versions
 from realitygap.cli.output import tell, warn
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import reported, show_study
@@ -46,9 +46,8 @@ def merge(
         realitygap evolve avoidance --runs 9 --out out/nine --shard 1/3   # and 2/3, 3/3, anywhere
         realitygap merge out/nine-shard-*-of-3
     """
-    from realitygap.experiments.noise.config import CONFIG, NoiseConfig
-    from realitygap.experiments.noise.folder import merge_noise
-    from realitygap.experiments.noise.run import noise_study
+    from realitygap.experiments.noise import CONFIG, NoiseConfig
+    from realitygap.experiments.noise_run import merge_noise, noise_experiment
     from realitygap.study.load import load_study
     from realitygap.study.merge import all_shards, merge_runs
     from realitygap.study.reader import DATABASE
@@ -68,7 +67,7 @@ def merge(
             merge_noise(found, target)
             note_versions(load_study(place).versions() for place in sorted((target / "evolved").iterdir()))
             with ProgressLine() as progress:
-                results = noise_study(target, workers=workers, resume=True, on_progress=progress.show)
+                results = noise_experiment(target, workers=workers, resume=True, on_progress=progress.show)
             show_noise(target, results, told, json_output=json_output)
         return
     for folder in found.values():

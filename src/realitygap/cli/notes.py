@@ -1,8 +1,7 @@
-"""What a command will cost and whose programs it runs: noted or asked before it starts."""
+"""What a person should know, or is asked, before a command starts."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,19 +13,7 @@ from realitygap.cli.output import at_terminal
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from realitygap.work.workers import Workers
-
-__all__ = ["ask_trust", "consider", "note", "note_new", "note_versions"]
-
-EVALUATIONS_A_SECOND = 1000
-"""Of one core: two trials of twenty seconds each, tests included (docs/benchmarks.md)."""
-TRIALS_A_SECOND = 2.5
-"""Of one core: watched trials of twenty seconds on the twin (the same)."""
-DAY_S = 86400.0
-POPULATION = 64
-"""Of the paper's grid."""
-LONG_S = DAY_S / 2
-"""From this long on, the work is confirmed first."""
+__all__ = ["ask_trust", "note", "note_few", "note_new", "note_versions"]
 
 
 def note(text: str) -> None:
@@ -54,36 +41,13 @@ def note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
             note(f"the shards were made with different {name}: {', '.join(map(str, values))}")
 
 
-def consider(
-    *, runs: int = 0, evaluations: int = 0, trials: int = 0, workers: Workers, population: int = POPULATION
-) -> None:
-    """Note how long a large amount of work takes; on a terminal, ask first.
-
-    Args:
-        runs: of evolution; evaluations: of each.
-        trials: on the twin.
-        workers: processes; one a core if None.
-        population: individuals that a run starts with.
-
-    Raises:
-        click.Abort: the answer is no.
-    """
-    if runs and evaluations < population:
+def note_few(evaluations: int, population: int = 64) -> None:
+    """Note that a run has fewer evaluations than the population (the paper's has 64)."""
+    if evaluations < population:
         note(
             f"{evaluations} evaluations are fewer than the population's {population}: all individuals are "
             "random and none is bred"
         )
-    hands = (workers if isinstance(workers, int) else os.cpu_count()) or 1
-    seconds = runs * evaluations / EVALUATIONS_A_SECOND / max(1, min(runs, hands))
-    seconds += trials / TRIALS_A_SECOND / max(1, min(trials, hands))
-    if seconds < LONG_S:
-        return
-    much = f"{seconds / 3600:.0f} hours" if seconds < 2 * DAY_S else f"{seconds / DAY_S:,.0f} days"
-    work = {"evaluations": runs * evaluations, "trials on robots": trials}
-    said = " and ".join(f"{count:,} {what}" for what, count in work.items() if count)
-    note(f"{said}: about {much} on this machine")
-    if at_terminal():
-        click.confirm("Start?", abort=True, err=True)
 
 
 def ask_trust(study: str, trust: bool) -> None:

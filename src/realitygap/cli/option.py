@@ -171,10 +171,10 @@ def profile(default: str | None = "paper", says: str = "") -> Callable[[Decorate
     return click.option("--profile", default=default, metavar="P", help=says)
 
 
-def twin_noise(*aliases: str) -> Callable[[Decorated], Decorated]:
+def twin_noise() -> Callable[[Decorated], Decorated]:
     """`--twin-noise X`; None if omitted."""
     kind, says = Finite(0, LARGEST_SCALE), "Noise scale of a twin or of Enki, 0 to 10 [default: 1]."
-    return click.option("--twin-noise", *aliases, "twin_noise", type=kind, metavar="X", help=says)
+    return click.option("--twin-noise", type=kind, metavar="X", help=says)
 
 
 def baud(

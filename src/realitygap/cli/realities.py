@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import consider, note_new
 from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
+from realitygap.cli.notes import note_new
 from realitygap.cli.output import print_json, table, warn
 from realitygap.cli.progress import ProgressLine
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["realities"]
 
 SMALL = {"runs": 2, "starts": 2, "evaluations": 200}
+FEW = 5
+"""Runs a level below which the table has no scores: their means would say nothing."""
 
 
 @click.command()
@@ -50,9 +52,10 @@ def realities(
     The realities are the twin, the robots of EPFL's simulator Enki (its Khepera, e-puck and Thymio II)
     and those that --robot names. Each robot is recorded, and a simulation calibrated to it. Controllers
     that avoid obstacles evolve in it at every noise level, drive the robot and are compared with the
-    simulation. Prints one matrix for all: model error over noise, noise, correspondence by level, and
-    where the simulation is as noisy as the reality. Realities that are not installed are left out, unless
-    --robot names them. With --resume, omitted options keep their saved values.
+    simulation. Prints one matrix for all: model error over noise, beside that of real robots' readings;
+    noise; correspondence by level; and where the simulation is as noisy as the reality. Realities that are
+    not installed are left out, unless --robot names them. With --resume, omitted options keep their saved
+    values.
 
     \b
     Examples: a small one to try; a robot of your own beside all others; two of Enki's alone
@@ -61,30 +64,33 @@ def realities(
         realitygap realities --only --robot enki:epuck --robot enki:thymio2 --out out/enki
     """
     from realitygap.experiments.realities import carry_out
-    from realitygap.report.realities import build_realities_report, matrix, read_realities, realities_summary
+    from realitygap.report.experiment import build_realities_page, matrix, noise_summary
 
     asked = _asked(out, resume, {**(SMALL if small else {}), **option.given(options)})
-    if not resume:
-        runs = asked.runs * len(asked.levels) * len(asked.every)
-        consider(runs=runs, evaluations=asked.evaluations, trials=runs * asked.starts, workers=workers)
-    else:
+    if resume:
         note_new(out, asked.FILE)
     with resumable(out, asked.resuming(out), asked.FILE), ProgressLine() as progress:
         places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
-        page = build_realities_report(out, places, on_progress=progress.report)
+        few = asked.runs < FEW
+        page = build_realities_page(out, places, few=few, on_progress=progress.report)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
     if json_output:
-        print_json({"folder": str(out), "report": str(page), **realities_summary(places)})
+        robots = [
+            {"robot": one.robot, "folder": str(one.folder), **noise_summary(one.folder)}
+            for one in places if not one.why
+        ]  # fmt: skip
+        left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
+        print_json({"folder": str(out), "report": str(page), "realities": robots, "left_out": left})
         return
-    rows = matrix(read_realities(places))
-    click.echo(f"{table(rows.head, rows.texts())}\n\nreport {page}")
+    rows = matrix(places, few=few)
+    click.echo(f"{table(rows.head, rows.rows)}\n\nreport {page}")
 
 
 def _asked(out: Path, resume: bool, given: dict[str, Any]) -> Realities:
     """The usual one with what was given; or, resumed, the one that is there."""
     from dataclasses import replace
 
-    from realitygap.experiments.noise.config import levels_of
+    from realitygap.experiments.noise import levels_of
     from realitygap.experiments.realities import Realities
 
     begun = Realities.begun(out, resume=resume)

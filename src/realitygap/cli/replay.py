@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import ask_trust
 from realitygap.cli.kinds import FILM
+from realitygap.cli.notes import ask_trust
 from realitygap.cli.output import tell
 from realitygap.cli.scene import facts, path_table
 from realitygap.errors import StudyError

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import consider, note_new
 from realitygap.cli.kinds import Whole
+from realitygap.cli.notes import note_few, note_new
 from realitygap.cli.studies import Carried, carry_out, show_study
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["carried_out", "reproduce", "requested_by"]
 
-CONDITIONS = 6
 """Two tasks at three levels of noise."""
 
 
@@ -71,9 +70,7 @@ def reproduce(
 
     requested = requested_by(out, resume, options)
     if not resume:
-        all_runs = CONDITIONS * requested.runs
-        trials = 0 if no_transfer else all_runs * requested.starts
-        consider(runs=all_runs, evaluations=requested.evaluations, trials=trials, workers=workers)
+        note_few(requested.evaluations)
     else:
         note_new(out, DATABASE, ASKED)
     carried = carried_out(

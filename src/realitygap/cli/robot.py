@@ -46,12 +46,12 @@ def robot() -> None:
 @robot.command()
 @click.option(
     "--robot",
-    "address",
+    "where",
     type=ROBOT,
+    required=True,
     help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, "
     "or a body of your own, file.py:Class.",
 )
-@click.option("--port", metavar="P", help="The same as --robot serial:P.")
 @option.baud()
 @option.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
 @click.option("--seconds", type=Finite(0.1, 3600), default=3.0, help="Seconds for which to show the sensors.")
@@ -59,8 +59,7 @@ def robot() -> None:
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
 @option.as_json
 def check(
-    address: Address | None,
-    port: str | None,
+    where: Address,
     baud: int | None,
     profile: str,
     seconds: float,
@@ -74,21 +73,17 @@ def check(
 
     \b
     Examples: a robot with factory settings; one of your own
-        realitygap robot check --port /dev/ttyUSB0 --baud 9600
+        realitygap robot check --robot serial:/dev/ttyUSB0 --baud 9600
         realitygap robot check --robot my_robot.py:MyRobot --profile my_robot.toml
     """
     from contextlib import closing
 
-    from realitygap.robots.address import Address
     from realitygap.robots.body import Inspected, Placing, facts_of
     from realitygap.robots.signals import Stopping
     from realitygap.transfer.plan import check_fit
     from realitygap.values import Pose
     from realitygap.world.profile import load_profile
 
-    if (address is None) == (port is None):
-        raise click.UsageError("expected --robot R or --port P, one of them.")
-    where = Address(kind="serial", rest=port or "") if address is None else address
     option.check_baud(where)
     settings = {"baud": baud, "clock_channel": clock_channel}
     named = click.get_current_context().get_parameter_source("profile") is not ParameterSource.DEFAULT
@@ -104,7 +99,7 @@ def check(
         facts = _about(where, body)
         if not json_output:
             about = [f"{name} {fact}" for name, fact in facts.items() if name not in ("robot", "port")]
-            click.echo(": ".join([str(port or where), ", ".join(about)]) if about else str(where))
+            click.echo(": ".join([str(where), ", ".join(about)]) if about else str(where))
         facts |= _sensors(body, seconds, live=not json_output and sys.stdout.isatty())
         facts |= {"counters": _counters(body)}
         if not json_output:

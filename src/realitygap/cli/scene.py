@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from realitygap.cli.estimate import note
+from realitygap.cli.notes import note
 from realitygap.cli.option import checked_pose
 from realitygap.cli.output import Figure, table
 

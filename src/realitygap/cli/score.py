@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from realitygap.cli import option
-from realitygap.cli.output import Figure, table, tell, warn
+from realitygap.cli.output import tell, warn
 from realitygap.errors import RealityGapError, TrackError
 
 if TYPE_CHECKING:
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
 
     from realitygap.correspondence.score import Comparison
     from realitygap.tasks.task import Task
-    from realitygap.transfer.order import Order
-    from realitygap.transfer.without_camera import WithoutCamera
 
 __all__ = ["score"]
 
@@ -29,20 +26,12 @@ __all__ = ["score"]
 @click.argument("b", type=click.Path(), required=False)
 @option.task
 @click.option("--ceiling", metavar="PATH", help="Tracks of another behaviour, which define a score of 0.")
-@click.option(
-    "--without-camera",
-    is_flag=True,
-    help="A is a study with transfers: compare what robots read and did, not their tracks.",
-)
-@option.trust
 @option.as_json
 def score(
     a: str,
     b: str | None,
     task: str | None,
     ceiling: str | None,
-    without_camera: bool,
-    trust: bool,
     json_output: bool,
 ) -> None:
     """Score how alike two sets of tracks are.
@@ -54,19 +43,11 @@ def score(
     ones. 10 means as alike as the same robot twice, 0 a different behaviour; the output says what these ends
     were measured on.
 
-    With --without-camera, A is the study itself: for each transferred controller, how far apart (Wasserstein
-    distance, 0 is equal) the readings, commands and wheel speeds of simulated and situated trials are; and,
-    where a camera saw the robots, whether both put controllers into the same order.
-
     \b
     Examples:
         realitygap score simulated.csv filmed/ --task avoidance
         realitygap score out/reproduce/transfer/twin-1/obstacle-avoidance-observed-1
-        realitygap score out/reproduce --without-camera
     """
-    if without_camera:
-        _score_without_camera(a, {"B": b, "--task": task, "--ceiling": ceiling}, trust, json_output)
-        return
     from realitygap.correspondence.reading import doubts_of, read_transfer, read_trials
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
@@ -108,63 +89,6 @@ def _task_of(folder: Path, trials: Path) -> Task | None:
             name = read_toml(next(trials.rglob(TRANSFER)), TrackError, "Transfer again.")["task"]
             return load_study(above).task(name)
     return None
-
-
-def _score_without_camera(folder: str, others: dict[str, str | None], trust: bool, json_output: bool) -> None:
-    """What a study's robots read and did, beside what the simulated ones did."""
-    from realitygap.cli.estimate import ask_trust
-    from realitygap.cli.progress import ProgressLine
-    from realitygap.transfer.without_camera import without_camera
-
-    for name, value in others.items():
-        if value is not None:
-            raise click.UsageError(
-                f"{name}: expected none with --without-camera, which takes a study; leave it out."
-            )
-    ask_trust(folder, trust)
-    with ProgressLine() as progress:
-        found = without_camera(folder, on_progress=progress.marks)
-    tell(json_output, {"study": folder, **found.to_dict()}, *_told_lived(found))
-
-
-def _told_lived(found: WithoutCamera) -> Iterator[str]:
-    """A line a controller, then how the measures' orders agree."""
-    rows = [
-        [
-            one.name, one.kind, one.individual, one.trials, Figure(one.readings, ".3f"),
-            Figure(one.commands, ".3f"), Figure(one.speeds, ".3f"), Figure(one.distance, ".3f"),
-            Figure(one.correspondence, ".1f"), Figure(one.replay_cm, ".1f"),
-        ]
-        for one in found.controllers
-    ]  # fmt: skip
-    yield table(("run", "on", "individual", "trials", "readings", "commands", "speeds", "all",
-                 "camera's score", "replay cm"), rows)  # fmt: skip
-    left_out = sum(one.left_out for one in found.controllers)
-    if left_out:
-        yield f"left out: {left_out} trials without a recording, or whose simulation differs today"
-    for order in found.orders:
-        yield from _told_order(order)
-
-
-def _told_order(one: Order) -> Iterator[str]:
-    """How the measures' orders of a task's controllers agree."""
-    said = {key: Figure(value, "+.2f") for key, value in asdict(one).items() if isinstance(value, float)}
-    span = f" (95 %: {said['low']} to {said['high']})" if one.low == one.low else ""
-    verdict = f"{one.verdict} for it" if one.rho == one.rho else "the camera saw fewer than three of them"
-    yield f"\n{one.task}, {one.individual} on {one.kind}: {one.controllers} controllers"
-    yield f"order without camera and by camera: rho {said['rho']}{span}: {verdict}"
-    yield (
-        f"  readings alone {said['readings']}, commands {said['commands']}, speeds {said['speeds']}, "
-        f"error of replayed commands {said['replay']}"
-    )
-    yield (
-        f"sim-vs-real correlation of fitness: r {said['fitness']} "
-        f"(95 %: {said['fitness_low']} to {said['fitness_high']})"
-    )
-    yield (
-        f"order by situated fitness: rho {said['simulated']} with fitness in simulation, "
-        f"{said['pseudo']} in pseudo-realities"
-    )
 
 
 def _told(made: Comparison) -> Iterator[str]:

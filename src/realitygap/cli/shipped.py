@@ -1,4 +1,6 @@
-"""`realitygap arena` and `realitygap profile`: rooms and robots to look at, to copy and to change."""
+"""`realitygap arena` and `realitygap profile`: arenas and robots to look at, to copy and to change."""
+
+from typing import Any
 
 import click
 
@@ -6,6 +8,13 @@ from realitygap.cli.option import as_json
 from realitygap.cli.output import tell
 
 __all__ = ["arena", "profile"]
+
+
+def _show(folder: str, name: str, loaded: Any, json_output: bool) -> None:
+    """A shipped file as it is, with its comments, or a user's as it was read."""
+    from realitygap.world.files import shipped_text
+
+    tell(json_output, loaded.to_dict(), (shipped_text(folder, name) or loaded.to_toml()).rstrip())
 
 
 @click.group()
@@ -22,20 +31,18 @@ def arena() -> None:
 @click.argument("name")
 @as_json
 def show_arena(name: str, json_output: bool) -> None:
-    """Print a room's walls, cylinders and lamps.
+    """Print an arena's walls, cylinders and lamps.
 
-    NAME is a shipped arena or a TOML file. Without --json this is TOML:
-    save it, change it, and give the file to --arena.
+    NAME is a shipped arena or a TOML file. Without --json this is TOML: save it, change it, and give the file
+    to --arena.
 
     \b
-    Example: a room of your own
-        realitygap arena show obstacle-avoidance > room.toml
+    Example: an arena of your own
+        realitygap arena show obstacle-avoidance > arena.toml
     """
     from realitygap.world.arena import load_arena
-    from realitygap.world.files import shipped_text
 
-    loaded = load_arena(name)
-    tell(json_output, loaded.to_dict(), (shipped_text("arenas", name) or loaded.to_toml()).rstrip())
+    _show("arenas", name, load_arena(name), json_output)
 
 
 @click.group()
@@ -54,15 +61,13 @@ def profile() -> None:
 def show_profile(name: str, json_output: bool) -> None:
     """Print all constants of a robot.
 
-    NAME is a shipped profile or a TOML file. Without --json this is TOML:
-    save it, change it, and give the file to --profile.
+    NAME is a shipped profile or a TOML file. Without --json this is TOML: save it, change it, and give the
+    file to --profile.
 
     \b
     Example: a robot of your own
         realitygap profile show paper > mine.toml
     """
-    from realitygap.world.files import shipped_text
     from realitygap.world.profile import load_profile
 
-    loaded = load_profile(name)
-    tell(json_output, loaded.to_dict(), (shipped_text("profiles", name) or loaded.to_toml()).rstrip())
+    _show("profiles", name, load_profile(name), json_output)

@@ -39,7 +39,7 @@ def show(study: str, run: str | None, picture: Path | None, trust: bool, json_ou
     """
     from realitygap.study.load import load_study
 
-    loaded = load_study(study, trust=trust)  # only a study of format 1 needs it
+    loaded = load_study(study, trust=trust)  # to run an encoding of the user's own
     runs = loaded.runs if run is None else [loaded.run(run)]
     if picture is not None:
         if run is None:

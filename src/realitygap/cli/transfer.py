@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import option
-from realitygap.cli.estimate import ask_trust, consider
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import Whole
+from realitygap.cli.notes import ask_trust
 from realitygap.cli.output import shown, table, tell
 from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import show_shard
@@ -129,8 +129,6 @@ def transfer(
     loaded = load_study(study)
     options = Transfer(**words)
     option.check_baud(*options.bodies)
-    trials = (len(options.runs) or len(loaded.runs)) * len(options.robots) * options.starts
-    consider(trials=trials if shard is None else len(shard.own(range(trials))), workers=workers)
     carry = partial(_carry, seen=options.eye is not None)
     home = place_of(loaded.folder, options) if shard is None else shard_folder(loaded.folder, shard)
     attendant = Attendant(carry, _found, partial(click.echo, err=True))

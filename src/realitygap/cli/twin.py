@@ -32,7 +32,7 @@ def twin() -> None:
     "--arena", "arena_name", required=True, metavar="TASK", help="A task, or an arena's name or TOML file."
 )
 @click.option("--unit", type=Whole(0, MOST), default=1, help="Which robot.")
-@option.twin_noise("--noise")
+@option.twin_noise()
 @option.seed(says=" It does not change the unit's constants: those depend on --unit alone.")
 @option.baud("Baud rate set by its jumper.", any_rate=False)
 @click.option(

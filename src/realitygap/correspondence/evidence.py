@@ -2,7 +2,7 @@
 make.
 
 The rule does not use a trial's name. It was fixed after a look at tracks of a Thymio, and before the later
-vehicles that names were tested on (tests/correspondence/vehicles_later.py) were named.
+vehicles that names were tested on (studies/correspondence/vehicles_later.py) were named.
 """
 
 import numpy as np

@@ -7,8 +7,8 @@ robots that ignore their surroundings, or far from every exemplar, is "none of t
 
 The confidence of a name follows from the neighbours' votes and the distance of the nearest. Two parameters
 calibrate it to the share of correct names: the reach, beyond which a trial is too far for any name, and the
-temperature. Both are fitted to exemplars of designs that are excluded from the votes (`python -m
-tests.exemplars.make`).
+temperature. Both are fitted to exemplars of designs that are excluded from the votes
+(studies/correspondence/run.py in the repository).
 """
 
 import math
@@ -215,7 +215,7 @@ def namer(setting: Setting, radius_cm: float = RADIUS_CM) -> Namer:
         large = radius_cm > LARGE_CM and f"{task}{LARGE} rows" in kept
         of, arena = f"{task}{LARGE}" if large else task, load_task(task).arena
         if kept[f"{of} descriptors"].tolist() != [d.name for d in descriptors_of(arena, large)]:
-            raise RuntimeError("exemplars.npz is older than the descriptors: run tests.exemplars.make")
+            raise RuntimeError("exemplars.npz is older than the descriptors. Install realitygap again.")
         fitted = {what: float(kept[f"{of} {what}"]) for what in ("reach", "temperature")}
         return Namer(task, kept[f"{of} rows"], kept[f"{of} names"], large=large, **fitted)
 

@@ -12,8 +12,7 @@ from realitygap.errors import UsageError
 from realitygap.values import Floats
 
 __all__ = [
-    "Correlation", "correlation", "parting_s", "ranks", "resampled_weights", "transferability",
-    "two_sample_p",
+    "Correlation", "correlation", "parting_s", "resampled_weights", "transferability", "two_sample_p",
 ]  # fmt: skip
 
 NEIGHBOURS = 3
@@ -119,6 +118,8 @@ def correlation(
     Raises:
         UsageError: fewer than three controllers, or lists of different lengths.
     """
+    from scipy.stats import rankdata
+
     x, y = np.asarray(simulated, np.float64), np.asarray(situated, np.float64)
     if x.shape != y.shape or x.ndim != 1 or len(x) < 3 or not np.isfinite([x, y]).all():
         raise UsageError(
@@ -130,23 +131,14 @@ def correlation(
     made = [_pearson(x[rows], y[rows]) for rows in drawn]
     low, high = np.nanquantile(made, [0.025, 0.975]) if np.isfinite(made).any() else (np.nan, np.nan)
     return Correlation(
-        r=_pearson(x, y), rho=_pearson(ranks(x), ranks(y)), interval=(float(low), float(high)),
+        r=_pearson(x, y), rho=_pearson(rankdata(x), rankdata(y)), interval=(float(low), float(high)),
         controllers=len(x),
     )  # fmt: skip
 
 
-def ranks(values: Sequence[float] | Floats) -> Floats:
-    """Ranks from 0, ties at their mean."""
-    numbers = np.asarray(values, np.float64)
-    ordered = np.sort(numbers)
-    below, up_to = (np.searchsorted(ordered, numbers, side) for side in ("left", "right"))
-    return np.asarray(below + (up_to - below - 1) / 2, np.float64)
-
-
 def _pearson(x: Floats, y: Floats) -> float:
-    dx, dy = x - x.mean(), y - y.mean()
-    size = float(np.sqrt((dx**2).sum() * (dy**2).sum()))
-    return float((dx * dy).sum() / size) if size > 0 else float("nan")
+    with np.errstate(invalid="ignore"):  # NaN where one of them is constant
+        return float(np.corrcoef(x, y)[0, 1])
 
 
 def _pairs(a: Sequence[Trial], b: Sequence[Trial]) -> list[tuple[Trial, Trial]]:

@@ -3,7 +3,7 @@
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
-    "noise.config": "NoiseConfig",
-    "noise.run": "noise_study",
+    "noise": "NoiseConfig",
+    "noise_run": "noise_experiment",
     "reproduction": "Reproduction",
 })  # fmt: skip

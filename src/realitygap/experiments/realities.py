@@ -1,9 +1,4 @@
-"""The whole loop on several realities: each is a noise experiment in a folder of its own.
-
-from realitygap.experiments.realities import Realities, carry_out
-
-carry_out("out/realities", Realities(runs=2, starts=2, evaluations=200))
-"""
+"""The whole loop on several robots ("realities"): each is a noise experiment in a folder of its own."""
 
 import shlex
 from collections.abc import Iterator
@@ -13,10 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from realitygap.errors import UsageError
-from realitygap.experiments.folder import Settings, open_folder
-from realitygap.experiments.noise.config import CONFIG, NoiseConfig
-from realitygap.experiments.noise.run import noise_study
-from realitygap.experiments.noise.situated import check_robot
+from realitygap.experiments.experiment import Settings, open_folder
+from realitygap.experiments.noise import CONFIG, NoiseConfig
+from realitygap.experiments.noise_run import check_robot, noise_experiment
 from realitygap.robots.address import Address
 from realitygap.study.lock import lock
 from realitygap.work.progress import OnProgress, Progress
@@ -66,12 +60,8 @@ class Realities(Settings):
 
     def _check(self) -> None:
         require(not self.only or bool(self.robots), "only", "robots named with --robot", self.only)
-        require(
-            bool(self.programs) or not self.base,
-            "base",
-            "a robot of your own, whose profile it is",
-            self.base,
-        )
+        whose = "a robot of your own, whose profile it is"
+        require(bool(self.programs) or not self.base, "base", whose, self.base)
         named = (self.study(robot).robot or "twin" for robot in self.robots)
         object.__setattr__(self, "robots", tuple(dict.fromkeys(named)))
         self.study(AT_HAND[0])  # checks all other settings
@@ -98,7 +88,7 @@ class Realities(Settings):
         return NoiseConfig(
             robot=None if robot == "twin" else robot,
             base=self.base or None if own else None,
-            levels=self.levels, runs=self.runs, seed_sets=1, units=1, starts=self.starts,
+            levels=self.levels, runs=self.runs, units=1, starts=self.starts,
             evaluations=self.evaluations, seconds=self.seconds or None, seed=self.seed, tasks=(TASK,),
             arena=LARGE if robot in WIDE else None,
         )  # fmt: skip
@@ -149,19 +139,14 @@ def carry_out(
         asked = open_folder(folder, Realities, requested, resume=resume)
         places = list(_places(folder, asked))
         for robot, place, _ in (one for one in places if not one.why):
-            begun, heard = (place / CONFIG).is_file(), _named(robot, on_progress)
-            noise_study(place, asked.study(robot), workers=pool, resume=begun, on_progress=heard)
+
+            def heard(event: Progress, robot: str = robot) -> None:
+                if on_progress is not None:
+                    on_progress(replace(event, phase=f"{robot}: {event.phase}"))
+
+            begun = (place / CONFIG).is_file()
+            noise_experiment(place, asked.study(robot), workers=pool, resume=begun, on_progress=heard)
     return places
-
-
-def _named(robot: str, on_progress: OnProgress | None) -> OnProgress:
-    """Adds the reality's name to its progress."""
-
-    def heard(event: Progress) -> None:
-        if on_progress is not None:
-            on_progress(replace(event, phase=f"{robot}: {event.phase}"))
-
-    return heard
 
 
 def _places(folder: Path, asked: Realities) -> Iterator[Place]:

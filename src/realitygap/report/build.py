@@ -55,7 +55,7 @@ def build_report(
         def facts() -> dict[str, object]:
             data = player.result()
             packed = Markup("" if data is None else player_json(data))
-            return {**_told(study, parts), "paper": maker.paper, "player": packed,
+            return {**_told(study, parts), "paper": is_paper(study, parts), "player": packed,
                     "scripts": Markup(scripts()), **shown}  # fmt: skip
 
         page = folder / "index.html"
@@ -74,7 +74,7 @@ def _gathered(
     """The sections of a page with all its figures and tables; and the page's values."""
     maker = Sections(
         study=study, folder=folder, figures=figures, tables={}, pairs=pairs_of(study, parts),
-        marks=marks_of(study), paper=is_paper(study, parts),
+        marks=marks_of(study),
     )  # fmt: skip
     robot = figures.add("robot", partial(robot_figure, study.profile), words.robot_words(study.profile))
     sections = [maker.section(part) for part in parts]

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from realitygap.calibration.judge import LIMITS, Judgement, judge
 from realitygap.calibration.recordings.files import load_recording
 from realitygap.errors import UsageError
+from realitygap.report.calibration import REAL
 from realitygap.report.lead import twin_unit
-from realitygap.report.noise.results import real_misfits
 from realitygap.report.page import Figures, Words
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
 from realitygap.study.load import Study
@@ -66,14 +66,9 @@ def calibrated_part(study: Study, figures: Figures) -> dict[str, object] | None:
 
 def _real(profile: Profile) -> str:
     """How accurate such a fit is for a real robot; nothing beside that robot's own profile."""
-    judged = any(fit.ratio_over_all for fit in profile.provenance.fits)
-    ratios = " and ".join(f"{m.ratio:.2f} in {CHANNELS[m.channel]}" for m in real_misfits(judged=judged))
-    beside = f"On the tables of a real Khepera (profile khepera) the error over noise is {ratios}."
-    counted = (
-        "Counted on places held out, where readings are neither dark nor saturated."
-        if judged
-        else "The profile is from an earlier version: counted over all readings, and dark ones flatter it."
-    )
+    ratios = " and ".join(f"{ratio} in {CHANNELS[channel]}" for channel, ratio in REAL.items())
+    beside = f"On the tables of a real Khepera the error over noise is {ratios}."
+    counted = "Counted on places held out, where readings are neither dark nor saturated."
     return counted if profile.name == "khepera" else f"{beside} {counted}"
 
 

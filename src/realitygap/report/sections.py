@@ -9,13 +9,12 @@ from typing import Any
 from realitygap.report import words
 from realitygap.report.arenas import arena_figure
 from realitygap.report.curves import Curves, curves_figure
-from realitygap.report.few_runs import few_figure, few_sentences, few_words, shows_few
 from realitygap.report.gather import PER_CONDITION, Paths, best_so_far, chosen, individual, path_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, Picture
 from realitygap.report.paths import Scene, panels_figure, sheet_figure
 from realitygap.report.reading import read_scores, read_table
-from realitygap.report.scores import ScoreTable, score_tables, scores_csv
+from realitygap.report.scores import score_tables, scores_csv
 from realitygap.report.situated import SituatedPart, make_situated
 from realitygap.report.statistics import mean_of
 from realitygap.report.tables import NoiseClass, TaskPart, table_csv
@@ -42,8 +41,6 @@ class Sections:
     tables: dict[str, str]
     pairs: Mapping[str, Sequence[Pair]]
     marks: Sequence[ScoreRow]
-    paper: bool
-    """Whether it is the paper's study, so that a kept one may be shown beside it."""
 
     @cached_property
     def paths(self) -> Paths:
@@ -62,21 +59,14 @@ class Sections:
         arena = self.figures.add(f"{task.name}-arena", draw, words.arena_words(part), labels[0])
         situated = self._situated(part, labels[2])
         whole = situated is not None and situated.stands_for(part)
-        few = next((one for one in scores if self.paper and shows_few(one)), None)
         read = [*(said for one in scores for said in read_scores(one)), *read_table(part)]
         return {
             "task": task, "arena": arena, "table": part, "scores": scores, "score_label": labels[3],
-            "few": None if few is None else self._few(few),
-            "few_sentences": [] if few is None else few_sentences(few),
             "sentences": [*read, *(situated.sentences if situated else ())],
             "curves": self._curves(part, labels[1]),
             "paths": None if whole else self._chosen_paths(part, "" if situated else labels[2]),
             "situated": situated, "sheet": self._sheet(part), "networks": self._networks(part),
         }  # fmt: skip
-
-    def _few(self, table: ScoreTable) -> Picture:
-        told = few_words(table, self.study.config.evaluations)
-        return self.figures.add(f"{table.task}-few", partial(few_figure, table), told)
 
     def _situated(self, part: TaskPart, label: str) -> SituatedPart | None:
         pairs = self.pairs[part.task.name]

@@ -5,23 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.stats import t
 
 __all__ = ["Mean", "difference", "mean_of", "running_best", "student"]
-
-_STUDENT = (
-    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145,
-    2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060,
-)  # fmt: skip
-"""97.5 % points of Student's t for 1 to 25 degrees of freedom."""
 
 
 def student(freedom: float) -> float:
     """97.5 % point of Student's t: what a standard error is multiplied by for a 95 % interval."""
-    if freedom < 1:
-        return math.nan
-    if freedom <= len(_STUDENT):
-        return _STUDENT[int(freedom) - 1]
-    return 1.95996 + 2.3722 / freedom + 2.8225 / freedom**2
+    return float(t.ppf(0.975, freedom)) if freedom > 0 else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,25 +12,20 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import StudyError
-from realitygap.study.schema import ARRAYS, check_format
 
-__all__ = ["SCHEMA", "check_of", "kept", "parts", "seal", "seal_more", "verify", "verify_all"]
+__all__ = ["OF_RUN", "SCHEMA", "check_of", "kept", "seal", "seal_more", "verify", "verify_all"]
 
 OF_RUN = {
     "run": "id",
     "evolved": "number",
     "tested": "who, noise, cell",
-    "evaluation": "number",
-    "genotypes": "number",
     "checkpoint": "evaluations",
-    "retest": "cell, trial",
-    "test": "who, noise, trial",
 }
-"""Tables whose rows belong to a run, in any format, and their order."""
+"""Tables whose rows belong to a run, and their order."""
 OF_STUDY = {"source": "name", "task": "name", "session": "id"}
 """Tables of the whole study; their digests are stored under run 0."""
 SCHEMA = "sqlite_master"
-"""SQLite's own table of tables; newer formats seal it too."""
+"""SQLite's own table of tables, which is sealed too."""
 BYTES = 16
 
 
@@ -86,18 +81,11 @@ def verify_all(database: sqlite3.Connection, path: Path) -> None:
     Raises:
         StudyError: names the first table that differs.
     """
-    for part in (*OF_STUDY, *([SCHEMA] if check_format(database, path) >= ARRAYS else [])):
+    for part in (*OF_STUDY, SCHEMA):
         verify(database, path, 0, part)
-    there = parts(database)
     for (run,) in database.execute("SELECT id FROM run ORDER BY id").fetchall():
-        for part in there:
+        for part in OF_RUN:
             verify(database, path, run, part)
-
-
-def parts(database: sqlite3.Connection) -> list[str]:
-    """The tables with rows of runs, in this database's format."""
-    there = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
-    return [part for part in OF_RUN if part in there]
 
 
 def _digests(database: sqlite3.Connection, run: int, part: str) -> tuple[bytes, bytes]:

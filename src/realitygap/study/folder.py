@@ -38,7 +38,7 @@ __all__ = [
 CONFIG = "study.toml"
 OURS = {CONFIG, LOCK, MARK, "profile.toml", "arenas", "tasks", "evolution", "encoding", "report"}
 OURS |= {f"{DATABASE}{end}" for end in ("", "-wal", "-shm", "-journal", ".new", ".new-journal")}
-OURS |= {"reproduce.toml", "calibration", "reproduce.tmp"}  # the last one of earlier versions
+OURS |= {"reproduce.toml", "calibration"}
 """What a study that was killed while it was being made may have left."""
 
 EXPERIMENTS = {
@@ -148,9 +148,8 @@ def read_config(folder: Path) -> StudyConfig:
         raise StudyError(f"{path}: missing. Restore it from a copy: the study cannot be read without it.")
     there = StudyConfig.from_toml(path, local=True)
     sources = Reader(folder / DATABASE).sources()
-    if sources:
-        made = StudyConfig.from_dict(tomllib.loads(sources[CONFIG].decode()))
-        refuse_edited_settings(path, _decisive(made.to_dict()), _decisive(there.to_dict()))
+    made = StudyConfig.from_dict(tomllib.loads(sources[CONFIG].decode()))
+    refuse_edited_settings(path, _decisive(made.to_dict()), _decisive(there.to_dict()))
     return there
 
 
@@ -223,8 +222,6 @@ def _refuse_difference(folder: Path, requested: Materials) -> None:
         path = inside(folder, name)
         with told(path):
             kept = path.read_bytes()
-        if name == config.profile:  # an earlier version's lacks the keys that were added since
-            kept = load_profile(path).to_toml().encode()
         where = changed(name, kept, content)
         if where is not None:
             raise StudyError(

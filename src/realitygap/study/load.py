@@ -105,8 +105,6 @@ class Study(Tables):
         """
         task = str(getattr(task, "name", task))
         found = self._reader.tasks()
-        if found is None:  # a format without tasks
-            return self.task(task).to_dict()
         if task not in found:
             known = ", ".join(found)
             raise StudyError(f"{self.folder}: expected a task of the study ({known}), got {task!r}.")

@@ -8,12 +8,12 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from realitygap.errors import StudyError
-from realitygap.study.digest import parts, seal, verify_all
+from realitygap.study.digest import OF_RUN, seal, verify_all
 from realitygap.study.folder import refuse_other
 from realitygap.study.load import Study, load_study
 from realitygap.study.lock import LOCK, lock
 from realitygap.study.reader import DATABASE, Reader, open_to_read
-from realitygap.study.schema import check_format, told
+from realitygap.study.schema import told
 from realitygap.whole import move
 from realitygap.work.shard import MARK, Mark, Shard, read_mark
 
@@ -100,7 +100,6 @@ def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
     for folder in shards.values():
         refuse_other(first, folder)
     sources = Reader(first / DATABASE).sources()
-    versions: set[int] = set()
     with new_folder(out, f"realitygap report {shlex.quote(str(out))}") as half:
         for name, content in sources.items():
             (half / name).parent.mkdir(parents=True, exist_ok=True)
@@ -110,10 +109,6 @@ def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
                 with told(folder), closing(open_to_read(folder / DATABASE)) as source:
                     verify_all(source, folder / DATABASE)
                     runs = _finished(source, folder, shard)
-                    versions.add(check_format(source, folder / DATABASE))
-                    if len(versions) > 1:
-                        kinds = " and ".join(map(str, sorted(versions)))
-                        raise StudyError(f"{folder}: shards of formats {kinds}. Make all with one version.")
                     with told(out):
                         if folder is first:
                             source.backup(database)
@@ -143,7 +138,7 @@ def _take(database: sqlite3.Connection, source: sqlite3.Connection, runs: Sequen
     """Copy all rows of a shard's runs."""
     database.execute("BEGIN")
     for part, key in (
-        *((part, "run") for part in parts(source) if part != "run"),
+        *((part, "run") for part in OF_RUN if part != "run"),
         ("digest", "run"),
         ("run", "id"),
     ):

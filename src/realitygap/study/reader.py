@@ -2,10 +2,8 @@
 
 import json
 import sqlite3
-import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +12,14 @@ from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
 from realitygap.study.arrays import evaluations, spread, unpacked
-from realitygap.study.digest import SCHEMA, kept, parts, verify
-from realitygap.study.schema import ARRAYS, BLOCKS, SEALED, check_format, most_trials, told
+from realitygap.study.digest import OF_RUN, SCHEMA, kept, verify
+from realitygap.study.schema import check_format, most_trials, told
 from realitygap.study.views import NAMES, lay_views
 
 __all__ = ["DATABASE", "Reader", "Table", "open_to_read"]
 
 DATABASE = "study.db"
 Table = dict[str, NDArray[Any]]
-_TRIAL = {"trial": np.int64, "score": float}
 
 
 class Reader:
@@ -45,23 +42,21 @@ class Reader:
         """
         with told(self._path), closing(open_to_read(self._path)) as database:
             database.execute("BEGIN")
-            version = check_format(database, self._path)
-            if version >= ARRAYS:
-                self._verify(database, 0, SCHEMA)
-            if version >= SEALED and part:
+            check_format(database, self._path)
+            self._verify(database, 0, SCHEMA)
+            if part:
                 runs = [row[0] for row in database.execute("SELECT id FROM run")] if run is None else [run]
                 for one in runs:
                     self._verify(database, one, part)
             yield database
 
-    def tasks(self) -> dict[str, dict[str, Any]] | None:
-        """Facts of each task by its name; None in an older format."""
-        rows = self._kept("task")
-        return None if rows is None else {name: json.loads(facts) for name, facts in rows}
+    def tasks(self) -> dict[str, dict[str, Any]]:
+        """Facts of each task by its name."""
+        return {name: json.loads(facts) for name, facts in self._kept("task")}
 
     def sources(self) -> dict[str, bytes]:
-        """The files that the study depends on, by name; none in an older format."""
-        return dict(self._kept("source") or ())
+        """The files that the study depends on, by name."""
+        return dict(self._kept("source"))
 
     def runs(self) -> list[dict[str, Any]]:
         """What is stored of each run, by the names of `load.Run`."""
@@ -76,11 +71,9 @@ class Reader:
             found = [dict(zip(names, row, strict=True)) for row in rows]
         return [{**row, "finished": bool(row["finished"])} for row in found]
 
-    def encoding(self, run: int) -> dict[str, Any] | None:
-        """What is stored of the encoding of a run's genotypes; None in an older format."""
+    def encoding(self, run: int) -> dict[str, Any]:
+        """What is stored of the encoding of a run's genotypes."""
         with self.reading("run", run) as database:
-            if "encoding" not in [row[1] for row in database.execute("PRAGMA table_info(run)")]:
-                return None
             text = database.execute("SELECT encoding FROM run WHERE id = ?", (run,)).fetchone()[0]
         facts: dict[str, Any] = json.loads(text)
         return facts
@@ -94,44 +87,30 @@ class Reader:
     def genotypes(self, run: int, number: int | None = None) -> tuple[int, bytes]:
         """Genotypes of all evaluations of a run, or of a block that contains `number`: number of the first,
         and their bytes."""
-        version = self._format
-        home: tuple[str, str, Callable[[bytes], bytes]] = ("evaluation", "genotype", bytes)
-        if version >= BLOCKS:
-            home = ("genotypes", "content", zlib.decompress)
-        if version >= ARRAYS:
-            home = ("evolved", "genotypes", unpacked)
-        part, column, opened = home
         which, values = "", [run]
         if number is not None:
-            which = f"AND number = (SELECT max(number) FROM {part} WHERE run = ? AND number <= ?)"
-            values += [*values, number]
-        query = f"SELECT number, {column} FROM {part} WHERE run = ? {which} ORDER BY number"
-        with self.reading(part, run) as database:
+            which = "AND number = (SELECT max(number) FROM evolved WHERE run = ? AND number <= ?)"
+            values += [run, number]
+        query = f"SELECT number, genotypes FROM evolved WHERE run = ? {which} ORDER BY number"
+        with self.reading("evolved", run) as database:
             rows = database.execute(query, values).fetchall()
-        return rows[0][0] if rows else 0, b"".join(opened(row[1]) for row in rows)
+        return rows[0][0] if rows else 0, b"".join(unpacked(genes) for _, genes in rows)
 
     def evaluations(self, run: int | None) -> Table:
         """Every evaluation of a run, or of all, by run and number; NaN where there is no score."""
-        if self._format >= ARRAYS:
-            columns = "run, number, count, scores, fitness, places"
-            rows = self._rows("evolved", columns, run, "run, number")
-            with self.reading("task", 0) as database:
-                return evaluations(rows, most_trials(database))
-        with self.reading() as database:
-            names = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
-        names.remove("genotype") if "genotype" in names else None
-        kinds = {name: float if name.startswith(("fitness", "score_")) else np.int64 for name in names}
-        return self._table("evaluation", kinds, run, "run, number")
+        rows = self._rows("evolved", "run, number, count, scores, fitness, places", run, "run, number")
+        with self.reading("task", 0) as database:
+            return evaluations(rows, most_trials(database))
 
     def tests(self, run: int | None) -> Table:
         """Fresh trials of the fittest and the champion."""
         kinds = {"run": np.int64, "who": "U8", "noise": float}
-        return self._trials("test", kinds, run, "run, who DESC, noise", "who != 'population'")
+        return self._trials(kinds, run, "run, who DESC, noise", "who != 'population'")
 
     def retests(self, run: int | None) -> Table:
         """Fresh trials of the last population."""
         kinds = dict.fromkeys(("run", "cell", "number"), np.int64)
-        return self._trials("retest", kinds, run, "run, cell", "who = 'population'")
+        return self._trials(kinds, run, "run, cell", "who = 'population'")
 
     def query(self, sql: str, config: Mapping[str, Any]) -> Table:
         """Columns that an SQL statement selects from the tables and the views.
@@ -139,9 +118,7 @@ class Reader:
         Raises:
             StudyError: the statement is invalid, or writes.
         """
-        with self.reading() as database:
-            there = parts(database)
-        for part in there:
+        for part in OF_RUN:
             with self.reading(part):
                 pass  # it holds what was written
         with self.reading() as database:
@@ -174,16 +151,9 @@ class Reader:
                     found[name].append(version)
         return found
 
-    @cached_property
-    def _format(self) -> int:
-        with self.reading() as database:
-            return check_format(database, self._path)
-
-    def _trials(self, part: str, kinds: Mapping[str, Any], run: int | None, order: str, who: str) -> Table:
-        """A row for each fresh trial of `who`: of the arrays, or in an earlier format of the table `part`."""
-        if self._format >= ARRAYS:
-            return spread(self._rows("tested", ", ".join([*kinds, "scores"]), run, order, who), kinds)
-        return self._table(part, {**kinds, **_TRIAL}, run, f"{order}, trial")
+    def _trials(self, kinds: Mapping[str, Any], run: int | None, order: str, who: str) -> Table:
+        """A row for each fresh trial of `who`."""
+        return spread(self._rows("tested", ", ".join([*kinds, "scores"]), run, order, who), kinds)
 
     def _rows(
         self, part: str, columns: str, run: int | None, order: str, which: str = "true"
@@ -194,17 +164,8 @@ class Reader:
         with self.reading(part, run) as database:
             return database.execute(query, values).fetchall()
 
-    def _table(self, part: str, kinds: Mapping[str, Any], run: int | None, order: str) -> Table:
-        """Columns, of these NumPy types, of a table of an earlier format; NaN for NULL."""
-        rows = self._rows(part, ", ".join(kinds), run, order)
-        plain = (tuple(np.nan if v is None else v for v in row) for row in rows)
-        filled = np.fromiter(plain, np.dtype(list(kinds.items())))
-        return {key: np.ascontiguousarray(filled[key]) for key in kinds}
-
-    def _kept(self, part: str) -> list[tuple[str, Any]] | None:
+    def _kept(self, part: str) -> list[tuple[str, Any]]:
         with self.reading(part, 0) as database:
-            if check_format(database, self._path) < SEALED:
-                return None
             return database.execute(f"SELECT * FROM {part} ORDER BY rowid").fetchall()
 
     def _verify(self, database: sqlite3.Connection, run: int, part: str) -> None:

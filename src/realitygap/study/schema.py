@@ -9,28 +9,12 @@ from pathlib import Path
 
 from realitygap.errors import StudyError
 
-__all__ = [
-    "APPLICATION",
-    "ARRAYS",
-    "BLOCKS",
-    "FORMAT",
-    "SEALED",
-    "check_format",
-    "most_trials",
-    "schema",
-    "told",
-]
+__all__ = ["APPLICATION", "FORMAT", "check_format", "most_trials", "schema", "told"]
 
 APPLICATION = 0x52474150
 """`PRAGMA application_id` of a study's database: "RGAP"."""
 FORMAT = 5
-"""`PRAGMA user_version`: raised when the tables change."""
-SEALED = 2
-"""From this format on a database keeps its study's sources, and a digest of everything in it."""
-BLOCKS = 4
-"""From this format on genotypes are compressed in a table of their own, many to a row."""
-ARRAYS = 5
-"""From this format on evaluations and fresh trials are arrays, many to a row."""
+"""`PRAGMA user_version`: raised when the tables change. No other format is read."""
 
 
 def schema() -> str:
@@ -39,8 +23,8 @@ def schema() -> str:
     return f"\n{fixed}PRAGMA application_id = {APPLICATION};\nPRAGMA user_version = {FORMAT};\n"
 
 
-def check_format(database: sqlite3.Connection, path: Path) -> int:
-    """The database's format; refuses files that are not a study's, or of a newer realitygap.
+def check_format(database: sqlite3.Connection, path: Path) -> None:
+    """Refuse files that are not a study's, or of another format.
 
     Raises:
         StudyError: names the file and the cure.
@@ -48,12 +32,11 @@ def check_format(database: sqlite3.Connection, path: Path) -> int:
     if database.execute("PRAGMA application_id").fetchone()[0] != APPLICATION:
         raise StudyError(f"{path}: not a study's database. Give the folder of a study, or a new one.")
     version: int = database.execute("PRAGMA user_version").fetchone()[0]
-    if not 1 <= version <= FORMAT:
+    if version != FORMAT:
+        cure = "Upgrade realitygap" if version > FORMAT else "Make the study again"
         raise StudyError(
-            f"{path}: written in format {version}, this realitygap reads formats 1 to {FORMAT}. "
-            f"{'Upgrade realitygap' if version > FORMAT else 'Restore it from a copy'}."
+            f"{path}: written in format {version}, this realitygap reads format {FORMAT}. {cure}."
         )
-    return version
 
 
 @contextmanager

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
-from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +25,8 @@ from realitygap.study.digest import SCHEMA, seal, seal_more, verify_all
 from realitygap.study.jobs import Advanced, Finished, Message
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
-from realitygap.study.rows import advance_rows, finish_rows, plain
 from realitygap.study.run import WHO, Results
-from realitygap.study.schema import ARRAYS, BLOCKS, SEALED, check_format, schema, told
+from realitygap.study.schema import check_format, schema, told
 from realitygap.study.views import views
 from realitygap.values import Closing
 from realitygap.work.workers import cores
@@ -79,8 +77,7 @@ class Store(Closing):
         with told(path):
             self._database = sqlite3.connect(path, isolation_level=None)
             try:
-                version = check_format(self._database, path)
-                self._format, self._sealed = version, version >= SEALED
+                check_format(self._database, path)
                 self._check_whole()
                 self._database.execute("PRAGMA journal_mode = WAL")
                 self._database.execute("PRAGMA synchronous = NORMAL")
@@ -97,7 +94,7 @@ class Store(Closing):
         row = (datetime.now(UTC).isoformat(timespec="seconds"), os.getpid(), json.dumps(dict(versions)))
         with self._transaction():
             self._database.execute("INSERT INTO session (began, pid, versions) VALUES (?, ?, ?)", row)
-            self._seal(0, "session")
+            seal(self._database, 0, "session")
 
     def unfinished(self) -> list[tuple[int, int]]:
         """Ids of the unfinished runs, and the number of evaluations each has done."""
@@ -126,37 +123,29 @@ class Store(Closing):
         evolved = [what for what in messages if isinstance(what, Advanced)]
         finished = [what for what in messages if isinstance(what, Finished)]  # after all else of their runs
         with self._transaction():
-            for what, row in zip(evolved, self._rows(_packed, evolved), strict=False):
+            for what, row in zip(evolved, self._rows(_packed, evolved), strict=True):
                 self._advance(what, row)
             query = "SELECT * FROM evolved WHERE run = ? ORDER BY number"
             parts = (self._database.execute(query, (what.run,)).fetchall() for what in finished)
-            for (run, results), row in zip(finished, self._rows(_whole, parts), strict=False):
+            for (run, results), row in zip(finished, self._rows(_whole, parts), strict=True):
                 self._finish(run, results, row)
 
     def _rows(self, pack: Callable[[Any], Row], some: Iterable[Any]) -> Iterable[Row]:
-        """Rows of `evolved`, compressed in threads where there are several; empty in formats without it."""
-        if self._format < ARRAYS:
-            return repeat(())
+        """Rows of `evolved`, compressed in threads where there are several."""
         some = list(some)
         return map(pack, some) if len(some) < 2 else self._threads.map(pack, some)
 
     def _advance(self, what: Advanced, row: Row) -> None:
         """Store evaluations, and the state after them."""
         run, records, done, best_fitness, best_number, state = what
-        if self._format >= ARRAYS:
-            self._add("evolved", [row])
-            grown = ["evolved"]
-        else:
-            advance_rows(self._database, run, records)
-            grown = ["evaluation", "genotypes"][: self._sealed + (self._format >= BLOCKS)]
+        self._add("evolved", [row])
         self._database.execute("REPLACE INTO checkpoint VALUES (?, ?, ?)", (run, done, state))
         self._database.execute(
             "UPDATE run SET evaluations = ?, best_fitness = ?, fittest = ? WHERE id = ?",
             (done, best_fitness, best_number, run),
         )
-        for part in grown:
-            seal_more(self._database, run, part, done - len(records.fitness))
-        self._seal(run, "checkpoint", "run")
+        seal_more(self._database, run, "evolved", done - len(records.fitness))
+        seal(self._database, run, "checkpoint", "run")
 
     def _finish(self, run: int, results: Results, row: Row) -> None:
         """Store a run's tests and mark it as finished; its evaluations become one row."""
@@ -166,14 +155,10 @@ class Store(Closing):
             "UPDATE run SET champion = ?, champion_fitness = ?, finished = 1 WHERE id = ?",
             (champion, math.fsum(scores) / len(scores), run),
         )
-        if self._format < ARRAYS:
-            finish_rows(self._database, run, results)
-            self._seal(run, "retest", "test", "run")
-            return
         self._database.execute("DELETE FROM evolved WHERE run = ?", (run,))
         self._add("evolved", [row])
         self._add("tested", self._tested(run, results))
-        self._seal(run, "evolved", "tested", "run")
+        seal(self._database, run, "evolved", "tested", "run")
 
     def _tested(self, run: int, results: Results) -> list[tuple[object, ...]]:
         query = "SELECT fittest, champion, noise FROM run WHERE id = ?"
@@ -187,11 +172,6 @@ class Store(Closing):
     def _add(self, part: str, rows: Sequence[tuple[object, ...]]) -> None:
         places = ", ".join("?" * len(rows[0]))
         self._database.executemany(f"INSERT INTO {part} VALUES ({places})", rows)
-
-    def _seal(self, run: int, *parts: str) -> None:
-        """Update digests after a change; a study of an older format has none."""
-        if self._sealed:
-            seal(self._database, run, *parts)
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -212,15 +192,15 @@ class Store(Closing):
                 f"{self.path}: the database is broken ({' '.join(str(answer).split())}). "
                 "Restore it from a copy, or begin again in another folder."
             )
-        if self._sealed:
-            verify_all(self._database, self.path)
+        verify_all(self._database, self.path)
 
 
 def _packed(what: Advanced) -> Row:
-    records = what.records
-    places, genes = np.column_stack([records.parents, records.cell]), plain(records.genes).tobytes()
+    records, genes = what.records, what.records.genes
+    places = np.column_stack([records.parents, records.cell])
+    plain = genes.astype(genes.dtype.newbyteorder("<"), copy=False).tobytes()  # little-endian, as in files
     first = what.evaluations - len(records.fitness)
-    return what.run, *Block(first, records.scores, records.fitness, places, genes).row(final=False)
+    return what.run, *Block(first, records.scores, records.fitness, places, plain).row(final=False)
 
 
 def _whole(rows: Sequence[Row]) -> Row:

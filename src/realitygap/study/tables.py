@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.controller.layout import Layout
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes
 from realitygap.lazy import above
@@ -91,8 +90,8 @@ class Tables:
         return above("export.tables").frame(self, table)
 
     def digest(self) -> str:
-        """A digest of every run's results: equal for studies with the same runs, however they were made and
-        in whatever format they are stored. Checkpoints are not included."""
+        """A digest of every run's results: equal for studies with the same runs, however they were made.
+        Checkpoints are not included."""
         found = blake2b(repr(self._reader.runs()).encode(), digest_size=16)
         for row in self._rows:
             run = int(row["id"])
@@ -108,9 +107,6 @@ class Tables:
     def _form(self, run: int) -> tuple[str, tuple[int, ...]]:
         """Type and shape of a run's genotypes, without its task or encoding."""
         facts = self._reader.encoding(self._id(run))
-        if facts is None:  # of the formats before, which had slots only
-            size = self.config.encoding
-            return "i1", Layout(inputs=1, slots=size.slots or 0, links=size.links or 0).shape
         return facts["dtype"], tuple(facts["shape"])
 
     def _id(self, run: int | str) -> int:

@@ -1,6 +1,5 @@
 """What is in use: versions, the commit as far as it is known, and the processor."""
 
-import filecmp
 import json
 import os
 import platform
@@ -18,6 +17,7 @@ __all__ = ["UNKNOWN", "processor", "project_commit", "versions"]
 
 UNKNOWN = "not known"
 PACKAGE = Path(__file__).resolve().parent.parent
+CPUINFO = Path("/proc/cpuinfo")
 
 
 def versions() -> dict[str, str]:
@@ -49,11 +49,16 @@ def project_commit(package: Path = PACKAGE) -> str:
     if _git(package, "ls-files", "--error-unmatch", "__init__.py") is not None:
         return _state(package)
     record = _pip_record()
-    recorded = record.get("vcs_info", {}).get("commit_id")
-    if recorded:
-        return str(recorded)
-    source = Path(url2pathname(urlsplit(record.get("url", "")).path)) / "src" / package.name
-    return _state(source) if "dir_info" in record and _same(package, source) else UNKNOWN
+    if "dir_info" not in record:
+        return str(record.get("vcs_info", {}).get("commit_id") or UNKNOWN)
+    source = Path(url2pathname(urlsplit(record["url"]).path)) / "src" / package.name
+    return _state(source) if _files(package) == _files(source) else UNKNOWN
+
+
+def _files(folder: Path) -> dict[Path, bytes]:
+    """Files of a package, apart from compiled Python."""
+    every = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return {path.relative_to(folder): path.read_bytes() for path in every}
 
 
 def _state(folder: Path) -> str:
@@ -84,51 +89,16 @@ def _pip_record() -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _same(package: Path, source: Path) -> bool:
-    """Whether two folders hold the same files, apart from compiled Python."""
-    names = [_files(package), _files(source)]
-    if not names[0] or names[0] != names[1]:
-        return False
-    _, unlike, failed = filecmp.cmpfiles(package, source, names[0], shallow=False)
-    return not unlike and not failed
-
-
-def _files(folder: Path) -> list[str]:
-    every = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    return sorted(str(path) for path in every if "__pycache__" not in path.parts)
-
-
-CPUINFO = Path("/proc/cpuinfo")
-DECISIVE = (
-    "FMA3", "AVX2", "X86_V3", "X86_V4", "AVX512F", "AVX512_SKX", "AVX512_ICL", "AVX512_SPR",
-    "ASIMD", "ASIMDFHM", "SVE",
-)  # fmt: skip
-"""Instruction sets for which NumPy and C libraries have separate code, whose last bits may differ."""
-
-
 @cache
 def processor() -> str:
-    """The model, and its relevant instruction sets as NumPy uses them (respects NPY_DISABLE_CPU_FEATURES)."""
-    sets = ", ".join(name for name in DECISIVE if _features().get(name))
-    return f"{_model()} ({sets})" if sets else _model()
+    """The model, and the instruction sets that NumPy uses, on which last bits may depend."""
+    import numpy
 
-
-def _model() -> str:
-    """The manufacturer's name of the processor, or the kind of machine."""
+    config: Any = numpy.show_config(mode="dicts")
+    sets = ", ".join(config.get("SIMD Extensions", {}).get("found", []))
     try:
-        if platform.system() == "Darwin":
-            asked = ["/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string"]
-            return subprocess.run(asked, capture_output=True, text=True, check=True, timeout=5).stdout.strip()
         found = re.search(r"^model name\s*:\s*(.+)$", CPUINFO.read_text("utf-8"), re.MULTILINE)
-    except (OSError, ValueError, subprocess.SubprocessError):
+    except (OSError, ValueError):
         found = None
-    return found[1].strip() if found else platform.machine()
-
-
-def _features() -> dict[str, bool]:
-    """Instruction sets that NumPy found; empty if NumPy does not expose them as today."""
-    try:
-        from numpy._core._multiarray_umath import __cpu_features__  # type: ignore[import-not-found]
-    except ImportError:
-        return {}
-    return dict(__cpu_features__)
+    model = found[1].strip() if found else platform.processor() or platform.machine()
+    return f"{model} ({sets})" if sets else model

@@ -1,6 +1,6 @@
 """The most common questions about a study, as views over its tables: `runs`, `evaluations`, `tests`.
 
-A new database contains them, for other tools; `Study.query` creates them temporarily over any format.
+A database contains them, for other tools; `Study.query` creates them for its own connection.
 docs/tables-and-logs.md describes each column. Arrays are unpacked in plain SQL, or, five times as fast, by
 two functions that a connection may define.
 """
@@ -11,7 +11,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from realitygap.study.schema import ARRAYS, most_trials
+from realitygap.study.schema import most_trials
 from realitygap.study.settings import flat
 
 __all__ = ["NAMES", "lay_views", "views"]
@@ -33,7 +33,7 @@ def views(database: sqlite3.Connection, config: Mapping[str, Any], *, short: boo
     """SQL statements that create the views.
 
     Args:
-        database: the study's, of any format.
+        database: the study's.
         config: its configuration (`StudyConfig.to_dict()`): each setting is a column of `runs`, named as for
             --set with the prefix `set_` and underscores for dots.
         short: for a connection with functions that unpack arrays.
@@ -44,8 +44,7 @@ def views(database: sqlite3.Connection, config: Mapping[str, Any], *, short: boo
     )
     runs = f"""SELECT {_OF_RUN}, r.finished, r.evaluations, r.best_fitness, r.fittest, {_fresh("fittest")},
         r.champion, r.champion_fitness, {_fresh("champion")}{settings} FROM run r"""
-    arrays = database.execute("PRAGMA user_version").fetchone()[0] >= ARRAYS
-    queries = {"runs": runs, **(_of_arrays(database, short=short) if arrays else _of_rows(database))}
+    queries = {"runs": runs, **_of_arrays(database, short=short)}
     return [f"CREATE VIEW {name} AS {query}" for name, query in queries.items()]
 
 
@@ -53,19 +52,6 @@ def _fresh(who: str) -> str:
     """The mean of an individual's fresh trials at the noise that it evolved under."""
     mean = f"SELECT avg(score) FROM tests WHERE run = r.id AND who = '{who}' AND tested_noise = r.noise"
     return f"({mean}) AS {who}_fresh"
-
-
-def _of_rows(database: sqlite3.Connection) -> dict[str, str]:
-    """Views over earlier formats: a row for each evaluation and each trial."""
-    columns = [row[1] for row in database.execute("PRAGMA table_info(evaluation)")]
-    found = ", ".join(f"e.{name}" for name in columns if name not in ("run", "genotype"))
-    return {
-        "evaluations": f"SELECT {_OF_RUN}, {found} FROM evaluation e JOIN run r ON r.id = e.run",
-        "tests": f"""SELECT {_OF_RUN}, t.who, CASE t.who WHEN 'champion' THEN r.champion ELSE r.fittest END
-            AS number, t.noise AS tested_noise, t.trial, t.score FROM test t JOIN run r ON r.id = t.run
-            UNION ALL SELECT {_OF_RUN}, 'population', t.number, r.noise, t.trial, t.score
-            FROM retest t JOIN run r ON r.id = t.run""",
-    }
 
 
 def _of_arrays(database: sqlite3.Connection, *, short: bool) -> dict[str, str]:

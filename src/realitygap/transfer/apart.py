@@ -1,8 +1,4 @@
-"""Differences of two trials in readings and commands, and other published measures.
-
-These need no camera: Wasserstein distances of readings, commands and speeds; the error of replayed commands;
-fitness in pseudo-realities sampled round the profile (Ligot and Birattari 2020).
-"""
+"""Distances of two trials that need no camera: of readings, commands, speeds, and replayed commands."""
 
 import math
 from collections.abc import Sequence
@@ -11,22 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
-from realitygap.kernels.params import Networks
-from realitygap.kernels.rng import substream
 from realitygap.robots.recording import Recording
 from realitygap.simulation.body import drive_simulated
-from realitygap.simulation.simulation import Simulation, batch_streams
-from realitygap.streams import PSEUDO
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
-from realitygap.transfer.order import mean
 from realitygap.values import Command, Floats, Pose, fed
 from realitygap.world.profile import TOP_INPUT, Profile
 
-__all__ = ["PSEUDO_REALITIES", "PSEUDO_SPREAD", "apart", "distances", "in_pseudo_realities"]
+__all__ = ["DISTANCES", "apart", "distances"]
 
-PSEUDO_REALITIES, PSEUDO_SPREAD = 200, 0.1
-"""Trials of each controller, each with a robot whose constants are drawn within ±10 % of the profile's."""
+DISTANCES = ("readings", "commands", "speeds", "replay_cm")
 
 
 def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Task) -> dict[str, float]:
@@ -63,8 +54,8 @@ def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Ta
 def distances(
     simulated: Trajectory, situated: Recording, track: Track, pose: Pose, quiet: Simulation
 ) -> dict[str, float]:
-    """All measures of a pair of trials without a camera: the parts of `apart`, their mean `distance`, and
-    `replay_cm`: distance of the robot's path from the simulation's under the robot's commands.
+    """DISTANCES of a pair of trials: the parts of `apart`, and `replay_cm`, the distance of the robot's path
+    from the simulation's under the robot's commands.
 
     Args:
         simulated: the trial in simulation.
@@ -74,8 +65,7 @@ def distances(
         quiet: the simulation without noise.
     """
     far = apart(simulated, situated, quiet.profile, quiet.task)
-    error = _replayed(quiet, situated, track, pose)
-    return {**far, "distance": mean(list(far.values())), "replay_cm": error}
+    return {**far, "replay_cm": _replayed(quiet, situated, track, pose)}
 
 
 class _Replayer:
@@ -106,17 +96,3 @@ def _replayed(simulation: Simulation, situated: Recording, track: Track, pose: P
     if len(path) != len(track) or not track.found.any():
         return math.nan
     return float(np.nanmean(np.hypot(path.x - track.x, path.y - track.y)))
-
-
-def in_pseudo_realities(task: Task, profile: Profile, networks: Networks, stream: int | np.uint64) -> float:
-    """Mean fitness of a network in robots drawn round a profile, with its noise; the same for each stream.
-
-    Args:
-        task: the task.
-        profile: the centre of the drawn robots.
-        networks: of one genotype.
-        stream: random stream.
-    """
-    simulation = Simulation(task.under(PSEUDO_SPREAD, PSEUDO_SPREAD), profile, 1.0)
-    seed = int(substream(np.uint64(stream), np.uint64(PSEUDO)))
-    return float(simulation.scores(networks, batch_streams(seed, PSEUDO_REALITIES)[None]).mean())

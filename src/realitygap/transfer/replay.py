@@ -37,6 +37,7 @@ class Replays:
     def __init__(self, study: Study) -> None:
         self._study = study
         self._simulation = cache(lambda task, noise: Simulation(study.task(task), study.profile, noise))
+        self.quiet = cache(lambda task: Simulation(study.task(task), study.profile, 0.0))
 
     def of(self, folder: Path) -> Replay:
         """The transfer of a trial's folder.

@@ -7,9 +7,9 @@ of its transfers, trial by trial from the same poses.
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property
-from importlib.resources import files
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,13 @@ from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.streams import NAMED
 from realitygap.study.load import Run, Study
+from realitygap.study.versions import project_commit
 from realitygap.tasks.task import Task
 from realitygap.track import Track
+from realitygap.transfer.apart import DISTANCES, distances
 from realitygap.transfer.load import Transferred
 from realitygap.transfer.packed import content
+from realitygap.transfer.replay import Replays
 
 __all__ = ["Bench", "Job", "ScoreRow"]
 
@@ -49,6 +52,8 @@ class ScoreRow:
         differences: of the robot's behaviour from the simulation's, in the paper's words.
         correspondence: score, 0 to 10; low, high: its 95 % interval, None with a single start.
         starts, units: numbers behind the score.
+        readings, commands, speeds, replay_cm: distances of simulated and situated trials that need no camera
+            (`apart`), means over those whose recordings are known.
         why: what is missing, and why.
     """
 
@@ -69,6 +74,10 @@ class ScoreRow:
     high: float | None = None
     starts: int = 0
     units: int = 0
+    readings: float | None = None
+    commands: float | None = None
+    speeds: float | None = None
+    replay_cm: float | None = None
     why: str = ""
 
     def to_dict(self) -> dict[str, Any]:
@@ -88,6 +97,10 @@ class Bench:
     @cached_property
     def setting(self) -> Setting:
         return setting_of([], self.task)
+
+    @cached_property
+    def replays(self) -> Replays:
+        return Replays(self.study)
 
     @cached_property
     def namer(self) -> Namer:
@@ -110,16 +123,15 @@ class Job:
 
     @cached_property
     def key(self) -> str:
-        """A digest of everything that the score row follows from, including the rules."""
+        """A digest of everything that the score row follows from, and of the version that computes it."""
         number = self.run.fittest_number if self.individual == "fittest" else self.run.champion_number
         scale = self.bench.scales.get((self.kind, self.individual))
         folder = self.bench.study.folder
         paths = [folder / "study.toml", folder / "profile.toml", folder / f"arenas/{self.run.task}.toml"]
         paths += [one.folder / name for one in self.transfers for name in ("simulated.csv", "situated.csv")]
         tests = self.run.tests.get((self.individual, self.run.noise), np.zeros(0)).tobytes()
-        columns = [field.name for field in fields(ScoreRow)]
-        words = [self.run.name, self.individual, self.kind, number, scale, columns]
-        found = hashlib.blake2b(_rules(), digest_size=16)
+        words = [self.run.name, self.individual, self.kind, number, scale, *_version()]
+        found = hashlib.blake2b(digest_size=16)
         for part in (repr(words).encode(), tests, *(content(path) or b"none" for path in paths)):
             found.update(part)
         return found.hexdigest()
@@ -140,7 +152,7 @@ class Job:
             return _noted(plain, "no transfer: it has not driven a robot")
         simulated, situated, lost = self._pairs()
         plain = replace(plain, starts=len({t.start for t in situated}), units=len({t.unit for t in situated}))
-        plain = _noted(plain, *lost)
+        plain = _noted(ScoreRow(**{**plain.to_dict(), **self._distances()}), *lost)
         if not situated:
             return plain
         try:
@@ -148,14 +160,17 @@ class Job:
         except UsageError as error:
             return _noted(plain, f"no correspondence score: {error}")
 
-    @cached_property
-    def correspondence(self) -> float:
-        """The score of its transfers alone; NaN where their paths cannot be compared."""
-        simulated, situated, _ = self._pairs()
-        if not situated:
-            return math.nan
-        scale = self.bench.scale(self.kind, self.individual, matched=True)
-        return compare(simulated, situated, self.bench.setting, scale=scale, resamples=0).score
+    def _distances(self) -> dict[str, float | None]:
+        """Means over the trials that are known in full on both sides, and agree in length."""
+        replays, rows = self.bench.replays, []
+        for one in self.transfers:
+            made = replays.of(one.folder)
+            if made.simulated and made.situated and len(made.simulated.t) == len(made.situated.t):
+                rows.append(
+                    distances(made.simulated, made.situated, one.situated, one.pose, replays.quiet(one.task))
+                )
+        known = {key: [row[key] for row in rows if math.isfinite(row[key])] for key in DISTANCES}
+        return {key: math.fsum(values) / len(values) if values else None for key, values in known.items()}
 
     def _compared(self, plain: ScoreRow, simulated: Sequence[Trial], situated: Sequence[Trial]) -> ScoreRow:
         bench = self.bench
@@ -227,11 +242,5 @@ def _noted(mark: ScoreRow, *words: str) -> ScoreRow:
 
 
 @cache
-def _rules() -> bytes:
-    """The source text of naming and scoring, with the exemplars."""
-    found = hashlib.blake2b(digest_size=16)
-    for room in ("realitygap.correspondence", "realitygap.correspondence.exemplars"):
-        for entry in sorted(files(room).iterdir(), key=lambda entry: entry.name):
-            if entry.name.endswith((".py", ".json", ".npz")):
-                found.update(entry.read_bytes())
-    return found.digest()
+def _version() -> tuple[str, str]:
+    return version("realitygap"), project_commit()

@@ -19,7 +19,6 @@ from typing import Any
 
 from realitygap import whole
 from realitygap.robots.address import ROBOT, StandIn
-from realitygap.study.digest import check_of
 from realitygap.study.load import Study, as_study
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.score_row import Bench, Job, ScoreRow
@@ -71,29 +70,17 @@ def marks_of(
 
 
 def _read(file: Path) -> dict[str, dict[str, Any]]:
-    """Stored rows, by key; broken or edited ones are computed again."""
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        there = json.loads(file.read_text("utf-8"))
-        if isinstance(there, dict):
-            return {key: kept["mark"] for key, kept in there.items() if _is_sound(kept)}
+    """Stored rows, by key; a broken file counts as empty."""
+    with contextlib.suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):
+        return {key: ScoreRow(**row).to_dict() for key, row in json.loads(file.read_text("utf-8")).items()}
     return {}
-
-
-def _is_sound(kept: object) -> bool:
-    """Whether this is an unchanged stored row, by its checksum."""
-    return (
-        isinstance(kept, dict)
-        and isinstance(kept.get("mark"), dict)
-        and kept.get("check") == check_of(kept["mark"])
-    )
 
 
 def _write(file: Path, rows: Mapping[str, dict[str, Any]]) -> None:
     """Store rows, but not through a link; a file that cannot be written is ignored."""
-    kept = {key: {"mark": mark, "check": check_of(mark)} for key, mark in rows.items()}
     if not file.is_symlink():
         with contextlib.suppress(OSError):
-            whole.write(file, json.dumps(kept, indent=1))
+            whole.write(file, json.dumps(rows, indent=1))
 
 
 class _Scorer(Closing):

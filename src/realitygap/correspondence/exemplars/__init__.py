@@ -1,1 +1,1 @@
-"""Data from controllers with known behaviour, made by `python -m tests.exemplars.make`."""
+"""Data from controllers with known behaviour, made by studies/correspondence/run.py in the repository."""

@@ -1,0 +1,735 @@
+"""The paper's question as an experiment: which level of noise crosses the reality gap best?
+
+Each unit of a robot is recorded and a simulation calibrated to it. Controllers evolve at every level of
+noise, drive every unit from the same starts, and are compared with the simulation at every level (§6).
+
+`noise_run` carries it out. Another design derives from `NoiseExperiment`: `studies/` has two.
+"""
+
+import json
+import math
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap import whole
+from realitygap.calibration.unit_folder import PROFILE
+from realitygap.controller.encoding import Encoding, controller_of
+from realitygap.correspondence.names import common_name, namer
+from realitygap.correspondence.scale import Scale, exemplar_scale
+from realitygap.correspondence.score import compare
+from realitygap.correspondence.setting import Setting, setting_of
+from realitygap.correspondence.trials import Trial, resampled, trial_of
+from realitygap.errors import LineError, StudyError, TrackError
+from realitygap.evolution.algorithm import Genes
+from realitygap.experiments.experiment import (
+    RESULTS,
+    Seconds,
+    Settings,
+    kept,
+    write_table,
+)
+from realitygap.kernels.params import Networks
+from realitygap.robots.address import Address
+from realitygap.robots.recording import Recording
+from realitygap.simulation.simulation import Simulation
+from realitygap.streams import named_stream
+from realitygap.study.config import StudyConfig
+from realitygap.study.digest import check_of
+from realitygap.study.load import Study, load_study
+from realitygap.study.parts import Condition, TaskSettings
+from realitygap.study.plan import named
+from realitygap.study.settings import LARGEST
+from realitygap.study.settings import whole as whole_number
+from realitygap.study.versions import versions
+from realitygap.tasks.load import TASKS, load_task
+from realitygap.tasks.task import Task
+from realitygap.toml import read_toml, to_toml
+from realitygap.track import Track, settled
+from realitygap.transfer.paths import score
+from realitygap.transfer.rig import Rig
+from realitygap.user_code import place_of, placed
+from realitygap.values import Floats, Pose
+from realitygap.world.arena import load_arena
+from realitygap.world.files import require
+from realitygap.world.noise import noise_level
+from realitygap.world.profile import Profile, load_profile
+
+__all__ = [
+    "CONFIG", "FIGURES", "Controller", "Driven", "NoiseConfig", "NoiseExperiment", "Pair",
+    "Rigs", "calibration_folder", "levels_of", "tasks_of",
+]  # fmt: skip
+
+CONFIG = "noise-study.toml"
+"""The file in the experiment's folder."""
+LOUDEST = 10.0
+FRESH_TRIALS = 1
+"""Of the champion at the paper's levels: the compared paths tell more."""
+LEAST_TRIALS = 2
+"""Smallest number of trials that must remain without those lost by the camera."""
+TRIES = 3
+"""Of a trial whose line is lost, as when a computer stalls: the trial is the same each time."""
+FIGURES = ("score", "behaviour", "layout", "noisiness", "responsiveness")
+CALIBRATION = ("unit", "channel", "model_error", "noise", "ratio", "ratio_over_all")
+"""Columns of calibration.csv."""
+
+
+# Settings
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseConfig(Settings):
+    """The whole design.
+
+    Attributes:
+        levels: of noise: controllers evolve at each, and are compared with the simulation at each.
+        runs: controllers of each task and level; the units take turns.
+        units: number of the robot's units, from 1 on; a simulation is calibrated to each.
+        starts: of each controller on each unit.
+        evaluations: of each run.
+        twin_noise: the twin's noise scale.
+        seed: random seed.
+        tasks: of the paper, one or both: the score's exemplars are for them.
+        seconds: length of a trial; the task's own if None.
+        robot: instead of the twin, `stranger` or `enki:MODEL` with its units; or one of your own,
+            `file.py:Class` or `module:Class`, as the only unit.
+        base: the approximate profile of your own robot, by name or file.
+        arena: another than the task's, by name or file, if there is one task; for a larger robot.
+
+    Raises:
+        ConfigError: names the key, what was expected and what came.
+    """
+
+    FILE, FACTS = CONFIG, "study.toml"
+    WHAT, COMMAND = "study of the level of noise", "realitygap experiment noise"
+
+    levels: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0)
+    runs: int = 40
+    units: int = 3
+    starts: int = 8
+    evaluations: int = 1000
+    twin_noise: float = 1.0
+    seed: int = 1995
+    tasks: tuple[str, ...] = TASKS
+    seconds: float | None = None
+    robot: str | None = None
+    base: str | None = None
+    arena: str | None = None
+
+    def _check(self) -> None:
+        self._check_runs()
+        for key, largest in (("units", 100), ("evaluations", 10**9)):
+            whole_number(key, getattr(self, key), 1, largest)
+        whole_number("starts", self.starts, 2, 1000)  # one start is not enough for a comparison
+        whole_number("seed", self.seed, 0, LARGEST)
+        object.__setattr__(self, "levels", tuple(sorted(map(noise_level, self.levels))))
+        different = len(set(self.levels)) == len(self.levels) >= 2
+        require(different, "levels", "two or more, all different", list(self.levels))
+        loud = f"a number from 0 to {LOUDEST:g} (1: as noisy as the robot's own)"
+        require(0 <= self.twin_noise <= LOUDEST, "twin_noise", loud, self.twin_noise)
+        known = bool(self.tasks) and len(set(self.tasks)) == len(self.tasks) and set(self.tasks) <= set(TASKS)
+        require(known, "tasks", f"different ones of {', '.join(TASKS)}", list(self.tasks))
+        if self.seconds is not None:
+            steps = round(self.seconds * 10) if math.isfinite(self.seconds) else 0
+            exact = steps >= 20 and abs(steps / 10 - self.seconds) < 1e-6
+            require(exact, "seconds", "a multiple of 0.1 from 2 on", self.seconds)
+            object.__setattr__(self, "seconds", steps / 10)
+        if self.arena is not None:
+            load_arena(self.arena)
+            require(len(self.tasks) == 1, "arena", "none with several tasks", self.arena)
+            object.__setattr__(self, "arena", _whole_path(self.arena))
+        self._check_robot()
+
+    def _check_runs(self) -> None:
+        whole_number("runs", self.runs, 1, 10**4)
+
+    def _check_robot(self) -> None:
+        """Check that a robot of your own has a base and no settings of the twin; make file names absolute."""
+        if self.robot is None:
+            require(self.base is None, "base", "none for a twin", self.base, "Leave it out, or give `robot`.")
+            return
+        own = "a robot of your own that places itself, file.py:Class or module:Class"
+        form = f"twin, stranger, enki:MODEL, or {own}"
+        require(isinstance(self.robot, str), "robot", form, self.robot)
+        address = Address.parse(self.robot)
+        if address.unit is not None:
+            model = str(address).rpartition(":")[0]
+            cure = "Its units are those from 1 to `units`."
+            require(self.robot in (address.kind, model), "robot", model, self.robot, cure)
+            require(self.base is None, "base", f"none for {model}", self.base, "Leave it out.")
+            object.__setattr__(self, "robot", None if model == "twin" else model)
+            return
+        cure = "For one that a person carries, use record, calibrate, evolve and transfer, one by one."
+        require(address.kind == "own", "robot", form, self.robot, "" if address.port is None else cure)
+        rough = f"the rough profile of {self.robot}: its radius, heights, top command and speed"
+        require(isinstance(self.base, str), "base", rough, self.base)
+        alone = "1 with a robot of your own, which is the only unit"
+        require(self.units == 1, "units", alone, self.units, "Only the twin has several.")
+        require(self.twin_noise == 1, "twin_noise", "1 with a robot of your own, which has its own noise",
+                self.twin_noise)  # fmt: skip
+        file = place_of(self.robot)
+        if file is not None:
+            object.__setattr__(self, "robot", placed(self.robot, file[0].resolve()))
+        object.__setattr__(self, "base", _whole_path(str(self.base)))
+
+    @property
+    def named(self) -> str:
+        """Option for a robot other than the twin; one of your own is a program."""
+        return "" if self.robot is None else f" --robot {shlex.quote(self.robot)}"
+
+    @property
+    def command(self) -> str:
+        """The command that makes this experiment, without default options."""
+        usual = type(self)().to_dict()
+        if self.base is not None:
+            usual["units"] = self.units  # cannot be set by a user
+        changed = {key: value for key, value in self.to_dict().items() if usual.get(key) != value}
+        words = [f"--{key.replace('_', '-')} {_typed(value)}" for key, value in changed.items()]
+        return " ".join([self.COMMAND, *words])
+
+    def address(self, unit: int) -> str:
+        """Address of the robot that is this unit."""
+        return self.robot if self.robot and self.base else f"{self.robot or 'twin'}:{unit}"
+
+    def task(self, name: str) -> Task:
+        """A task with this experiment's arena and duration."""
+        task = load_task(name)
+        task = task if self.seconds is None else replace(task, seconds=self.seconds)
+        return task if self.arena is None else replace(task, arena=load_arena(self.arena))
+
+    @property
+    def every_unit(self) -> range:
+        """Numbers of the units."""
+        return range(1, self.units + 1)
+
+
+def _whole_path(name: str) -> str:
+    """A file's absolute path; other names are those of shipped ones."""
+    return str(Path(name).resolve()) if Path(name).is_file() else name
+
+
+def levels_of(text: str) -> tuple[float, ...]:
+    """Noise levels as typed by a person: "0,0.5,observed,2".
+
+    Raises:
+        ConfigError: names the invalid one.
+    """
+    return tuple(noise_level(part) for part in text.split(","))
+
+
+def tasks_of(text: str) -> tuple[str, ...]:
+    """Tasks as typed by a person: "both", or names or words of the paper's tasks.
+
+    Raises:
+        TaskError: names the invalid one.
+    """
+    return TASKS if text == "both" else tuple(load_task(word).name for word in text.split(","))
+
+
+def _typed(value: Any) -> str:
+    """A setting as typed by a person, with all digits."""
+    if isinstance(value, list):
+        return ",".join(map(_typed, value))
+    return repr(value).removesuffix(".0") if isinstance(value, float) else shlex.quote(str(value))
+
+
+# The design, and what its trials need
+
+
+@dataclass(frozen=True, kw_only=True)
+class Controller:
+    """A run's champion.
+
+    Attributes:
+        task, level: that it evolved for, and under.
+        run: its number, from 1, of its task and level.
+        home: its calibration unit.
+        study: the study of evolution with its run; run_name: the run's name there.
+        seed_set: of designs with several sets of runs, each with its own seeds.
+    """
+
+    task: str
+    level: float
+    run: int
+    home: int
+    study: str
+    run_name: str
+    seed_set: int = 1
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """The names of the streams of its trials."""
+        return (self.task, self.seed_set, self.level, self.run)
+
+    @property
+    def name(self) -> str:
+        """Its name in files and messages."""
+        return f"{self.task}-level-{self.level!r}-run-{self.run}"
+
+
+class Pair(NamedTuple):
+    """Unit and start of a trial, both from 1."""
+
+    unit: int
+    start: int
+
+
+Trials = Mapping[Pair, Trial]
+
+
+class Driven(NamedTuple):
+    """A controller's trials on the robot's units, as on file.
+
+    Attributes:
+        units: numbers of the units that it drove.
+        poses: [units, starts, rows, 3]: x, y (cm), heading (rad), a row a step from the start; NaN where the
+            camera lost the robot.
+        period_s: of a step.
+        more: further arrays [units, starts, …] that a design keeps.
+    """
+
+    units: tuple[int, ...]
+    poses: Floats
+    period_s: float
+    more: Mapping[str, NDArray[Any]]
+
+    def track(self, unit: int, start: int) -> Track:
+        """One trial."""
+        x, y, heading = self.poses[self.units.index(unit), start - 1].T
+        t = np.arange(len(x), dtype=np.float64) * self.period_s
+        return Track(t=t, x=x, y=y, heading=settled(heading, wrapped=False))
+
+
+def calibration_folder(folder: Path, unit: int) -> Path:
+    """The folder of a unit's recordings and profile."""
+    return folder / "calibration" / f"unit-{unit}"
+
+
+class Rigs:
+    """Units that stay open while controllers of one task and calibration unit take turns."""
+
+    def __init__(self, experiment: "NoiseExperiment") -> None:
+        self._experiment = experiment
+        self._group: tuple[str, int] | None = None
+        self._ready: dict[int, Rig] = {}
+
+    def rig(self, one: Controller, unit: int) -> Rig:
+        """A unit in the arena of the controller's task, with the input range of its calibration unit."""
+        experiment, config = self._experiment, self._experiment.config
+        if self._group != (one.task, one.home):
+            self.close()
+            self._group = (one.task, one.home)
+        if unit not in self._ready:
+            self._ready[unit] = Rig(
+                experiment.task(one.task), experiment.profile(one.home), robot=config.address(unit),
+                twin_noise=config.twin_noise, folder_for_camera=experiment.folder / "situated" / "cameras",
+            )  # fmt: skip
+        return self._ready[unit]
+
+    def close(self) -> None:
+        """Release all units."""
+        ready, self._ready = self._ready, {}
+        for rig in ready.values():
+            rig.close()
+
+
+class NoiseExperiment:
+    """The experiment in a folder: its controllers, their trials and their comparisons.
+
+    Every draw is a function of names alone, so that neither the order of work nor the rest of the experiment
+    affects results. What another design may change is a method of its own: `controllers`, `driven`, `seed`,
+    `start_poses`, `genes`, `keep`, `cell`, and the tables' rows.
+    """
+
+    def __init__(self, folder: Path, config: NoiseConfig) -> None:
+        self.folder, self.config = folder, config
+        self.profile = cache(self._profile)
+        self.task = cache(config.task)
+        self.starts = cache(self.start_poses)
+        self.study = cache(self._study)
+        self._encoding = cache(self._made)
+        self.known: dict[Controller, Genes] = {}  # for workers that cannot see evolution's studies
+
+    def controllers(self) -> Sequence[Controller]:
+        """All controllers, by task and calibration unit, so that working in order rarely changes robots."""
+        config = self.config
+        return [
+            Controller(
+                task=task, level=level, run=run, home=home, study=f"unit-{home}",
+                run_name=f"{task}/{named(level)}/{index}",
+            )
+            for task in config.tasks
+            for home in config.every_unit
+            for level in config.levels
+            for index, run in enumerate(range(home, config.runs + 1, config.units), start=1)
+        ]  # fmt: skip
+
+    def driven(self, one: Controller) -> tuple[int, ...]:
+        """Units that a controller drives."""
+        return tuple(self.config.every_unit)
+
+    def seed(self, seed_set: int) -> int:
+        """Of a set of runs."""
+        return self.config.seed
+
+    def start_poses(self, task: str, seed_set: int, unit: int) -> tuple[Pose, ...]:
+        """Starts of the trials on a unit: the same for all controllers and levels, and here for all units."""
+        return self.drawn(task, self.config.every_unit[0], task, seed_set)
+
+    # Folders and files
+
+    @cached_property
+    def studies(self) -> dict[str, list[Controller]]:
+        """The controllers of each study of evolution, those of a run once."""
+        made: dict[str, dict[str, Controller]] = {}
+        for one in self.controllers():
+            made.setdefault(one.study, {}).setdefault(one.run_name, one)
+        return {study: list(runs.values()) for study, runs in made.items()}
+
+    def evolved_folder(self, study: str) -> Path:
+        """The folder of a study of evolution."""
+        return self.folder / "evolved" / study
+
+    def driven_file(self, one: Controller) -> Path:
+        """A controller's paths on the robot's units."""
+        return self.folder / "situated" / f"{one.name}.npz"
+
+    def compared_file(self, one: Controller) -> Path:
+        """The comparisons of those with the simulations."""
+        return self.folder / "simulated" / f"{one.name}.json"
+
+    def profile_file(self, unit: int) -> Path:
+        """A unit's calibration."""
+        return calibration_folder(self.folder, unit) / PROFILE
+
+    # What follows from the design
+
+    def evolution(self, study: str) -> StudyConfig:
+        """The configuration of a study of evolution, in the simulation of its calibration unit."""
+        config, runs = self.config, self.studies[study]
+        first, levels = runs[0], {one.level for one in runs}
+        alike = sum((one.task, one.level) == (first.task, first.level) for one in runs)
+        some = (level for task in config.tasks for level in config.levels if level in levels)
+        tasks = (task for task in config.tasks for _ in levels)
+        return StudyConfig(
+            title=f"Noise level: simulation calibrated to unit {first.home}",
+            seed=named_stream(self.seed(first.seed_set), "evolution", first.seed_set, first.home) >> 1,
+            runs=alike,
+            evaluations=config.evaluations,
+            fresh_trials=FRESH_TRIALS,
+            profile=str(self.profile_file(first.home)),
+            conditions=tuple(Condition(task=t, noise=level) for t, level in zip(tasks, some, strict=True)),
+            task=TaskSettings(seconds=config.seconds),
+            arenas={} if config.arena is None else {config.tasks[0]: config.arena},
+        )
+
+    def genes(self, one: Controller) -> Genes:
+        """A controller's genotype: its run's champion."""
+        found = self.known.get(one)
+        found = self.study(one.study).run(one.run_name).champion if found is None else found
+        assert found is not None
+        return found
+
+    def networks(self, one: Controller) -> Networks:
+        """A controller's network."""
+        return self._encoding(one.task, one.study).decode(self.genes(one)[np.newaxis])
+
+    def simulation(self, task: str, unit: int, home: int, level: float) -> Simulation:
+        """The simulation calibrated to a unit, for controllers with any calibration unit.
+
+        The input range (§7.2, "bands") belongs to the controller, which keeps that of its calibration unit
+        (`home`) on every robot, twin or simulated.
+
+        Args:
+            task: its name.
+            unit: of the simulation's calibration.
+            home: the controllers' calibration unit.
+            level: of noise.
+        """
+        robot, own = self.profile(unit), self.profile(home)
+        worn = replace(
+            robot,
+            infrared=replace(robot.infrared, bands=own.infrared.bands),
+            ambient=replace(robot.ambient, bands=own.ambient.bands),
+        )
+        return Simulation(self.task(task), worn, level)
+
+    def _profile(self, unit: int) -> Profile:
+        return load_profile(self.profile_file(unit))
+
+    def _study(self, name: str) -> Study:
+        return load_study(self.evolved_folder(name))
+
+    def _made(self, task: str, study: str) -> Encoding:
+        home = self.studies[study][0].home
+        return self.evolution(study).encoding_for(self.task(task).of(self.profile(home)))
+
+    def drawn(self, task: str, unit: int, *names: object) -> tuple[Pose, ...]:
+        """A task's starts in the simulation of a unit, from the streams of some names."""
+        simulation, numbers = (
+            Simulation(self.task(task), self.profile(unit)),
+            range(1, self.config.starts + 1),
+        )
+        return tuple(simulation.start(named_stream(self.config.seed, "start", *names, k)) for k in numbers)
+
+    # Trials on the robot
+
+    def drive(self, rigs: Rigs, one: Controller, tell: Callable[[float], None]) -> bytes:
+        """Let a controller drive its units from every start; the content of its file."""
+        units, home, task = self.driven(one), self.profile(one.home), self.task(one.task)
+        encoding = self._encoding(one.task, one.study)
+        driver = controller_of(encoding, self.genes(one))
+        rows: list[dict[str, NDArray[Any]]] = []
+        for unit in units:
+            rig = rigs.rig(one, unit)
+            for k, pose in enumerate(self.starts(one.task, one.seed_set, unit), start=1):
+                stream = named_stream(self.seed(one.seed_set), "situated", *one.key, unit, k)
+                for left in reversed(range(TRIES)):
+                    try:
+                        rows.append(self.keep(*rig.drive(driver, stream, pose), task))
+                        break
+                    except LineError:  # the rig has released its unit, and opens it again
+                        if not left:
+                            raise
+                tell(1.0 / (len(units) * self.config.starts))
+        shape = (len(units), self.config.starts)
+        arrays = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+        file = BytesIO()
+        np.savez_compressed(file, **{k: v.reshape(*shape, *v.shape[1:]) for k, v in arrays.items()})  # type: ignore[arg-type]
+        assert arrays["poses"].shape[1] == task.steps_of(home) + 1
+        return file.getvalue()
+
+    def keep(self, track: Track, made: Recording, task: Task) -> dict[str, NDArray[Any]]:
+        """What is kept of a trial on the robot: arrays by name, of the same shapes in each."""
+        return {"poses": np.stack([track.x, track.y, track.heading], axis=1)}
+
+    def read_driven(self, one: Controller) -> Driven:
+        """A controller's stored trials.
+
+        Raises:
+            StudyError: they are missing, or the file is broken.
+        """
+        file, home = self.driven_file(one), self.profile(one.home)
+        units = self.driven(one)
+        shape = (len(units), self.config.starts, self.task(one.task).steps_of(home) + 1, 3)
+        with kept(file, f"paths {list(shape)} of a controller"):
+            with ZipFile(file) as parts:
+                if parts.testzip() is not None:  # before a damaged header is trusted
+                    raise ValueError
+            with np.load(file) as arrays:
+                more = {name: arrays[name] for name in arrays.files}
+            found = Driven(units, more.pop("poses"), home.period_s, more)
+            if found.poses.shape != shape:
+                raise ValueError
+        return found
+
+    # Comparisons with the simulations
+
+    def compare(self, one: Controller, tell: Callable[[float], None]) -> dict[str, Any]:
+        """Compare a controller's paths on the robot with the simulation at every level.
+
+        Simulated trials of one unit and start have the same draws at every level, scaled by the level: so
+        differences between levels are due to noise, not chance.
+        """
+        config, task, driven = self.config, self.task(one.task), self.read_driven(one)
+        setting = setting_of([], task)
+        situated, fitness, lost = self.seen(one, driven)
+        cells, names = [], []
+        for level in config.levels:
+            simulated, scores = self.simulated(one, level, list(situated))
+            cells.append(
+                {
+                    "comparison_level": level,
+                    **self.cell(one, simulated, situated, setting),
+                    "fitness_simulated": _mean(scores),
+                }
+            )
+            if level == one.level:
+                radius = self.profile(one.home).body.radius_cm
+                names = namer(setting, radius).name([*simulated.values()], setting)
+            tell(1.0 / len(config.levels))
+        own = next(cell for cell in cells if cell["comparison_level"] == one.level)
+        return {
+            "name": common_name(names),
+            "fitness_simulated": own["fitness_simulated"],
+            "fitness_situated": _mean(list(fitness.values())),
+            **{f"fitness_situated_unit_{unit}": mean for unit, mean in fitness.items()},
+            "trials": len(situated),
+            "trials_lost": lost,
+            "cells": cells,
+        }
+
+    def cell(
+        self, one: Controller, simulated: Trials, situated: Trials, setting: Setting
+    ) -> dict[str, float]:
+        """One comparison's figures: over all units, and the score on each unit alone, which is on the coarser
+        scale for one unit's pairs.
+
+        Args:
+            one: the controller.
+            simulated, situated: trials of the same units and starts.
+            setting: of the score.
+        """
+        units = self.driven(one)
+        found = self.figures([*simulated.values()], [*situated.values()], setting, len(units))
+        for unit in units:
+            ours = [pair for pair in situated if pair.unit == unit]
+            here, there = ([side[pair] for pair in ours] for side in (simulated, situated))
+            found[f"score_unit_{unit}"] = self.figures(here, there, setting, 1)["score"]
+        return found
+
+    def figures(
+        self, simulated: Sequence[Trial], situated: Sequence[Trial], setting: Setting, units: int
+    ) -> dict[str, float]:
+        """FIGURES of pairs of trials; NaN if too few are left.
+
+        Args:
+            simulated, situated: as many of either.
+            setting: of the score.
+            units: number of units that they are from.
+        """
+        if len(situated) < LEAST_TRIALS:
+            return dict.fromkeys(FIGURES, math.nan)
+        scale = self.scale(setting, units)
+        found = compare(simulated, situated, setting, scale=scale, resamples=0)
+        figures = {key: getattr(found, key) for key in FIGURES}
+        return {key: math.nan if value is None else value for key, value in figures.items()}
+
+    def scale(self, setting: Setting, units: int) -> Scale:
+        """One scale for all comparisons of a task on this many units: the exemplars', for as many pairs of
+        trials.
+
+        In pairs a start's contribution to a distance cancels, leaving each trial's noise, so every trial
+        counts, on any unit.
+        """
+        pairs = units * self.config.starts
+        return exemplar_scale(setting.exemplars, pairs, pairs, matched=True, jitter=setting.jitter)
+
+    def start_label(self, pair: Pair) -> str:
+        """A start's name, by which pairs of trials are found; units share starts."""
+        return str(pair.start)
+
+    def seen(self, one: Controller, driven: Driven) -> tuple[dict[Pair, Trial], dict[int, float], int]:
+        """Comparable trials on the robot, mean fitness on each unit, and the number of lost ones."""
+        task, robot = self.task(one.task), self.profile(one.home)
+        trials: dict[Pair, Trial] = {}
+        fitness: dict[int, list[float]] = {unit: [] for unit in driven.units}
+        pairs = [Pair(unit, k) for unit in driven.units for k in range(1, driven.poses.shape[1] + 1)]
+        for pair in pairs:
+            track = driven.track(*pair)
+            fitness[pair.unit].append(score(track, task, robot))
+            try:
+                radius, label = robot.body.radius_cm, self.start_label(pair)
+                trial = resampled(track, start=label, unit=str(pair.unit), source=one.name, radius_cm=radius)
+            except TrackError:
+                continue  # lost for too long: its behaviour is unknown
+            if track.found[0] and track.found[-1]:
+                trials[pair] = trial
+        return trials, {unit: _mean(scores) for unit, scores in fitness.items()}, len(pairs) - len(trials)
+
+    def simulated(
+        self, one: Controller, level: float, pairs: Sequence[Pair]
+    ) -> tuple[dict[Pair, Trial], list[float]]:
+        """A controller in the simulations of all units at a level: trials and their scores."""
+        networks = self.networks(one)
+        simulation = cache(lambda unit: self.simulation(one.task, unit, one.home, level))
+        trials, scores = {}, []
+        for pair in pairs:
+            stream = named_stream(self.seed(one.seed_set), "simulated", *one.key, *pair)
+            pose = self.starts(one.task, one.seed_set, pair.unit)[pair.start - 1]
+            trajectory, fitness = simulation(pair.unit).trajectory(networks, stream=stream, pose=pose)
+            radius, label = self.profile(pair.unit).body.radius_cm, self.start_label(pair)
+            trials[pair] = trial_of(trajectory, start=label, unit=str(pair.unit), radius_cm=radius)
+            scores.append(fitness)
+        return trials, scores
+
+    def read_compared(self, one: Controller) -> dict[str, Any]:
+        """A controller's stored results.
+
+        Raises:
+            StudyError: they are missing or broken.
+        """
+        file = self.compared_file(one)
+        with kept(file, "the results of a controller's comparisons"):
+            found: dict[str, Any] = json.loads(file.read_text("utf-8"))
+            check = found.pop("check")
+            levels = [cell["comparison_level"] for cell in found["cells"]]
+            if check != check_of(found) or levels != list(self.config.levels):
+                raise ValueError
+        return found
+
+    # Tables
+
+    def write_results(self) -> Path:
+        """Gather all controllers' results: controllers.csv, cells.csv, calibration.csv, study.toml.
+
+        Raises:
+            StudyError: a controller's file is missing or broken.
+        """
+        folder, config = self.folder / RESULTS, self.config
+        folder.mkdir(parents=True, exist_ok=True)
+        order = sorted(self.controllers(), key=lambda one: (config.tasks.index(one.task), *one.key[1:]))
+        found = {one: self.read_compared(one) for one in order}
+        write_table(
+            folder / "controllers.csv", [self.controller_row(one, made) for one, made in found.items()]
+        )
+        cells = [self.cell_row(one, cell) for one, made in found.items() for cell in made["cells"]]
+        write_table(folder / "cells.csv", cells)
+        write_table(folder / "calibration.csv", list(self.calibration()), CALIBRATION)
+        facts = {
+            "command": config.command,
+            **config.to_dict(),
+            "controllers": len(found),
+            "twin_trials": config.starts * sum(len(self.driven(one)) for one in found),
+            "twin_trials_lost": sum(int(made["trials_lost"]) for made in found.values()),
+            "trial_seconds": {task: self.task(task).seconds for task in config.tasks},
+            "seconds": Seconds(self.folder).read(),
+            "versions": versions(),
+            "versions_at_start": read_toml(self.folder / config.FILE, StudyError, "").get("versions", {}),
+        }
+        whole.write(folder / config.FACTS, to_toml(facts))
+        return folder
+
+    def who(self, one: Controller) -> dict[str, object]:
+        """The first columns of each row."""
+        return {"task": one.task, "run": one.run, "evolved_level": one.level}
+
+    def controller_row(self, one: Controller, made: Mapping[str, Any]) -> dict[str, object]:
+        """A controller's row of controllers.csv."""
+        simulated, situated = made["fitness_simulated"], made["fitness_situated"]
+        return {
+            **self.who(one),
+            "home_unit": one.home,
+            "name": made["name"],
+            "fitness_simulated": simulated,
+            "fitness_situated": situated,
+            "drop": simulated - situated,
+            **{key: made[key] for key in made if key.startswith("fitness_situated_unit_")},
+            "trials": made["trials"],
+        }
+
+    def cell_row(self, one: Controller, cell: Mapping[str, Any]) -> dict[str, object]:
+        """A controller's row of cells.csv for a level."""
+        return {**self.who(one), **cell}
+
+    def calibration(self) -> Iterator[dict[str, object]]:
+        """Accuracy of each unit's sensor fits: counts, and the model's error over the noise."""
+        for unit in self.config.every_unit:
+            for fit in self.profile(unit).provenance.fits:
+                if fit.noise > 0:
+                    row = {key: getattr(fit, key) for key in CALIBRATION[1:]}
+                    yield {"unit": unit, **row, "ratio_over_all": fit.ratio_over_all or math.nan}
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Mean of the known values; NaN for none."""
+    known = [value for value in values if math.isfinite(value)]
+    return math.fsum(known) / len(known) if known else math.nan
