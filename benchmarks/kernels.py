@@ -147,27 +147,6 @@ def compare_light() -> None:
     print(f"light of a calibrated unit, over the printed law: {np.median(rounds[:, 1] / rounds[:, 0]):.2f}")
 
 
-def compare_lockstep() -> None:
-    """How many steps a second 64 trials of each network make in lockstep, and over one by one, in turn."""
-    for name in ("paper", "khepera"):
-        simulation = Simulation(load_task("avoidance"), load_profile(name), 1.0)
-        networks = random_networks(simulation, stream=1995)
-        streams = np.stack([batch_streams(k, 64) for k in range(len(networks.neurons))])
-        rounds = []
-        for _ in range(ROUNDS + 1):  # the first one warms up
-            for lockstep in (False, True):
-                vars(simulation._cores)["_lockstep"] = lockstep
-                start = time.process_time()
-                simulation.scores(networks, streams)
-                rounds.append(time.process_time() - start)
-        alone, together = np.array(rounds).reshape(-1, 2)[1:].T
-        speed, ratio = streams.size * simulation._cores.trial.steps / together / 1e6, alone / together
-        print(
-            f"64 trials a network in lockstep, {name}: {np.median(speed):.2f} million steps/s, "
-            f"over one by one: {np.median(ratio):.2f} ({ratio.min():.2f} to {ratio.max():.2f})"
-        )
-
-
 def walled(count: int, side: float) -> Arena:
     """A room with so many walls of 10 cm, anywhere but in its middle, where trials start."""
     random, walls = np.random.default_rng(3), []
@@ -196,7 +175,6 @@ def compare_rooms() -> None:
 
 
 def main() -> None:
-    compare_lockstep()
     compare_rooms()
     compare_laws()
     compare_light()

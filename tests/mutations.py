@@ -41,23 +41,9 @@ PHYSICS = ("tests/twin/test_physics.py",)
 WARP = ("tests/simulation/test_cuda_sensors.py",)
 RAYWISE = ("tests/kernels/test_raywise.py",)
 FLEET = ("tests/study/test_fleet.py",)
-LANES = ("tests/kernels/test_lockstep.py",)
 
 MUTATIONS = (
-    # many trials of a network at once, in single precision with a margin
-    Mutation("kernels/lane_notice.py", "a third cylinder in a fan is left out",
-             "few += U(s[CROWD + at] < EIGHT * EIGHT)", "few += U(1)", LANES),
-    Mutation("kernels/lane_notice.py", "a cylinder beside a fan's edge is not in it",
-             "(aside * cone - ahead * sine < disc[1])", "(aside * cone - ahead * sine < NONE)", LANES),
-    Mutation("kernels/lane_sensors.py", "a ray's mirror image meets what the ray meets",
-             "nearer(bests[1], p, at, a - b, c + d)", "nearer(bests[1], p, at, a + b, c - d)", LANES),
-    Mutation("kernels/lane_sensors.py", "readings have no margin",
-             "COUNTS + PART * (a * light)", "NONE * light", LANES),
-    Mutation("kernels/lane_noise.py", "draws near 1 are taken for 1",
-             "s = (-short if e == WORD else m - ONE) / (m + ONE)", "s = (m - ONE) / (m + ONE)", LANES),
-    Mutation("kernels/lockstep.py", "the last steps of a path are not written",
-             "or k == world.task.steps - 1:", "or k == world.task.steps:", LANES),
-    # a GPU's way: sensors ray by ray and by the threads of a warp, runs as arrays
+    # a GPU
     Mutation("simulation/cuda_sensors.py", "all threads follow the first sensor's rays",
              "= k * WARP + which\n", "= which\n", WARP),
     Mutation("simulation/cuda_sensors.py", "an ambient sensor's light is its last lamp's",

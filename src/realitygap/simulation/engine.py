@@ -19,10 +19,7 @@ from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch
 from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
-from realitygap.kernels.jit import SHELF
-from realitygap.kernels.lanes import WIDE, fit_lanes, new_lanes
 from realitygap.kernels.light_bounds import fit_bounds
-from realitygap.kernels.lockstep import run_lockstep
 from realitygap.kernels.network import think
 from realitygap.kernels.params import Networks, Path, Room, Trial, World
 from realitygap.kernels.pointed import met
@@ -38,12 +35,6 @@ __all__ = ["Cores", "Engine", "Streams"]
 
 CHUNK = 64
 """Trials carried out before their scores are taken: bounds the memory of a batch."""
-LEAST = 8
-"""Trials of a network from which on lockstep is faster; it takes whole vectors of eight."""
-REPAID, LOADED = 40_000_000, 400_000
-"""Steps from which on it is repaid to compile for lockstep, some 13 s, and to load what was compiled."""
-_asked = [0]
-"""Steps of this process that could have gone in lockstep."""
 Streams = NDArray[np.uint64]
 T = TypeVar("T")
 
@@ -226,38 +217,9 @@ class Cores:
             raise UsageError(f"streams: expected {expected}, got {shown(streams)}.")
         return np.repeat(np.arange(count), streams.shape[1]), streams.reshape(-1)
 
-    @cached_property
-    def _lockstep(self) -> bool | None:
-        """Whether trials may go in lockstep; None: they may, but that is to be compiled first."""
-        if numba.config.DISABLE_JIT or self.task.spread or not fit_lanes(self.world):
-            return False
-        return SHELF.holds(run_lockstep.__name__) or None
-
-    def _goes_in_lockstep(self, which: NDArray[np.int64]) -> bool:
-        """Whether these trials do: the bits are the same, and nobody compiles what is not repaid."""
-        if len(which) < LEAST * (1 + np.count_nonzero(np.diff(which))) or self._lockstep is False:
-            return False
-        _asked[0] += len(which) * self.trial.steps
-        return _asked[0] > (LOADED if self._lockstep else REPAID)
-
     def _run(self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats) -> None:
-        if self._goes_in_lockstep(which):
-            self._run_lockstep(networks, which, streams, paths)
-        else:
-            work = self.scratch(networks)
-            for world, some, far in self.worlds(streams):
-                work.span[0] = far
-                batch.run_trials(world, networks, which[some], streams[some], paths[some], work)
+        work = self.scratch(networks)
+        for world, some, far in self.worlds(streams):
+            work.span[0] = far
+            batch.run_trials(world, networks, which[some], streams[some], paths[some], work)
         self.require_finite_path(paths[: len(streams)])
-
-    def _run_lockstep(
-        self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats
-    ) -> None:
-        """Up to WIDE trials of a network at once."""
-        size = (networks.thresholds.shape[1], networks.links.shape[1])
-        lanes = self._own("lanes", size, lambda: new_lanes(self.world, networks))
-        ends = [*(np.flatnonzero(np.diff(which)) + 1), len(which)]
-        for first, end in zip([0, *ends], ends, strict=False):
-            for t in range(first, end, WIDE):
-                some = slice(t, min(t + WIDE, end))
-                run_lockstep(self.world, networks, which[t], streams[some], paths[some], lanes)
