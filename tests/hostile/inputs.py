@@ -261,7 +261,7 @@ def _kinds() -> dict[str, Kind]:
     plain = load_arena("obstacle-avoidance").to_toml().encode()
     wall, drive = {"recording.toml": _FACTS}, {"recording.toml": b'robot = "twin"\n'}
     study = b'seed = 3\nruns = 2\nevaluations = 10\n[[conditions]]\ntask = "light"\nnoise = "double"\n'
-    noise = b"levels = [0.0, 1.0]\nruns = 2\nseed_sets = 1\nunits = 1\nstarts = 2\nevaluations = 10\n"
+    noise = b"levels = [0.0, 1.0]\nruns = 2\nunits = 1\nstarts = 2\nevaluations = 10\n"
     film, here = {"film.mp4": _film(), "camera.json": _camera()}, "transfer/twin-1/one/start-1/"
     trial = {
         here + name: data
