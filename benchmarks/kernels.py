@@ -23,7 +23,7 @@ from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import TASKS, load_task
 from realitygap.world.arena import Arena
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 PARTS = ("nothing", "sensing", "network", "wheels", "noise")
 NOTHING, SENSING, NETWORK, WHEELS, NOISE = range(5)

@@ -236,7 +236,7 @@ MUTATIONS = (
              "speed[1] * speed[1] + speed[2] * speed[2] < THROWN * THROWN", "0.0 < 1e9", PHYSICS),
     Mutation("twin/wheels.py", "a thrown robot keeps its speed",
              "_copy(machine.before, machine.moving)", "_copy(machine.moving, machine.before)", PHYSICS),
-    Mutation("world/rays.py", "a product's error is forgotten when it is rounded",
+    Mutation("world/sensors.py", "a product's error is forgotten when it is rounded",
              "off = (product - whole) + error", "off = product - whole", RAYS),
     Mutation("calibration/forward.py", "rows of a second recording are read at the first's places",
              "[scene.row + begin for scene", "[scene.row for scene", ROOM),

@@ -18,7 +18,7 @@ import pytest
 from realitygap.errors import UsageError
 from realitygap.kernels.jit import SHELF, entry_for, kernel
 from realitygap.machine_code import Shelf
-from realitygap.user_code import run_file
+from realitygap.plugins import run_file
 from tests.hostile.damage import KINDS, command, damage
 
 SMALL = """

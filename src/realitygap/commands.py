@@ -17,7 +17,7 @@ from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError, UsageError
-from realitygap.text import as_path, must_be
+from realitygap.files import as_path, must_be
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from realitygap.study.load import Study
     from realitygap.tasks.task import Task
     from realitygap.work.workers import Workers
-    from realitygap.world.profile import Profile
+    from realitygap.world.robot import Profile
 
 __all__ = ["calibrate", "evolve", "merge", "reproduce"]
 
@@ -85,7 +85,7 @@ def evolve(
     from realitygap.cli.studies import carry_out
     from realitygap.tasks.load import reference
     from realitygap.work.shard import Shard
-    from realitygap.world.noise import noise_level
+    from realitygap.world.robot import noise_level
 
     _require_engine(engine)
     name, share = reference(task), None if shard is None else Shard.parse(shard)
@@ -233,7 +233,7 @@ def calibrate(
     from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
     from realitygap.cli.calibrate import load_all, write_profile
     from realitygap.cli.progress import ProgressLine
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     target = None if out is None else as_path(out, "out")
     if target is not None and (target.is_dir() or not target.parent.is_dir()):

@@ -17,7 +17,7 @@ from realitygap.calibration.misfit import Yardstick, misfits
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows
 from realitygap.cli.calibrate import load_all
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 FORMS = "paper,individual,extended,measured"
 

@@ -17,7 +17,7 @@ from realitygap.calibration.recordings.files import find_recordings, load_record
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows
 from realitygap.errors import CalibrationError, RecordingError
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.calibration.test_recording import FACTS, HEAD, ROW, written
 
 THYMIO, PAPER = load_profile("thymio"), load_profile("paper")

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from realitygap.evolution import DistributedGA
-from realitygap.evolution.selection import panmictic_event, torus_event
+from realitygap.evolution.ga import panmictic_event, torus_event
 from tests.evolution.toy import Toy, advance
 
 MANY = 25000 if numba.config.DISABLE_JIT else 60000

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 __all__ = ["KINDS", "Kind"]
 
@@ -140,9 +140,7 @@ def _camera() -> bytes:
 
 
 def _genotype() -> bytes:
-    from realitygap.controller.genotype import to_text
-    from realitygap.controller.handmade import braitenberg
-    from realitygap.controller.layout import Layout
+    from realitygap.control.genotype import Layout, braitenberg, to_text
 
     return to_text(braitenberg("proximity", Layout()), Layout()).encode()
 

@@ -23,7 +23,7 @@ from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import load_task
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 from tests.kernels.scenes import PAPER, random_lamp, random_profile
 
 SEEKING = load_task("light-seeking")

@@ -16,7 +16,7 @@ from realitygap.kernels.light_beyond import goes_beyond
 from realitygap.kernels.params import RAYS
 from realitygap.kernels.raywise import answer_near, light_by, look_along
 from realitygap.kernels.trial import stand
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.kernels.scenes import PAPER, full_room, random_pose, random_scenes, work_for
 
 

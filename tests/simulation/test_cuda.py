@@ -24,9 +24,8 @@ import pytest
 from benchmarks.steps import random_networks
 from scipy.stats import ks_2samp
 
-from realitygap.controller.handmade import braitenberg
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout, braitenberg
+from realitygap.control.network import decode
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.work import new_work, quiet
 from realitygap.simulation.engine import Cores
@@ -34,8 +33,8 @@ from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.testing import EngineContract
-from realitygap.world.look_up import LookUp
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
+from realitygap.world.sensors import LookUp
 from tests.kernels import calls
 from tests.study.helpers import content, small
 

@@ -18,7 +18,7 @@ from realitygap.kernels.trial import ambient, draw_noise, infrared
 from realitygap.simulation.engine import Cores
 from realitygap.tasks import load_task
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 if importlib.util.find_spec("numba_cuda") is None:
     pytest.skip('no numba-cuda here: pip install "realitygap[cuda]"', allow_module_level=True)

@@ -12,7 +12,7 @@ from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.testing import EngineContract
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 
 class OneByOne:

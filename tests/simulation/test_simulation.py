@@ -9,17 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.controller.handmade import braitenberg, constant
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController, decode
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Layout, braitenberg, constant
+from realitygap.control.network import NetworkController, decode
+from realitygap.control.operators import Variation
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.kernels.reference import sensors as reference
 from tests.kernels.scenes import random_pose, random_profile
 

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from realitygap.controller.operators import Variation
+from realitygap.control.operators import Variation
 from realitygap.errors import StudyInterruptedError
 from realitygap.simulation import simulation
 from realitygap.simulation.engine import Cores
@@ -18,7 +18,8 @@ from realitygap.study.reader import DATABASE
 from realitygap.study.run import Bench
 from realitygap.study.runner import run_study
 from realitygap.study.store import Store
-from realitygap.work import progress, threads
+from realitygap.work import pool as threads
+from realitygap.work import progress
 from tests.study.helpers import content, small
 
 

@@ -9,8 +9,8 @@ from itertools import count
 
 import pytest
 
-from realitygap.work import threads
-from realitygap.work.threads import merged
+from realitygap.work import pool as threads
+from realitygap.work.pool import merged
 
 
 def test_all_comes_and_in_order():

@@ -10,8 +10,7 @@ import pytest
 from realitygap.errors import ConfigError
 from realitygap.kernels import params
 from realitygap.kernels.params import LANES, RAYS
-from realitygap.world.body import Body
-from realitygap.world.profile import Profile, largest_pole, load_profile, profile_names
+from realitygap.world.robot import Body, Profile, largest_pole, load_profile, profile_names
 from realitygap.world.sensors import UNLIT
 
 

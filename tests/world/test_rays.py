@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from realitygap.kernels.params import LANES, RAYS
-from realitygap.world.rays import FAN, ray_angles, rays, unit
+from realitygap.world.sensors import FAN, ray_angles, rays, unit
 
 
 @pytest.mark.parametrize(("number", "aperture_deg"), [(RAYS, 0.0), (9, 0.0), (8, 0.0), (RAYS, 15.0)])
@@ -23,7 +23,7 @@ def test_rays_are_units(number: int, aperture_deg: float) -> None:
 
 def test_rounded_as_python_does() -> None:
     """Fifteen decimals are those of `round`, also half-way between two, and of the smallest numbers."""
-    from realitygap.world.rays import _rounded
+    from realitygap.world.sensors import _rounded
 
     draw = np.random.default_rng(1)
     ties = (draw.integers(-(10**15), 10**15, 50_000) + 0.5) / 1e15

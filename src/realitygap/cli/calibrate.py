@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from realitygap import whole
 from realitygap.cli import option
 from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.output import Figure, print_json, table, warn
 from realitygap.cli.progress import ProgressLine
+from realitygap.files import atomic_write
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -94,7 +94,7 @@ def calibrate(
         raise click.UsageError("--out: missing: say where to write the profile, as in --out robot.toml.")
     from realitygap.calibration.calibrate import base_of
     from realitygap.calibration.calibrate import calibrate as fit
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     page = None if no_report else page or _beside(out)
     read = load_all(recordings, objects)
@@ -140,7 +140,7 @@ def load_all(paths: Iterable[str], objects: Sequence[str] = ()) -> list[Recordin
 
 def write_profile(made: Calibration, target: Path) -> None:
     """Write a calibration's profile, under lines that say where it comes from."""
-    whole.write(target, _header(made) + made.profile.to_toml())
+    atomic_write(target, _header(made) + made.profile.to_toml())
 
 
 def _header(made: Calibration) -> str:
@@ -249,7 +249,7 @@ def _refuse_unused() -> None:
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
     from realitygap.calibration.checks import refuse_twice
     from realitygap.calibration.judge import judge
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     if len(words) < 2:
         raise click.UsageError("--check: expected recordings and, as the last argument, a profile.")

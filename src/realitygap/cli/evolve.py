@@ -132,7 +132,7 @@ def _notes(config: StudyConfig, task: str) -> None:
 
     from realitygap.tasks import load_task
     from realitygap.world.arena import load_arena
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     loaded, profile, changes = load_task(task), load_profile(config.profile), config.task.changes()
     if loaded.name in config.arenas:

@@ -89,7 +89,7 @@ def record(
         realitygap record --robot my_robot.py:MyRobot --base my_robot.toml --plan all --out mine
     """
     from realitygap.calibration.recorder.record import Wanted
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     option.check_baud(robot)
     plan, base = words["plan"], words.pop("base")

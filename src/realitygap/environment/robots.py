@@ -23,7 +23,7 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.values import Floats, Pose, as_count, as_stream
 from realitygap.world.arena import Arena, load_arena
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["RobotVectorEnv"]
 

@@ -4,9 +4,8 @@ from typing import Any
 
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Algorithm, Batch, State, Variation
-from realitygap.evolution.cellular import DistributedGA, Panmictic, RandomSearch
-from realitygap.evolution.population import Population
-from realitygap.user_code import made, place_of
+from realitygap.evolution.ga import DistributedGA, Panmictic, Population, RandomSearch
+from realitygap.plugins import made, place_of
 from realitygap.values import as_count
 
 __all__ = [

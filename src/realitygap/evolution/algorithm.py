@@ -14,16 +14,8 @@ from realitygap.errors import UsageError
 from realitygap.values import shown
 
 __all__ = [
-    "NOBODY",
-    "Algorithm",
-    "Batch",
-    "Genes",
-    "State",
-    "Variation",
-    "check_batch",
-    "check_state",
-    "same",
-]
+    "NOBODY", "Algorithm", "Batch", "Genes", "State", "Variation", "check_batch", "check_state", "same",
+]  # fmt: skip
 
 Genes = NDArray[Any]
 """Individuals of any type and shape: [n, ...], or one, [...]."""

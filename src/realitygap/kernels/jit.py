@@ -22,7 +22,7 @@ _FLAGS = {"nnan", "ninf", "nsz"}
 def _text() -> bytes:
     """The compiled rooms' own text, so that no stale machine code is ever loaded."""
     package = Path(__file__).parent.parent
-    rooms = ("kernels", "controller", "evolution")
+    rooms = ("kernels", "control", "evolution")
     sources = [source for room in rooms for source in sorted((package / room).glob("*.py"))]
     return b"".join(source.read_bytes() for source in (*sources, package / "streams.py"))
 

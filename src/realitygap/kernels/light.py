@@ -3,17 +3,7 @@
 import math
 from typing import NamedTuple
 
-from realitygap.kernels.geometry import (
-    GRAZE,
-    Rays,
-    Spot,
-    added,
-    is_bare,
-    is_tinted,
-    see,
-    see_room,
-    tint,
-)
+from realitygap.kernels.geometry import GRAZE, Rays, Spot, added, is_bare, is_tinted, see, see_room, tint
 from realitygap.kernels.jit import step
 from realitygap.kernels.params import LAMP_POINTS, LANES, NARROW, RAYS
 from realitygap.kernels.shade import circle_blocks, covers, segment_blocks

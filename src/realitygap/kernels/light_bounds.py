@@ -9,14 +9,22 @@ import math
 
 import numpy as np
 
+from realitygap.kernels.bounded_rays import (
+    COARSE,
+    EDGE,
+    PART,
+    UNIT,
+    Bulb,
+    Here,
+    f32,
+    from_point,
+    from_points,
+    total,
+)  # fmt: skip
 from realitygap.kernels.jit import apart, loose, step
 from realitygap.kernels.light import first_sensor, rays_of_fan, stand_by_sensors
 from realitygap.kernels.light_beyond import direct_light, lamp_point, lamp_points
 from realitygap.kernels.params import LAMP_POINTS, World
-
-from realitygap.kernels.bounded_rays import (  # isort: skip
-    COARSE, EDGE, PART, UNIT, Bulb, Here, f32, from_point, from_points, total,
-)  # fmt: skip
 
 POWER = 1e-5
 """Margin, a share, of about_power."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import (
+from realitygap.control.genotype import (
     DELAY,
     EXPRESSED,
     FIRST_LINK,
@@ -26,8 +26,8 @@ from realitygap.controller.layout import (
     WEIGHT,
     Layout,
 )
-from realitygap.controller.network import NetworkController, decode
-from realitygap.controller.operators import Variation
+from realitygap.control.network import NetworkController, decode
+from realitygap.control.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.params import Networks, Path, World
 from realitygap.kernels.work import Work, new_work, quiet
@@ -38,7 +38,7 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.values import Floats, as_count, as_stream
 from realitygap.world.arena import Arena
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["Batch", "Problem"]
 

@@ -14,7 +14,7 @@ from realitygap.report import style
 from realitygap.report.robots import F, draw_robot, light_rays
 from realitygap.report.style import COLUMN, new_figure
 from realitygap.world import arena as world
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["arena_figure", "cast", "draw_arena", "draw_start", "rays_of", "sensor_rays"]
 

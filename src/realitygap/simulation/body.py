@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.controller.network import NetworkController, decode, neurons
-from realitygap.controller.own import as_controller
+from realitygap.control.network import NetworkController, as_controller, decode, neurons
 from realitygap.errors import UsageError
+from realitygap.files import must_be
 from realitygap.kernels import batch
 from realitygap.kernels.jit import entry_for
 from realitygap.kernels.work import farthest_notice, new_aside, new_work, quiet
@@ -18,7 +18,6 @@ from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
 from realitygap.simulation.simulation import Simulation
-from realitygap.text import must_be
 from realitygap.track import Trajectory
 from realitygap.values import Command, Pose, Readings, as_stream, fed
 

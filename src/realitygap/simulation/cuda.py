@@ -15,8 +15,8 @@ import numpy as np
 from numba import cuda
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import Layout, bare
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout, bare
+from realitygap.control.network import decode
 from realitygap.errors import UsageError
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.work import new_work
@@ -26,7 +26,7 @@ from realitygap.simulation.cuda_sensors import WARP
 from realitygap.simulation.engine import Cores, Streams
 from realitygap.tasks.task import Task
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["Batch", "Cuda", "require_gpu"]
 

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.network import check_networks
+from realitygap.control.network import check_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch
 from realitygap.kernels.ambient import ambient
@@ -26,10 +26,10 @@ from realitygap.kernels.pointed import met
 from realitygap.kernels.trial import bound_readings, move
 from realitygap.kernels.work import Work, farthest_notice, new_work, quiet, spread_fan
 from realitygap.simulation.spread import drawn
-from realitygap.tasks.scoring import CompiledScore
+from realitygap.tasks.score import CompiledScore
 from realitygap.tasks.task import Task
 from realitygap.values import Floats, shown
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["Cores", "Engine", "Streams"]
 

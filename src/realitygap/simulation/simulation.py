@@ -8,8 +8,8 @@ from os import PathLike
 
 import numpy as np
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import check_networks
+from realitygap.control.genotype import Layout
+from realitygap.control.network import check_networks
 from realitygap.errors import UsageError
 from realitygap.kernels import batch
 from realitygap.kernels.params import Networks, Path, World
@@ -30,8 +30,7 @@ from realitygap.tasks.task import MAX_INPUTS, Task
 from realitygap.track import Trajectory
 from realitygap.values import Floats, Pose, as_count, as_stream, shown
 from realitygap.world.arena import Arena, load_arena
-from realitygap.world.noise import noise_level
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile, noise_level
 
 __all__ = ["Simulation", "engine_named"]
 

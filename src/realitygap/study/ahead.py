@@ -11,8 +11,7 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather
 from realitygap.study.run import Bench
 from realitygap.values import Closing
-from realitygap.work.pool import Pool, Setup, Tell
-from realitygap.work.processes import Processes
+from realitygap.work.pool import Pool, Processes, Setup, Tell
 
 __all__ = ["Ahead", "compile_ahead", "compile_side_by_side"]
 

@@ -14,13 +14,17 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.breeding import crosses, offspring, random_genes
-from realitygap.controller.layout import FIRST_LINK, LINK_FIELDS
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import FIRST_LINK, LINK_FIELDS
+from realitygap.control.operators import Variation, crosses, offspring, random_genes
 from realitygap.evolution.algorithm import NOBODY
-from realitygap.evolution.cellular import DistributedGA, Panmictic, RandomSearch
-from realitygap.evolution.population import Population
-from realitygap.evolution.selection import panmictic_event, torus_event
+from realitygap.evolution.ga import (
+    DistributedGA,
+    Panmictic,
+    Population,
+    RandomSearch,
+    panmictic_event,
+    torus_event,
+)
 from realitygap.kernels.jit import routine, step
 from realitygap.kernels.rng import substream
 from realitygap.streams import OFFSPRING, TRIALS

@@ -11,15 +11,24 @@ import numpy as np
 
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
+from realitygap.plugins import blamed_on
 from realitygap.study import fleet
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
-from realitygap.study.run import WHO, Asked, Bench, Records, Results, advance, begin, finish, tested_levels
+from realitygap.study.run import (
+    WHO,
+    Asked,
+    Bench,
+    Records,
+    Results,
+    advance,
+    begin,
+    finish,
+    tested_levels,
+)
 from realitygap.tasks.task import Task
-from realitygap.user_code import blamed_on
 from realitygap.values import Closing
-from realitygap.work.pool import Tell
-from realitygap.work.threads import merged
+from realitygap.work.pool import Tell, merged
 
 __all__ = ["Advanced", "Finished", "Job", "Message", "Workshop"]
 

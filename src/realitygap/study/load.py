@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.encoding import Encoding, as_slots, controller_of
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController
-from realitygap.controller.operators import Variation
+from realitygap.control.encoding import Encoding, as_slots, controller_of
+from realitygap.control.genotype import Layout
+from realitygap.control.network import NetworkController
+from realitygap.control.operators import Variation
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes, State
-from realitygap.evolution.population import MAGIC, Population
+from realitygap.evolution.ga import MAGIC, Population
+from realitygap.files import as_path, must_be
 from realitygap.kernels.params import Networks
 from realitygap.lazy import above
 from realitygap.study.folder import agree, read_materials, read_profile
@@ -29,10 +30,8 @@ from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan
 from realitygap.study.tables import Tables
 from realitygap.tasks.task import Task
-from realitygap.text import as_path, must_be
 from realitygap.values import Pose
-from realitygap.world.noise import noise_name
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile, noise_name
 
 __all__ = ["Run", "Study", "as_study", "load_study"]
 

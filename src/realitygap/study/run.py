@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.encoding import Encoding
+from realitygap.control.encoding import Encoding
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check_batch, check_state, same
 from realitygap.kernels.rng import substream
@@ -21,7 +21,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, trial_streams
-from realitygap.world.noise import NOISE_LEVELS
+from realitygap.world.robot import NOISE_LEVELS
 
 __all__ = [
     "WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "finish", "mean", "tested_levels",

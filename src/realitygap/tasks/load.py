@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import TaskError
+from realitygap.plugins import run_file
 from realitygap.tasks.task import Task
-from realitygap.user_code import run_file
 
 __all__ = ["TASKS", "copy_task", "load_task", "reference"]
 

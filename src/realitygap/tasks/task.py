@@ -1,12 +1,6 @@
-"""A task: an arena, starts, the sensors fed to the network, a length and a score.
+"""A task: what is to be done, where, and how it is scored (§6)."""
 
-A task is data; a user writes one in a short Python file (see `examples/`). Its `score` is plain
-Python over arrays and is compiled by Numba:
-
-    def score(path, room):      # path: a row a step, `params.Path`; room: `params.Room`
-        return path.contact.mean()
-"""
-
+import inspect
 import math
 import re
 from dataclasses import dataclass, replace
@@ -18,13 +12,53 @@ import numpy as np
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import params
 from realitygap.kernels.params import STEP_S
-from realitygap.tasks.scoring import CompiledScore, Score
-from realitygap.tasks.stated import beside, check_score, check_spread, ending
+from realitygap.tasks.score import CompiledScore, Score
 from realitygap.world.arena import Arena, arena_names, load_arena
-from realitygap.world.files import Value, require
-from realitygap.world.profile import FEEDS, Profile
+from realitygap.world.robot import FEEDS, Profile
+from realitygap.world.toml import Value, require
 
-__all__ = ["MAX_INPUTS", "Start", "Task"]
+__all__ = ["MAX_INPUTS", "Start", "Task", "beside", "check_score", "check_spread", "ending"]
+
+
+def check_spread(spread: float, wheels: float | None) -> None:
+    """Refuse invalid shares, and the wheels' alone.
+
+    Raises:
+        ConfigError: names the key.
+    """
+    require(_is_share(spread), "spread", "a share from 0 to 0.9", spread)
+    fits = wheels is None or (_is_share(wheels) and spread > 0)
+    require(fits, "spread_wheels", "a share from 0 to 0.9, beside a spread", wheels)
+
+
+def _is_share(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 0.9
+
+
+def ending(spread: float, wheels: float | None = None) -> str:
+    """What a name says of a spread: -spread-10, of 10 %."""
+    of_wheels = "" if wheels is None else f"-wheels-{100 * wheels:g}"
+    return f"-spread-{100 * spread:g}{of_wheels}".replace(".", "-") if spread else ""
+
+
+def check_score(score: object) -> None:
+    """Refuse what cannot be called with (path, room)."""
+    cure = "Write `def score(path, room): …`."
+    require(inspect.isfunction(score), "score", "a function", score, cure)
+    try:
+        inspect.signature(score).bind(None, None)  # type: ignore[arg-type]
+    except TypeError:
+        names = list(inspect.signature(score).parameters)  # type: ignore[arg-type]
+        require(False, "score", "a function of two parameters, (path, room)", tuple(names), cure)
+
+
+def beside(score: Score, arena: str | Path) -> str | Path:
+    """The arena's path, taken from the folder of the file that defines `score`."""
+    if str(arena) in arena_names() or Path(arena).is_absolute():
+        return arena
+    near = Path(inspect.getfile(score)).parent / arena
+    return near if near.is_file() else arena
+
 
 MAX_INPUTS = 16
 DRAWN = ", constants drawn within "
@@ -228,7 +262,7 @@ class Task:
         Raises:
             TaskError: the score cannot be compiled or used; says why, in one line.
         """
-        from realitygap.tasks.trying import tried
+        from realitygap.tasks.score import tried
 
         return tried(self.score, self.arena, self.steps)
 

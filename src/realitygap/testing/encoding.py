@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from realitygap.controller.encoding import Encoding, controller_of
-from realitygap.controller.network import check_networks
+from realitygap.control.encoding import Encoding, controller_of
+from realitygap.control.network import check_networks
 from realitygap.kernels.params import Networks
 from realitygap.simulation.simulation import Simulation
 

@@ -5,14 +5,14 @@ from unittest import TestCase
 
 import numpy as np
 
-from realitygap.controller.operators import Variation
+from realitygap.control.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.rng import substream
 from realitygap.simulation.engine import Cores, Engine, Streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["EngineContract"]
 

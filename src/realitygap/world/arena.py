@@ -1,19 +1,80 @@
-"""Arenas (§4): a rectangular room with walls, cylinders and lamps, read from TOML."""
+"""Arenas: walls, cylinders, lamps, and which of them are near (§4)."""
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.kernels import params
 from realitygap.lazy import above
-from realitygap.world.files import Value, load, require, shipped
-from realitygap.world.nearest import nearest
-from realitygap.world.rays import unit
+from realitygap.values import Floats
+from realitygap.world.sensors import unit
+from realitygap.world.toml import Value, load, require, shipped
 
-__all__ = ["WHITEST", "Arena", "Cylinder", "Lamp", "arena_names", "load_arena"]
+__all__ = ["MANY", "WHITEST", "Arena", "Cylinder", "Lamp", "arena_names", "load_arena", "nearest"]
+
+
+MANY = 20
+"""Obstacles from which on a room has a grid; before, looking into one costs what it saves."""
+CELLS = 1024
+ENTRIES = 400_000
+"""The most cells of a grid, and the most obstacles in all its cells: some megabytes."""
+SPARE_CM = 1e-6
+"""Bounds are lower by this: no rounding makes a distance less than its bound."""
+
+
+@lru_cache(maxsize=8)
+def nearest(
+    size: tuple[float, float],
+    cylinders: tuple[tuple[float, float, float], ...],
+    walls: tuple[tuple[float, float, float, float], ...],
+) -> dict[str, Any]:
+    """The grid of a room as fields of the kernels' `Arena`: cells, and for each its obstacles, nearest first,
+    by distances from its middle less half its diagonal.
+
+    A room of few obstacles is one cell, with all of them in their order and no bounds. Lengths cm.
+    """
+    many = len(cylinders) + len(walls)
+    shape = np.ones(2, np.int64)
+    if many >= MANY:
+        side = np.sqrt(size[0] * size[1] / min(CELLS, ENTRIES / many))
+        shape = np.maximum(np.array(size) // side, 1).astype(np.int64)
+    x, y = ((np.arange(n) + 0.5) * (length / n) for n, length in zip(shape, size, strict=True))
+    middles = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 1, 2)
+    half = 0.5 * np.hypot(*(np.array(size) / shape)) + SPARE_CM if many >= MANY else np.inf
+    near_cylinders, cylinder_gap = _sorted(_to_cylinders(middles, np.array(cylinders).reshape(-1, 3)) - half)
+    near_segments, segment_gap = _sorted(_to_walls(middles, np.array(walls).reshape(-1, 4)) - half)
+    return {
+        "grid": shape, "cells_per_cm": shape / size,
+        "near_cylinders": near_cylinders, "cylinder_gap": cylinder_gap,
+        "near_segments": near_segments, "segment_gap": segment_gap,
+    }  # fmt: skip
+
+
+def _sorted(bounds: Floats) -> tuple[NDArray[np.uint64], Floats]:
+    """Whose bounds they are, lowest first, and the bounds, none below 0."""
+    gaps = np.maximum(bounds, 0.0)
+    near = np.argsort(gaps, axis=1, kind="stable")
+    return near.astype(np.uint64), np.take_along_axis(gaps, near, axis=1)
+
+
+def _to_cylinders(places: Floats, cylinders: Floats) -> Floats:
+    """Distances [n, C] of places [n, 1, 2]."""
+    apart: Floats = np.linalg.norm(places - cylinders[:, :2], axis=2) - cylinders[:, 2]
+    return apart
+
+
+def _to_walls(places: Floats, walls: Floats) -> Floats:
+    """Distances [n, S] of places [n, 1, 2]."""
+    begin, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    share = np.clip(((places - begin) * along).sum(2) / (along**2).sum(1), 0.0, 1.0)
+    apart: Floats = np.linalg.norm(places - begin - share[..., None] * along, axis=2)
+    return apart
+
 
 WHITEST = 10.0
 """Times the surfaces of a calibration."""

@@ -1,20 +1,238 @@
-"""A robot's sensors (§3.2.3, §3.3): places in its frame and the constants of their laws."""
+"""A robot's sensors as frozen values: infrared, light, rays, look-up tables (§3.2.3, §3.3)."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels.params import CONE, LANES, NARROW, RAYS
-from realitygap.world.files import Value, require
-from realitygap.world.look_up import LookUp
-from realitygap.world.rays import fan_weights, ray_weights, rays, unit
-from realitygap.world.sensor_checks import Sensor, check_both, kernel_both
+from realitygap.kernels.params import CONE, LANES, NARROW, RAYS, Seen, Table
+from realitygap.world.toml import Value, require
 
-__all__ = ["RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
+__all__ = [
+    "FAN", "RAY_ANGLES_DEG", "RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared",
+    "LookUp", "ProximitySensor", "Sensor", "check_both", "fan_weights", "kernel_both", "ray_weights",
+    "rays", "unit",
+]  # fmt: skip
+
+
+FAN = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.0, 0.25, 0.5, 0.75, 1.0)
+"""Where the rays of a measured sensor lie, in shares of its aperture: the middle is there twice."""
+
+DECIMALS, SPLIT = 1e15, 2.0**27 + 1.0
+HIGH = SPLIT * DECIMALS - (SPLIT * DECIMALS - DECIMALS)
+LOW = DECIMALS - HIGH
+"""`DECIMALS` as a sum of two numbers of 26 bits."""
+
+
+@cache
+def ray_angles(number: int) -> tuple[float, ...]:
+    """Middles of this many equal parts of 180°, degrees from the sensor's direction."""
+    return tuple(180.0 / number * (i + 0.5) - 90.0 for i in range(number))
+
+
+RAY_ANGLES_DEG = ray_angles(RAYS)
+"""β of each ray, −81 … +81: the middles of ten equal parts of 180° (a reading of §3.2.3)."""
+
+
+def unit(direction_deg: float) -> tuple[float, float]:
+    """Unit vector (x, y) of a direction in degrees."""
+    turned = math.radians(180.0 - (180.0 - direction_deg) % 360.0)
+    return round(math.cos(turned), 15) + 0.0, round(math.sin(turned), 15) + 0.0
+
+
+def rays(
+    directions_deg: list[float], number: int = RAYS, *, aperture_deg: float = 0.0
+) -> NDArray[np.float64]:
+    """Unit vectors [n, 2, LANES] of `number` rays for each sensor, or of a FAN of some aperture; pad lanes
+    point along the sensor."""
+    return _fans(tuple(directions_deg), number, aperture_deg).copy()
+
+
+@lru_cache(maxsize=256)  # a fit asks for the same directions again and again
+def _fans(directions_deg: tuple[float, ...], number: int, aperture_deg: float) -> NDArray[np.float64]:
+    """As `rays`: `unit` of each, to the last bit."""
+    turned = [share * aperture_deg for share in FAN] if aperture_deg else ray_angles(number)
+    angles = np.array([*turned, *[0.0] * (LANES - len(turned))])
+    degrees = np.reshape(directions_deg, (-1, 1)) + angles
+    at = np.radians(180.0 - (180.0 - degrees) % 360.0).ravel().tolist()
+    both = _rounded(np.array([*map(math.cos, at), *map(math.sin, at)])) + 0.0
+    return np.moveaxis(both.reshape(2, -1, LANES), 0, 1)
+
+
+def _rounded(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Numbers from −1 to 1 to 15 decimals, as `round` does: with the product's error (Dekker 1971)."""
+    product, shifted = numbers * DECIMALS, numbers * SPLIT
+    high = shifted - (shifted - numbers)
+    low = numbers - high
+    error = ((high * HIGH - product) + high * LOW + low * HIGH) + low * LOW
+    whole = np.rint(product)
+    off = (product - whole) + error
+    return np.asarray((whole + (off > 0.5) - (off < -0.5)) / DECIMALS)
+
+
+def ray_weights(
+    sensors: int, exponent: float, factor: float = 1.0, shift_deg: float = 0.0, number: int = RAYS
+) -> NDArray[np.float64]:
+    """factor · cos^m β of each ray [sensors, LANES] of a fan turned by a shift; 0 in the pad lanes.
+
+    Args:
+        sensors: how many.
+        exponent: m.
+        factor: of all weights.
+        shift_deg: of the fan.
+        number: of its rays.
+    """
+    angles = [beta + shift_deg for beta in ray_angles(number)]
+    row = [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in angles]
+    return np.tile(np.array(row + [0.0] * (LANES - number)), (sensors, 1))
+
+
+def fan_weights(sensors: int, lobe: Sequence[float]) -> NDArray[np.float64]:
+    """The rays' weights [sensors, LANES] in a FAN: each share of a lobe belongs to two rays."""
+    halves = [share / 2 for share in lobe]
+    return np.tile(np.array([*halves[::-1], *halves, *(0.0,) * (LANES - RAYS)]), (sensors, 1))
+
+
+FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
+"""So many sensors that look aside tell radians from degrees; and how nearly a sensor looks outwards."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor(Value):
+    """Its place and direction in the robot's frame; both kinds end with the same tables."""
+
+    x_cm: float
+    y_cm: float
+    direction_deg: float
+
+    def _check(self) -> None:
+        require(-360 <= self.direction_deg <= 360, "direction_deg", "degrees from -360 to 360",
+                self.direction_deg)  # fmt: skip
+        own: Any = self
+        for key, values in (("curve", own.curve), ("noise", own.noise)):
+            require(len(values) != 1, key, "two values or more, or none", values)
+            require(all(value >= 0 for value in values), key, "values of 0 or more", values)
+        require(own.noise_rise >= 0, "noise_rise", "0 or more", own.noise_rise)
+
+
+def kernel_both(kind: str, own: Any) -> dict[str, Any]:
+    """What the kernels' `Robot` has of either kind, "proximity" or "ambient"; `own` is the profile's part."""
+    sensors = own.sensors
+    return {
+        f"{kind}_place": np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2),
+        f"{kind}_curve": _table([s.curve for s in sensors]),
+        f"{kind}_noise": _table([s.noise for s in sensors]),
+        f"{kind}_rise": np.array([s.noise_rise for s in sensors]),
+        f"{kind}_top": own.top,
+        f"{kind}_low": own.bands[0],
+        f"{kind}_high": own.bands[1],
+    }
+
+
+def _table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+    """[sensors, n] one row a sensor."""
+    return np.array(rows, float).reshape(len(rows), len(rows[0]) if rows else 0)
+
+
+def check_both(own: Any) -> None:
+    """Refuse of either part of a profile what neither may have."""
+    require(own.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", own.matt)
+    told = "two different readings (they become inputs -10 and +10)"
+    require(own.bands[0] != own.bands[1], "bands", told, own.bands)
+    _check_alike(own.sensors, own.top)
+    _check_radians(own.sensors)
+
+
+def _check_alike(sensors: Sequence[Sensor], top: float) -> None:
+    """Refuse tables of several lengths, and values above the full scale."""
+    for key in ("curve", "noise"):
+        lengths = {len(getattr(sensor, key)) for sensor in sensors}
+        require(len(lengths) <= 1, f"sensors.{key}", "as many values for every sensor", sorted(lengths))
+        for i, sensor in enumerate(sensors):
+            most = max(getattr(sensor, key), default=0.0)
+            require(most <= top, f"sensors[{i}].{key}", f"at most top ({top:g})", most)
+
+
+def _check_radians(sensors: Sequence[Sensor]) -> None:
+    """Refuse directions that look outwards only if they are in radians."""
+    turned = [s for s in sensors if s.direction_deg and math.hypot(s.x_cm, s.y_cm) > 0]
+    if len(turned) < FEWEST_TURNED or any(abs(s.direction_deg) > math.tau + 1e-3 for s in sensors):
+        return
+    places = [math.degrees(math.atan2(s.y_cm, s.x_cm)) for s in turned]
+    here = [_apart(s.direction_deg, place) for s, place in zip(turned, places, strict=True)]
+    there = [_apart(math.degrees(s.direction_deg), place) for s, place in zip(turned, places, strict=True)]
+    if max(there) < OUTWARDS_DEG < min(here):
+        key = f"sensors[{sensors.index(turned[0])}].direction_deg"
+        cure = "These look like radians: sensors would look where they sit. Convert all of them."
+        require(False, key, "degrees", turned[0].direction_deg, cure)
+
+
+def _apart(a_deg: float, b_deg: float) -> float:
+    return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
+
+
+FEWEST = 2
+"""Distances, and bearings, between which there is a line."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LookUp(Value):
+    """What proximity sensors read round objects, in the place of a law (the paper's reference [15]).
+
+    `nothing` holds each sensor's counts where nothing is near; without any there is no table. `wall_cm` are
+    distances from the body's edge, rising; `wall` a row a sensor, of counts: all bearings, at equal steps
+    counter-clockwise from the robot's front, at the first distance, then at the next. So for cylinders, from
+    edge to edge, whatever their radius. How readings follow: `kernels/replay.py`.
+    """
+
+    nothing: tuple[float, ...] = ()
+    wall_cm: tuple[float, ...] = ()
+    wall: tuple[tuple[float, ...], ...] = ()
+    cylinder_cm: tuple[float, ...] = ()
+    cylinder: tuple[tuple[float, ...], ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.nothing)
+
+    def check(self, sensors: int, top: float) -> None:
+        """Refuse a table that is not for these sensors and this full scale.
+
+        Raises:
+            ConfigError: names the key.
+        """
+        if not self and self == LookUp():
+            return
+        require(len(self.nothing) == sensors, "nothing", f"one of each sensor ({sensors})", self.nothing)
+        require(all(0 <= v <= top for v in self.nothing), "nothing", f"0 to top ({top:g})", self.nothing)
+        for key in ("wall", "cylinder"):
+            at, rows = getattr(self, f"{key}_cm"), getattr(self, key)
+            rising = len(at) >= FEWEST and at[0] >= 0 and all(one < two for one, two in pairwise(at))
+            require(rising, f"{key}_cm", "two distances or more, rising from 0 or more", at)
+            require(len(rows) == sensors, key, f"a row for each sensor ({sensors})", len(rows))
+            lengths = {len(row) for row in rows}
+            many = f"rows of one length, {FEWEST} bearings or more at each of {len(at)} distances"
+            fits = len(lengths) == 1 and min(lengths) % len(at) == 0 and min(lengths) >= FEWEST * len(at)
+            require(fits, key, many, sorted(lengths))
+            ends = min(map(min, rows)), max(map(max, rows))
+            require(ends[0] >= 0 and ends[1] <= top, key, f"counts from 0 to top ({top:g})", ends)
+
+    def to_kernel(self) -> Table | tuple[()]:
+        """The table as the kernels take it; (): none."""
+        if not self:
+            return ()
+        nothing = np.array(self.nothing)
+
+        def seen(at: tuple[float, ...], rows: tuple[tuple[float, ...], ...]) -> Seen:
+            counts = np.array(rows).T.reshape(len(at), -1, len(rows))
+            return Seen(at=np.array(at), added=np.ascontiguousarray(counts - nothing))
+
+        return Table(nothing, seen(self.wall_cm, self.wall), seen(self.cylinder_cm, self.cylinder))
+
 
 RESPONSES = ("paper", "linear", "measured")
 """Laws from illumination to counts."""
@@ -73,7 +291,7 @@ class Infrared(Value):
     range_cm: float = 0.0
     curve_cm: float = 0.0
     dead: float = 0.0
-    table: LookUp = LookUp()  # noqa: RUF009 (a frozen value)
+    table: LookUp = LookUp()
 
     @property
     def measured(self) -> bool:

@@ -1,25 +1,217 @@
-"""A robot's constants (§3.1 to §3.3): a frozen value, read from TOML."""
+"""A robot as frozen values: profile, body, wheels, noise, and where constants come from (§3.1, §3.2)."""
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from realitygap.errors import ConfigError
+from realitygap.files import to_toml
 from realitygap.kernels import params
 from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES
 from realitygap.lazy import above
-from realitygap.toml import to_toml
 from realitygap.values import as_count
-from realitygap.world.body import Body
-from realitygap.world.files import Value, load, require, shipped
-from realitygap.world.provenance import Provenance
-from realitygap.world.rays import RAY_ANGLES_DEG
-from realitygap.world.sensors import UNLIT, Ambient, Infrared
+from realitygap.world.sensors import RAY_ANGLES_DEG, UNLIT, Ambient, Infrared
+from realitygap.world.toml import Value, load, require, shipped
 
-__all__ = ["MEASURED", "Noise", "Profile", "Wheels", "largest_pole", "load_profile", "profile_names"]
+__all__ = [
+    "MEASURED", "NOISE_LEVELS", "Body", "Constant", "FittedChannel", "Noise", "Profile", "Provenance",
+    "SourceFile", "Wheels", "largest_pole", "load_profile", "noise_level", "noise_name", "profile_names",
+]  # fmt: skip
+
+
+NOISE_LEVELS = {"zero": 0.0, "observed": 1.0, "double": 2.0}
+"""The paper's three levels."""
+LARGEST = 10.0
+"""Beyond it the wheels' noise, a share of their speed, drives the speed control itself unstable."""
+
+
+def noise_level(value: str | float) -> float:
+    """A noise level from its name or number.
+
+    Args:
+        value: "zero", "observed", "double", or a number from 0 to 10 (as a number or as text).
+
+    Raises:
+        ConfigError: anything else.
+    """
+    text = str(value).strip().lower()
+    if text in NOISE_LEVELS:
+        return NOISE_LEVELS[text]
+    try:
+        level = math.nan if isinstance(value, bool) else float(text)
+    except ValueError:
+        level = math.nan
+    if not 0 <= level <= LARGEST:
+        raise ConfigError(
+            f"noise: expected {', '.join(NOISE_LEVELS)} or a number from 0 to {LARGEST:g} (1 = observed), "
+            f"got {value!r}."
+        )
+    return level + 0.0
+
+
+def noise_name(level: float) -> str:
+    """The name of a noise level: the paper's, or the number itself."""
+    return next((name for name, value in NOISE_LEVELS.items() if value == level), f"{level:g}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceFile(Value):
+    """A recording that constants were fitted to."""
+
+    file: str
+    sha256: str
+    kind: str
+    object: str = ""
+    readings: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedChannel(Value):
+    """How well a channel was fitted: counts, or cm/s for wheels; ratio is model error over noise."""
+
+    channel: str
+    form: str
+    rmse: float
+    held_out_rmse: float = 0.0
+    model_error: float = 0.0
+    noise: float = 0.0
+    ratio: float = 0.0
+    ratio_over_all: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constant(Value):
+    """A constant and its 95 % interval; `told` is false where it is not identifiable from the data."""
+
+    key: str
+    value: float
+    low: float
+    high: float
+    told: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance(Value):
+    """The history of a profile; empty for one that was written by hand."""
+
+    base: str = ""
+    date: str = ""
+    version: str = ""
+    notes: tuple[str, ...] = ()
+    pulses_per_mm: tuple[float, ...] = ()
+    files: tuple[SourceFile, ...] = ()
+    fits: tuple[FittedChannel, ...] = ()
+    constants: tuple[Constant, ...] = ()
+
+    def cm_per_pulse(self, pulses_per_mm: float) -> tuple[float, float]:
+        """Of the left and the right counter, as measured; by `pulses_per_mm` where nothing was."""
+        left, right = self.pulses_per_mm if len(self.pulses_per_mm) == 2 else (pulses_per_mm,) * 2
+        return 0.1 / left, 0.1 / right
+
+
+LEAST_WIDTH = 0.25
+"""Of an outline, over its radius: the kernels move it in pieces of a quarter of that."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body(Value):
+    """A disc, or a convex polygon, and how high its top is above the floor; 0: endlessly, as in the paper.
+
+    `outline_cm` has the polygon's corners, counter-clockwise, from the axle's middle (x ahead, y left); then
+    `radius_cm` is that of the circle about it, and need not be given.
+    """
+
+    radius_cm: float = 0.0
+    outline_cm: tuple[tuple[float, float], ...] = ()
+    height_cm: float = 0.0
+
+    def _check(self) -> None:
+        if self.outline_cm:
+            self._check_outline()
+        require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm, "Or give outline_cm.")
+        require(self.height_cm >= 0, "height_cm", "0 (no end) or more", self.height_cm)
+
+    def _check_outline(self) -> None:
+        """Refuse what is no convex polygon about the axle's middle; find its radius."""
+        corners = np.array(self.outline_cm)
+        require(len(corners) >= 3, "outline_cm", "three corners or more", self.outline_cm)
+        edges = np.roll(corners, -1, axis=0) - corners
+        after = np.roll(edges, -1, axis=0)
+        left = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]
+        cure = "Turn their order round." if (left < 0).all() else "Leave out corners that lie within."
+        for i, turn in enumerate(np.roll(left, 1)):
+            told = "a corner that turns left: corners of a convex polygon, counter-clockwise"
+            require(turn > 1e-9, f"outline_cm[{i}]", told, self.outline_cm[i], cure)
+        once = abs(np.arctan2(left, (edges * after).sum(axis=1)).sum() - math.tau) < 1e-6
+        require(once, "outline_cm", "corners that go round once", self.outline_cm)
+        require(self.depth_cm(0, 0) >= 0, "outline_cm", "the axle's middle (0, 0) inside", self.outline_cm)
+        radius = float(np.hypot(*corners.T).max())
+        width = float(np.ptp(corners @ self.edges()[:, 2:].T, axis=0).min())
+        least = f"a body at least {radius * LEAST_WIDTH:.3g} cm wide, a quarter of its radius"
+        require(width >= radius * LEAST_WIDTH, "outline_cm", least, width)
+        given = self.radius_cm or radius
+        told = f"{radius:.6g}, of the circle about the outline, or none"
+        require(abs(given - radius) <= 1e-3 * radius, "radius_cm", told, given)
+        object.__setattr__(self, "radius_cm", radius)
+
+    def edges(self) -> NDArray[np.float64]:
+        """The outline as the kernels take it, [corners, 4]: corner, outward normal of the edge after it."""
+        corners = np.array(self.outline_cm).reshape(-1, 2)
+        ahead = np.roll(corners, -1, axis=0) - corners
+        normals = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1) / np.hypot(*ahead.T)[:, None]
+        return np.hstack([corners, normals])
+
+    def reach_cm(
+        self, bearing: NDArray[np.float64], gap_cm: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """How far the edge stands out from the axle's middle, towards what lies in a direction.
+
+        Args:
+            bearing: [n] of the direction, rad from the robot's front.
+            gap_cm: [n] from the edge to the middle of what lies there; None: a wall, square to the direction.
+
+        Returns:
+            [n] cm: the thing is this much, and the gap, from the axle's middle.
+        """
+        if not self.outline_cm:
+            return np.full(len(bearing), self.radius_cm)
+        corners, normals = np.hsplit(self.edges(), 2)
+        ahead = np.stack([np.cos(bearing), np.sin(bearing)])
+        out = corners @ ahead
+        if gap_cm is None:
+            return np.asarray(out.max(axis=0))
+        # Whatever is within the gap of the edge: a disc about each corner, a strip before each edge.
+        aside = corners @ np.stack([-ahead[1], ahead[0]])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            discs = out + np.sqrt(gap_cm**2 - aside**2)
+            strips = ((normals * corners).sum(axis=1)[:, None] + gap_cm) / (normals @ ahead)
+            along = strips * (np.stack([-normals[:, 1], normals[:, 0]], axis=1) @ ahead)
+        begin = (corners[:, 1] * normals[:, 0] - corners[:, 0] * normals[:, 1])[:, None]
+        lengths = np.hypot(*(np.roll(corners, -1, axis=0) - corners).T)[:, None]
+        before = (strips > 0) & (along >= begin) & (along <= begin + lengths)
+        last = np.fmax(np.fmax.reduce(discs), np.where(before, strips, -np.inf).max(axis=0))
+        return np.asarray(last - gap_cm)
+
+    def grown(self, by_cm: float) -> Self:
+        """The body with its edge farther out."""
+        corners, normals = np.hsplit(self.edges(), 2)
+        sums = normals + np.roll(normals, 1, axis=0)
+        moved = corners + by_cm * 2 * sums / (sums**2).sum(axis=1, keepdims=True)
+        radius = 0.0 if len(corners) else self.radius_cm + by_cm
+        return replace(self, radius_cm=radius, outline_cm=moved.tolist())
+
+    def depth_cm(self, x_cm: float, y_cm: float) -> float:
+        """How far a place in the robot's frame is from the body's edge; below 0: it is outside."""
+        if not self.outline_cm:
+            return self.radius_cm - math.hypot(x_cm, y_cm)
+        x, y, nx, ny = self.edges().T
+        return float((nx * (x - x_cm) + ny * (y - y_cm)).min())
+
 
 FEEDS = ("proximity", "ambient", "proximity+ambient")
 """What may be fed to a network; the index is `params.Trial.feed`."""
@@ -140,7 +332,7 @@ class Profile(Value):
     infrared: Infrared
     ambient: Ambient = UNLIT
     noise: Noise
-    provenance: Provenance = Provenance()  # noqa: RUF009 (a frozen value)
+    provenance: Provenance = Provenance()
 
     def _check(self) -> None:
         require(bool(self.name.strip()), "name", "a name", self.name)

@@ -1,28 +1,32 @@
-"""A state for most algorithms: individuals in cells, the fittest ever, and what else is remembered.
-
-Its bytes are a header, numbers and arrays by their names, and a checksum; no pickle. Layout, little-endian:
-magic "RGEV", version, then zlib of a line of JSON ([numbers, name, type and shape of each array]) and the
-arrays, then the CRC-32 of everything before it. Version 1 held the fields of a population in a fixed order,
-its genes int8; it is still read.
-"""
+"""The distributed genetic algorithm (§5.1), and two to compare it with."""
 
 import json
 import math
+import operator
 import struct
 import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.errors import StudyError, UsageError
-from realitygap.evolution.algorithm import NOBODY, Batch, Genes
-from realitygap.text import must_be
+from realitygap.evolution.algorithm import NOBODY, Batch, Genes, Variation
+from realitygap.files import must_be
+from realitygap.kernels.jit import routine, step
+from realitygap.kernels.rng import below, bits, substream
+from realitygap.streams import CELL, MATE, OFFSPRING, REPLACED
 from realitygap.values import as_stream, shown
 
-__all__ = ["MAGIC", "Population", "pack", "unpack"]
+__all__ = [
+    "MAGIC", "DistributedGA", "Panmictic", "Population", "RandomSearch", "pack", "panmictic_event",
+    "torus_event", "unpack",
+]  # fmt: skip
+
 
 MAGIC = b"RGEV"
 VERSION = 2
@@ -234,3 +238,205 @@ class Population:
             raise StudyError(f"a checkpoint: expected {', '.join(NUMBERS + ARRAYS)}: it is damaged.")
         numbers["stream"] = np.uint64(numbers["stream"])
         return cls(**numbers, **cast("dict[str, Any]", arrays), memory=memory)
+
+
+# mypy: allow-untyped-defs, no-check-untyped-defs
+
+
+@step
+def _by_rank(fitness, cells, n, sign, stream):
+    """One of cells[:n] by linear rank of sign · fitness: the winner of a pair (see above)."""
+    i = below(stream, 0, n + 1)
+    j = below(stream, 1, n)
+    if j >= i:
+        j += 1
+    if i == n:
+        return cells[j]
+    if j == n:
+        return cells[i]
+    a = sign * fitness[cells[i]]
+    b = sign * fitness[cells[j]]
+    if a > b or (a == b and bits(stream, 2) & np.uint64(1)):
+        return cells[i]
+    return cells[j]
+
+
+@step
+def _neighbourhood(cell, rows, columns, cells):
+    """Fills `cells` with the eight neighbours of a cell on the torus, then itself."""
+    row = cell // columns
+    column = cell - row * columns
+    n = 0
+    for down in range(-1, 2):
+        for right in range(-1, 2):
+            if down != 0 or right != 0:
+                cells[n] = (row + down + rows) % rows * columns + (column + right + columns) % columns
+                n += 1
+    cells[8] = cell
+
+
+@routine
+def torus_event(fitness, rows, columns, event):
+    """(cell that breeds, its mate, the cell that the offspring takes) on a grid with fitness [rows · columns]
+    (§5.1).
+
+    Args:
+        fitness: [rows · columns] of the grid.
+        rows, columns: its size.
+        event: random numbers.
+    """
+    cell = below(substream(event, CELL), 0, rows * columns)
+    cells = np.empty(9, np.int64)
+    _neighbourhood(cell, rows, columns, cells)
+    mate = _by_rank(fitness, cells, 8, 1.0, substream(event, MATE))
+    replaced = _by_rank(fitness, cells, 9, -1.0, substream(event, REPLACED))
+    return cell, mate, replaced
+
+
+@routine
+def panmictic_event(fitness, event):
+    """(cell that breeds, its mate, the cell that the offspring takes) among all cells."""
+    size = len(fitness)
+    cell = below(substream(event, CELL), 0, size)
+    cells = np.arange(size)
+    cells[cell] = size - 1
+    cells[size - 1] = cell
+    mate = _by_rank(fitness, cells, size - 1, 1.0, substream(event, MATE))
+    replaced = _by_rank(fitness, cells, size, -1.0, substream(event, REPLACED))
+    return cell, mate, replaced
+
+
+LARGEST = 4096
+"""Most individuals of a population: every evaluation copies it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cellular(ABC):
+    """Random individuals, cell by cell, until all cells are full; then one offspring at a time."""
+
+    encoding: Variation
+
+    @property
+    @abstractmethod
+    def cells(self) -> int:
+        """How many individuals live at a time."""
+
+    def init(self, stream: np.uint64) -> Population:
+        """Empty cells."""
+        return Population.empty(stream, self.encoding.random(np.uint64(0)), self.cells)
+
+    def ask(self, state: Population, n: int) -> Batch:
+        """Random individuals while cells are empty, n at most; then one offspring.
+
+        Raises:
+            StudyError: a state of another number of cells than the algorithm's, or not of one number.
+        """
+        must_be(state, Population, "state", "`init` makes the first, `tell` the next.")
+        cells = self.cells
+        if len(state.fitness) != cells:
+            there = len(state.fitness)
+            raise StudyError(f"the algorithm has {cells} cells, but the state to continue from {there}")
+        if not state.genes.shape[:1] == state.numbers.shape == state.fitness.shape:
+            raise StudyError(f"a state's genes, fitness and numbers must each have {cells} cells")
+        first = state.evaluations
+        if first < cells:
+            numbers = range(first, min(first + max(1, n), cells))
+            genes = np.stack([self.encoding.random(_event(state, k, OFFSPRING)) for k in numbers])
+            return state.batch(genes, cells=numbers)
+        return self._next(state, np.uint64(substream(state.stream, first)))
+
+    def tell(self, state: Population, batch: Batch, fitness: NDArray[np.float64]) -> Population:
+        """Each lives in its cell, whatever its fitness."""
+        return state.told(batch, fitness)
+
+    def from_bytes(self, data: bytes) -> Population:
+        """The state that was saved."""
+        return Population.from_bytes(data)
+
+    @abstractmethod
+    def _next(self, state: Population, event: np.uint64) -> Batch:
+        """One individual more, when all cells are full."""
+
+    def _offspring(self, state: Population, event: np.uint64, places: tuple[int, int, int]) -> Batch:
+        """A child of the cell that breeds and its mate, for the cell that it takes."""
+        cell, mate, replaced = places
+        stream = np.uint64(substream(event, OFFSPRING))
+        genes = self.encoding.offspring(state.genes[cell], state.genes[mate], stream)
+        second = state.numbers[mate] if self.encoding.crosses(stream) else NOBODY
+        return state.batch(genes[np.newaxis], [(state.numbers[cell], second)], [replaced])
+
+
+@dataclass(frozen=True, kw_only=True)
+class DistributedGA(_Cellular):
+    """The distributed genetic algorithm on a torus of rows × columns cells.
+
+    The first rows · columns evaluations are random individuals, cell by cell. Then, at each
+    evaluation: a cell is drawn; a mate, by linear rank of fitness, from its eight neighbours; the
+    offspring takes one of the nine cells, by linear inverse rank: perhaps one of its parents'.
+    """
+
+    rows: int = 8
+    columns: int = 8
+
+    def __post_init__(self) -> None:
+        for name in ("rows", "columns"):
+            _check_size(getattr(self, name), 3, f"{name} of the torus")  # a cell has eight neighbours
+        _check_size(self.cells, 9, "rows · columns of the torus")
+
+    @cached_property
+    def cells(self) -> int:
+        """How many individuals live on the grid."""
+        return self.rows * self.columns
+
+    def _next(self, state: Population, event: np.uint64) -> Batch:
+        return self._offspring(state, event, torus_event(state.fitness, self.rows, self.columns, event))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Sized(_Cellular):
+    """So many cells, beside no others."""
+
+    size: int = 64
+
+    @property
+    def cells(self) -> int:
+        """How many individuals there are."""
+        return self.size
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panmictic(_Sized):
+    """As the torus, but the mate is drawn from all others and the replaced cell from all."""
+
+    def __post_init__(self) -> None:
+        _check_size(self.size, 2, "size of the population")
+
+    def _next(self, state: Population, event: np.uint64) -> Batch:
+        return self._offspring(state, event, panmictic_event(state.fitness, event))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomSearch(_Sized):
+    """No selection and no inheritance; the cells hold the best `size` so far, for a retest."""
+
+    def __post_init__(self) -> None:
+        _check_size(self.size, 1, "size of the random search")
+
+    def tell(self, state: Population, batch: Batch, fitness: NDArray[np.float64]) -> Population:
+        """Each takes its cell only if it is fitter than who lives there."""
+        return state.told(batch, fitness, operator.gt)
+
+    def _next(self, state: Population, event: np.uint64) -> Batch:
+        genes = self.encoding.random(np.uint64(substream(event, OFFSPRING)))
+        return state.batch(genes[np.newaxis], cells=[int(np.argmin(state.fitness))])
+
+
+def _event(state: Population, number: int, name: int) -> np.uint64:
+    """A stream of an evaluation."""
+    return np.uint64(substream(np.uint64(substream(state.stream, number)), name))
+
+
+def _check_size(size: object, low: int, what: str) -> None:
+    """Refuse a size that is no whole number from `low` to LARGEST."""
+    if isinstance(size, bool) or not isinstance(size, int) or not low <= size <= LARGEST:
+        raise UsageError(f"{what}: expected a whole number from {low} to {LARGEST}, got {size!r}.")

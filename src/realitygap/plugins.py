@@ -1,4 +1,4 @@
-"""A user's own Python: files that are run, what they name, and their errors, by line."""
+"""A user's own Python files: loaded, named, and blamed for their errors."""
 
 import hashlib
 import importlib.util
