@@ -38,38 +38,15 @@ RAYS = ("tests/world/test_rays.py",)
 ROOM = ("tests/calibration/test_room.py",)
 PHYSICS = ("tests/twin/test_physics.py",)
 
-WARP = ("tests/simulation/test_cuda_sensors.py",)
-RAYWISE = ("tests/kernels/test_raywise.py",)
+GPU = ("tests/simulation/test_cuda.py",)
 FLEET = ("tests/study/test_fleet.py",)
 
 MUTATIONS = (
     # a GPU
-    Mutation("simulation/cuda_sensors.py", "all threads follow the first sensor's rays",
-             "= k * WARP + which\n", "= which\n", WARP),
-    Mutation("simulation/cuda_sensors.py", "an ambient sensor's light is its last lamp's",
-             "total += terms[RAYS] + added(terms)", "total = terms[RAYS] + added(terms)", WARP),
-    Mutation("simulation/cuda_sensors.py", "a step has the noise of the one before",
-             "half * (k + 1) + i", "half * k + i", WARP),
-    Mutation("simulation/cuda_sensors.py", "only the last cylinder is noticed",
-             "found |= _ONE << k if faced else _NONE", "found = _ONE << k if faced else _NONE", WARP),
-    Mutation("simulation/cuda_sensors.py", "threads of a trial leave out a ray",
-             "while i <= RAYS:", "while i < RAYS:", WARP),
-    Mutation("kernels/raywise.py", "beams do not overlap",
-             "return first + second + pair - overlapping(robot, k, inverse[middle], incidence[middle])",
-             "return first + second + pair", RAYWISE),
-    Mutation("kernels/raywise.py", "a matt cylinder is as bright at its edge",
-             "incidence[i] = min(half * (1.0 / radius), 1.0)", "incidence[i] = 1.0", RAYWISE),
-    Mutation("kernels/raywise.py", "a sensor sees the lamps behind it",
-             "(view.ahead_x, view.ahead_y), 1.0, 1e-3", "(0.0, 0.0), 1.0, 1e-3", RAYWISE),
-    Mutation("kernels/raywise.py", "an offset is not seen",
-             "inverse = inverse / (1.0 + offset * inverse)", "inverse = inverse / 1.0", RAYWISE),
-    Mutation("kernels/raywise.py", "the body shades nothing",
-             "hidden = circle_blocks(x - px, y - py, ex, ey, robot.radius)", "hidden = 0.0",
-             RAYWISE),
-    Mutation("kernels/raywise.py", "obstacles hide no lamp",
-             "hidden = max(hidden, circle_blocks(cx - px, cy - py, lx - px, ly - py, radius))",
-             "hidden = hidden",
-             RAYWISE),
+    Mutation("simulation/cuda.py", "threads share a scratch",
+             "(*before(work, t), work[i][t])", "(*before(work, t), work[i][0])", GPU),
+    Mutation("simulation/cuda.py", "a later part of a batch has the streams of the first",
+             "which[some], flat[some])", "which[some], flat[: len(which[some])])", GPU),
     Mutation("study/fleet.py", "every child has two parents",
              "if crosses(rates.crossover, stream):", "if cell >= 0:", FLEET),
     Mutation("study/fleet.py", "a random search keeps whatever comes",

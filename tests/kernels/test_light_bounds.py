@@ -19,7 +19,6 @@ from realitygap.kernels.light_bounds import about_power, bound_light, fit_bounds
 from realitygap.kernels.params import LANES
 from realitygap.kernels.trial import bound_readings, draw_noise, stand
 from realitygap.kernels.work import new_work
-from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import load_task
 from realitygap.world.arena import Arena, Cylinder
@@ -73,14 +72,14 @@ def any_simulations(seed: int, count: int, most_lamps: int = 3):
         profile = any_robot(random)
         task = replace(SEEKING, arena=room, start=start, seconds=10)
         simulation = Simulation(task, profile, random.choice([0.0, 1.0, 2.0]))
-        if fit_bounds(simulation._cores.world):
+        if fit_bounds(simulation.world):
             count -= 1
             yield simulation
 
 
 def both_ways(simulation: Simulation, networks: int, trials: int) -> np.ndarray:
     """The paths of trials by bounds and without."""
-    cores = simulation._cores
+    cores = simulation
     assert fit_bounds(cores.world)
     nets = random_networks(simulation, stream=7, count=networks)
     which, streams = np.repeat(np.arange(networks), trials), batch_streams(100, networks * trials)
@@ -124,7 +123,7 @@ def _both_lights(world, poses, work, found, certain):
         certain[t] = bound_readings(world, work)
 
 
-def anywhere(cores: Cores, places: int, seed: int) -> np.ndarray:
+def anywhere(cores: Simulation, places: int, seed: int) -> np.ndarray:
     """[places, 3] poses in the room, a third of which touch a wall."""
     random, r, size = np.random.default_rng(seed), cores.robot.radius, cores.arena.size
     poses = np.column_stack([random.uniform(r, size - r, (places, 2)), random.uniform(-7, 7, places)])
@@ -136,7 +135,7 @@ def anywhere(cores: Cores, places: int, seed: int) -> np.ndarray:
 def looked_at(simulation: Simulation, places: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """[places, 4, A] lower and upper bound, the light itself, all up to where a reading is constant, and what
     share of a lamp's is doubtful; and whether the inputs are certain."""
-    cores = simulation._cores
+    cores = simulation
     work = new_work(cores.robot, cores.trial, random_networks(simulation, stream=1, count=1), True)
     poses = anywhere(cores, places, seed)
     found, certain = np.zeros((places, 4, len(cores.robot.ambient_gain))), np.zeros(places, np.bool_)
@@ -187,7 +186,7 @@ def test_each_ray_has_bounds():
     """Of thirty robots at 1500 places each, with one lamp and sensors whose rays always matter."""
     doubted = 0
     for k, simulation in enumerate(any_simulations(seed=55, count=60, most_lamps=1)):
-        cores = simulation._cores
+        cores = simulation
         if not np.isinf(cores.robot.ambient_full).all():
             continue
         work = new_work(cores.robot, cores.trial, random_networks(simulation, stream=1, count=1), True)
@@ -230,7 +229,7 @@ def test_what_does_not_fit_is_not_bounded():
     unfit += [Simulation(SEEKING, one) for one in (low, matt)]
     unfit += [Simulation(SEEKING, replace(PAPER, ambient=replace(law, sensors=(edge, *law.sensors[1:]))))]
     unfit += [Simulation("obstacle-avoidance", PAPER)]
-    assert [fit_bounds(one._cores.world) for one in unfit] == [False] * len(unfit)
+    assert [fit_bounds(one.world) for one in unfit] == [False] * len(unfit)
 
 
 def test_python_gives_the_same_bits():

@@ -260,3 +260,9 @@ def test_refusals(problem):
             Problem("obstacle-avoidance", workers=workers)
     with pytest.raises(UsageError, match="solution: expected one"):
         problem.controller(np.zeros((2, problem.dim)))
+
+
+def test_workers_are_the_cores_that_the_process_may_use(monkeypatch):
+    """Not all that the machine has."""
+    monkeypatch.setattr("realitygap.problem.problem.cores", lambda: 3)
+    assert Problem("avoidance").workers == 3

@@ -10,7 +10,7 @@ import pytest
 from realitygap import NetworkController, SimulatedBody, Simulation, decode, drive_simulated, load_task
 from realitygap.control.genotype import Layout, braitenberg
 from realitygap.errors import ConfigError
-from realitygap.simulation.spread import drawn
+from realitygap.simulation.simulation import drawn
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
 from realitygap.study.parts import Condition

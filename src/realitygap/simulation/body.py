@@ -65,7 +65,7 @@ class SimulatedBody:
         self.simulation = simulation
         self.stream = stream
         self.kinds = tuple(kind for kind in KINDS if kind in kinds)
-        robot, trial = simulation._cores.robot, simulation._cores.trial
+        robot, trial = simulation.robot, simulation.trial
         parts = ((kind, simulation.profile.channel(kind)) for kind in self.kinds)
         self.channels = tuple(
             Channel(name=kind, sensors=len(part.sensors), high=int(part.top))
@@ -146,7 +146,7 @@ class SimulatedBody:
         self._drawn_from = int(as_stream(self.stream))
         self.simulation._place(self._work, pose)
         batch.set_down(self._nobody, self._work)
-        self._world = self.simulation._cores.world_of(self._drawn_from)
+        self._world = self.simulation.world_of(self._drawn_from)
         self._work.span[0] = farthest_notice(self._world.robot, self._work.fan)
         self._k = 0
         self._find_entries()

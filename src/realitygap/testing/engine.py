@@ -9,7 +9,7 @@ from realitygap.control.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.rng import substream
-from realitygap.simulation.engine import Cores, Engine, Streams
+from realitygap.simulation.simulation import Engine, Simulation, Streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.world.robot import Profile, load_profile
@@ -83,9 +83,9 @@ class EngineContract:
                     engine.scores(networks, wrong)
 
     def test_it_agrees_with_the_kernels(self) -> None:
-        """The scores are those of the engine of the cores, to the bit if the engine is `exact`."""
+        """The scores are those of the processor's cores, to the bit if the engine is `exact`."""
         for name, (engine, networks, streams) in zip(self.tasks, self._engines(), strict=True):
-            cores = Cores(load_task(name), load_profile("paper"), 1.0).scores(networks, streams)
+            cores = Simulation(name, "paper", 1.0).scores(networks, streams)
             scores = engine.scores(networks, streams)
             same = np.array_equal(scores, cores)
             assert same if self.exact else np.isclose(scores.mean(), cores.mean(), rtol=0.25)
