@@ -34,12 +34,13 @@ DESCRIPTORS = ("tests/correspondence/test_descriptors.py",)
 SCORE = ("tests/correspondence/test_score.py",)
 STUDY = ("tests/experiments/test_noise.py",)
 ARENA = ("tests/world/test_arena.py",)
-RAYS = ("tests/world/test_rays.py",)
 ROOM = ("tests/calibration/test_room.py",)
 PHYSICS = ("tests/twin/test_physics.py",)
 
 GPU = ("tests/simulation/test_cuda.py",)
 FLEET = ("tests/study/test_fleet.py",)
+EVOLUTION = ("tests/evolution/test_algorithms.py",)
+SELECTION = ("tests/evolution/test_selection.py",)
 
 MUTATIONS = (
     # a GPU
@@ -49,8 +50,14 @@ MUTATIONS = (
              "which[some], flat[some])", "which[some], flat[: len(which[some])])", GPU),
     Mutation("study/fleet.py", "every child has two parents",
              "if crosses(rates.crossover, stream):", "if cell >= 0:", FLEET),
-    Mutation("study/fleet.py", "a random search keeps whatever comes",
-             "if kind != RANDOM or fitness[r, k] > living.fitness[r, cell]:", "if kind >= TORUS:", FLEET),
+    Mutation("study/fleet.py", "a fleet's numbers are the first's",
+             "living.numbers[at] = start + done + k", "living.numbers[at] = start + done", FLEET),
+    Mutation("evolution/ga.py", "a random search keeps whatever comes",
+             "return np.greater(fitness, residents)", "return np.isfinite(fitness)", EVOLUTION),
+    Mutation("evolution/ga.py", "the best mates as often as the others",
+             "a = sign * fitness[cells[i]]", "a = 0.0 * fitness[cells[j]]", SELECTION),
+    Mutation("evolution/ga.py", "the torus ends at its last column",
+             "(column + right + columns) % columns", "min(max(column + right, 0), columns - 1)", SELECTION),
     # kernels
     Mutation("kernels/infrared.py", "squares are not squared",
              "(a * (inverse[i] * inverse[i]) + b)", "(a * inverse[i] + b)", INFRARED),
@@ -213,8 +220,6 @@ MUTATIONS = (
              "speed[1] * speed[1] + speed[2] * speed[2] < THROWN * THROWN", "0.0 < 1e9", PHYSICS),
     Mutation("twin/wheels.py", "a thrown robot keeps its speed",
              "_copy(machine.before, machine.moving)", "_copy(machine.moving, machine.before)", PHYSICS),
-    Mutation("world/sensors.py", "a product's error is forgotten when it is rounded",
-             "off = (product - whole) + error", "off = product - whole", RAYS),
     Mutation("calibration/forward.py", "rows of a second recording are read at the first's places",
              "[scene.row + begin for scene", "[scene.row for scene", ROOM),
     Mutation("correspondence/statistics.py", "a two-sample p may be 0",

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from realitygap.lazy import names_of
 
 if TYPE_CHECKING:
+    from realitygap.api import calibrate, evolve, merge, reproduce
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.calibration.unit import calibrated_unit
-    from realitygap.commands import calibrate, evolve, merge, reproduce
     from realitygap.control.genotype import Layout, braitenberg, constant, load_genotype, save_genotype
     from realitygap.control.network import NetworkController, decode
     from realitygap.control.operators import Variation, random_genotype
@@ -59,9 +59,9 @@ __all__ = [
 ]  # fmt: skip
 
 _, __getattr__ = names_of(__name__, {
+    "api": "calibrate evolve merge reproduce",
     "calibration.recordings.files": "load_recording",
     "calibration.unit": "calibrated_unit",
-    "commands": "calibrate evolve merge reproduce",
     "control.genotype": "Layout braitenberg constant load_genotype save_genotype",
     "control.network": "NetworkController decode",
     "control.operators": "Variation random_genotype",

@@ -21,14 +21,16 @@ from numpy.typing import NDArray
 from realitygap.errors import UsageError
 
 __all__ = [
-    "LARGEST", "Table", "as_path", "atomic_path", "atomic_write", "move_whole", "must_be",
-    "naming_errors", "parse_toml", "read_json", "read_table", "read_text", "read_toml", "reason",
-    "refuse_odd_values", "refuse_separator", "refuse_unknown", "to_csv", "to_toml", "written_together",
+    "LARGEST_TABLE", "Table", "as_path", "atomic_path", "atomic_write", "move_whole", "must_be",
+    "naming_errors",
+    "parse_toml", "read_json", "read_table", "read_text", "read_toml", "refuse_separator", "refuse_unknown",
+    "to_csv", "to_toml", "written_together",
 ]  # fmt: skip
 
+Array = NDArray[np.float64]
 
-DEEPEST, LARGEST = 32, 2**63 - 1
-"""Tables in tables, and whole numbers, beyond which no file of this project goes."""
+LARGEST_TABLE = 10**9
+"""Largest number in a table."""
 LONGEST = 60
 """Characters of a key that a message shows."""
 
@@ -45,7 +47,7 @@ def as_path(value: object, what: str) -> Path:
 
 
 def must_be(value: object, kind: type | UnionType, what: str, cure: str) -> None:
-    """Refuse a Python caller's value of another kind; `what` is its name in the message.
+    """Refuse a Python caller's value of another kind.
 
     Args:
         value: what came.
@@ -54,7 +56,7 @@ def must_be(value: object, kind: type | UnionType, what: str, cure: str) -> None
         cure: what to do.
 
     Raises:
-        UsageError: says what was expected, what came, and the cure.
+        UsageError: it is of another kind.
     """
     if not isinstance(value, kind):
         named = " or ".join(one.__name__ for one in get_args(kind) or (kind,))
@@ -87,20 +89,13 @@ def read_json(path: str | Path, error: type[UsageError], cure: str) -> Any:
     """
     text = read_text(path, error, cure)
     try:
-        data = json.loads(text)
-        refuse_odd_values(data)
+        return _checked(json.loads(text))
     except (ValueError, RecursionError) as why:
-        raise error(f"{path}: not a JSON file: {reason(why)}. {cure}") from None
-    return data
+        raise error(f"{path}: not a JSON file: {_reason(why)}. {cure}") from None
 
 
 def refuse_separator(path: str | Path, lines: Sequence[str], error: type[UsageError]) -> None:
-    """Refuse a table whose first line that is not empty has more semicolons or tabs than commas, as some
-    programs write.
-
-    Raises:
-        UsageError: of the class `error`.
-    """
+    """Refuse a table whose first line has more semicolons or tabs than commas, as some programs write."""
     number, head = next(((k, line) for k, line in enumerate(lines, 1) if line.strip()), (1, ""))
     for sign, name in ((";", "semicolons"), ("\t", "tabs")):
         if head.count(sign) > head.count(","):
@@ -110,30 +105,22 @@ def refuse_separator(path: str | Path, lines: Sequence[str], error: type[UsageEr
             )
 
 
-def reason(why: Exception) -> str:
+def _reason(why: Exception) -> str:
     """Why a parser gave up, in words that fit a sentence."""
     if isinstance(why, RecursionError):
-        return f"tables or lists nested more than {DEEPEST} deep"
-    if "integer string conversion" in str(why):
-        return "a whole number of thousands of digits"
+        return "tables or lists nested too deep"
     said = str(why).rstrip(".")
     return said if len(said) <= 4 * LONGEST else f"{said[: 2 * LONGEST]}…{said[-LONGEST:]}"
 
 
-def refuse_odd_values(data: Any, depth: int = 0) -> None:
-    """Refuse what no reader is prepared for.
-
-    Raises:
-        ValueError: whole numbers beyond 64 bits.
-        RecursionError: tables in tables in tables …
-    """
-    if depth > DEEPEST:
-        raise RecursionError
-    if isinstance(data, int) and abs(data) > LARGEST:
+def _checked(data: Any) -> Any:
+    """The same data, if its whole numbers have 64 bits, beyond which nothing here is prepared for them."""
+    if isinstance(data, int) and abs(data) >= 2**63:
         raise ValueError("a whole number beyond 64 bits")
     if isinstance(data, Mapping | list):
         for inner in data.values() if isinstance(data, Mapping) else data:
-            refuse_odd_values(inner, depth + 1)
+            _checked(inner)
+    return data
 
 
 def refuse_unknown(
@@ -170,7 +157,7 @@ def to_csv(rows: Iterable[Iterable[object]], *, end: str = "\n") -> str:
 def read_toml(
     path: str | Path, error: type[UsageError], cure: str, *, broken: str = "Correct that line."
 ) -> dict[str, Any]:
-    """The table of a TOML file; `cure` says what to do if there is none, `broken` if it is not TOML.
+    """The table of a TOML file.
 
     Args:
         path: the file.
@@ -192,13 +179,12 @@ def parse_toml(text: str) -> dict[str, Any]:
     """The table of a TOML text.
 
     Raises:
-        ValueError: broken TOML, whole numbers beyond 64 bits, or tables too deep in each other.
+        ValueError: broken TOML.
     """
     try:
-        table = tomllib.loads(text)
-        refuse_odd_values(table)
+        table: dict[str, Any] = _checked(tomllib.loads(text))
     except (ValueError, RecursionError) as why:
-        raise ValueError(reason(why)) from None
+        raise ValueError(_reason(why)) from None
     return table
 
 
@@ -304,12 +290,6 @@ def _sync(path: Path) -> None:
         os.close(handle)
 
 
-Array = NDArray[np.float64]
-
-LARGEST_TABLE = 10**9
-"""Largest number in a table."""
-
-
 class Table(NamedTuple):
     """A CSV file: its columns, its rows as texts, the line of the columns' names and of each row; what to
     raise, and the cure."""
@@ -348,7 +328,9 @@ class Table(NamedTuple):
             out = np.array([_number(text) for text in texts], np.float64)
         wrong = ~(np.abs(out) <= LARGEST_TABLE) & ~(empty & np.isnan(out))
         if wrong.any():
-            limits = f" from -{LARGEST:g} to {LARGEST:g}" if np.isfinite(out[wrong.argmax()]) else ""
+            limits = (
+                f" from -{LARGEST_TABLE:g} to {LARGEST_TABLE:g}" if np.isfinite(out[wrong.argmax()]) else ""
+            )
             self.refuse(wrong, name, f"a number{limits}", texts)
         return out
 
@@ -356,7 +338,7 @@ class Table(NamedTuple):
         """A column of whole numbers from 0 on."""
         values = self.numbers(name)
         wrong = (values != np.rint(values)) | (values < 0)
-        self.refuse(wrong, name, f"a whole number from 0 to {LARGEST}", values)
+        self.refuse(wrong, name, f"a whole number from 0 to {LARGEST_TABLE}", values)
         return values.astype(np.int64)
 
     def refuse(self, wrong: NDArray[np.bool_], name: str, expected: str, got: Any, cure: str = "") -> None:

@@ -19,7 +19,7 @@ from realitygap.robots.address import Address, StandIn
 from realitygap.robots.body import Body, Filmed, Placing, Seen
 from realitygap.robots.clock import Clock
 from realitygap.robots.enki import EnkiBody
-from realitygap.testing.body import BodyContract
+from realitygap.testing import BodyContract
 from realitygap.twin.states import States
 from realitygap.values import Command, Pose
 from realitygap.world.robot import load_profile

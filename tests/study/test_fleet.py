@@ -9,7 +9,7 @@ import pytest
 from realitygap.control.operators import Variation
 from realitygap.errors import StudyInterruptedError
 from realitygap.simulation import simulation
-from realitygap.study import fleet
+from realitygap.study import fleet, jobs
 from realitygap.study.folder import open_folder
 from realitygap.study.jobs import Advanced, Job, Workshop
 from realitygap.study.materials import gather
@@ -17,7 +17,6 @@ from realitygap.study.reader import DATABASE
 from realitygap.study.run import Bench
 from realitygap.study.runner import run_study
 from realitygap.study.store import Store
-from realitygap.work import pool as threads
 from realitygap.work import progress
 from tests.study.helpers import content, small
 
@@ -64,7 +63,7 @@ def test_interrupted_side_by_side_it_goes_on(tmp_path, monkeypatch):
     cores, and no thread is left."""
     run_study(tmp_path / "cores", small(runs=2), workers=1)
     monkeypatch.setattr(simulation, "engine_named", lambda name: None)
-    monkeypatch.setattr(threads, "MOST", 2)
+    monkeypatch.setattr(jobs, "MOST", 2)
     monkeypatch.setattr(progress, "EVERY_S", 0.0)
     before = threading.active_count()
 

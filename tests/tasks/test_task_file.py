@@ -200,7 +200,7 @@ def test_the_example_robot():
         ),
         ("    return path.x[-201]", "line 3: the score fails with IndexError"),
         ("    return room.lamps[1, 0]", "line 3: the score fails with IndexError"),
-        ("    return 1.0 + BIG[int(path.x[0]) - 1]", "line 3: the score fails with IndexError"),
+        ("    return 1.0 + BIG[int(path.x.max()) - 1]", "line 3: the score fails with IndexError"),
         ("    print(1)\n    return path.x[0]", "line 3: a score is called a thousand times: remove `print`"),
         ("    return random.random()", "line 3: a score draws nothing at random: remove `random`"),
         ("    return np.random.rand() + path.x[0]", "line 3: a score draws nothing at random"),

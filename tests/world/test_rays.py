@@ -21,23 +21,6 @@ def test_rays_are_units(number: int, aperture_deg: float) -> None:
     assert made.tobytes() == np.moveaxis(expected, 2, 1).tobytes()
 
 
-def test_rounded_as_python_does() -> None:
-    """Fifteen decimals are those of `round`, also half-way between two, and of the smallest numbers."""
-    from realitygap.world.sensors import _rounded
-
-    draw = np.random.default_rng(1)
-    ties = (draw.integers(-(10**15), 10**15, 50_000) + 0.5) / 1e15
-    small = draw.uniform(-1, 1, 50_000) * 10.0 ** draw.integers(-17, 0, 50_000)
-    for numbers in (
-        ties,
-        np.nextafter(ties, 2.0),
-        np.nextafter(ties, -2.0),
-        small,
-        draw.uniform(-1, 1, 50_000),
-    ):
-        assert np.array_equal(_rounded(numbers), [round(number, 15) for number in numbers.tolist()])
-
-
 def test_what_is_kept_is_not_lent() -> None:
     """Writing into rays changes nobody else's."""
     rays([10.0])[:] = 0.0

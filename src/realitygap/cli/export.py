@@ -115,9 +115,9 @@ def _use(run: str | None, kind: str | None, language: str | None) -> str:
 def _log(
     run: Run, kind: str, out: Path, which: tuple[str, str | None, int | None], json_output: bool
 ) -> None:
-    from realitygap.export.logs import lived, write_log
+    from realitygap.export.logs import trial_log, write_log
 
-    one = lived(run, *which)
+    one = trial_log(run, *which)
     path = write_log(one, kind, out)
     facts = {
         "study": str(run.study.folder), "run": run.id, "format": kind, "file": str(path), "trial": one.name,

@@ -12,7 +12,6 @@ from realitygap.cli import option
 from realitygap.cli.kinds import SEED, FileToWrite
 from realitygap.cli.output import tell, warn
 from realitygap.errors import TrackError
-from realitygap.files import atomic_write
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -57,6 +56,7 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
     from realitygap.correspondence.judging import blind_pairs
     from realitygap.correspondence.judging import page as page_of
     from realitygap.correspondence.reading import doubts_of
+    from realitygap.files import atomic_write
 
     found, setting = _pairs(Path(pairs), task)
     data, rows = blind_pairs(found, setting, seed=seed)

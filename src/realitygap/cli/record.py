@@ -13,7 +13,7 @@ from realitygap.cli import option
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import DISTANCES, ROBOT, Reflectance, Whole
 from realitygap.cli.output import print_json
-from realitygap.cli.progress import ProgressLine
+from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
     from realitygap.calibration.recorder.record import Made, Progress, Wanted

@@ -10,7 +10,6 @@ import click
 from realitygap.cli import option
 from realitygap.cli.kinds import PICTURE
 from realitygap.cli.output import print_json, shown, table
-from realitygap.files import atomic_path
 
 if TYPE_CHECKING:
     from realitygap.control.genotype import Genes
@@ -105,6 +104,7 @@ def _print_run(study: Study, run: Run) -> None:
 
 def _draw(study: Study, run: Run, picture: Path) -> None:
     """The network of a run's champion (of the fittest while there is none), as a picture."""
+    from realitygap.files import atomic_path
     from realitygap.report.network import network_figure
     from realitygap.report.style import styled
 

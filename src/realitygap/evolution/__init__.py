@@ -33,12 +33,12 @@ def make_algorithm(name: str, encoding: Any, **params: Any) -> Algorithm[Any]:
     Raises:
         UsageError: an unknown name or parameter, or a value out of range.
     """
-    if isinstance(name, str) and place_of(name):
+    if place_of(name):
         ways = ("cells", "init", "ask", "tell", "from_bytes")
         own: Algorithm[Any] = made(name, "algorithm", ways, params, encoding=encoding)
         as_count(own.cells, f"{name}: cells")
         return own
-    if not isinstance(name, str) or name not in ALGORITHMS:
+    if name not in ALGORITHMS:
         raise UsageError(
             f"the algorithm: expected one of {', '.join(ALGORITHMS)}, or FILE.py:NAME, got {name!r}."
         )
@@ -49,7 +49,6 @@ def make_algorithm(name: str, encoding: Any, **params: Any) -> Algorithm[Any]:
             f"such as a Variation, got {encoding!r}"
         )
     known = [key for key in ALGORITHMS[name].__dataclass_fields__ if key != "encoding"]
-    for key in params:
-        if key not in known:
-            raise UsageError(f"the algorithm {name!r} has {', '.join(known)}; no {key!r}")
+    if unknown := set(params) - set(known):
+        raise UsageError(f"the algorithm {name!r} has {', '.join(known)}; no {min(unknown)!r}")
     return ALGORITHMS[name](encoding=encoding, **params)

@@ -3,7 +3,7 @@
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
-    "logs": "Lived lived write_log",
+    "logs": "TrialLog trial_log write_log",
     "onboard": "LANGUAGES OnBoard on_board sizes write_source",
     "tables": "TABLES table write_tables",
 })  # fmt: skip

@@ -28,19 +28,10 @@ OF_TRIAL = (
     "situated_from", "filmed", "late_steps", "missed_steps", "lost_steps",
 )  # fmt: skip
 OF_SCORES = ("type", "situated_type", "behaviour", "correspondence", "low", "high", "differences")
-TEXTS = (
-    "name",
-    "task",
-    "individual",
-    "robot",
-    "situated_from",
-    "folder",
-    "kind",
-    "why",
-    "type",
-    "situated_type",
+TEXTS = {
+    "name", "task", "individual", "robot", "situated_from", "folder", "kind", "why", "type", "situated_type",
     "differences",
-)
+}  # fmt: skip
 """Columns that stay texts even when empty."""
 
 

@@ -6,6 +6,7 @@ Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -21,7 +22,7 @@ from realitygap.control.network import NetworkController
 from realitygap.control.operators import Variation
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes, State
-from realitygap.evolution.ga import MAGIC, Population
+from realitygap.evolution.ga import Population
 from realitygap.files import as_path, must_be
 from realitygap.kernels.params import Networks
 from realitygap.lazy import above
@@ -179,8 +180,10 @@ class Study(Tables):
     def state(self, run: int) -> State | None:
         """The state in a run's last checkpoint; None before the first. This may run a user's file."""
         kept = self._reader.checkpoint(self._id(run))
-        if kept is None or kept.startswith(MAGIC):
-            return None if kept is None else Population.from_bytes(kept)
+        if kept is None:
+            return None
+        with suppress(StudyError):  # what a Population wrote is read without a user's file
+            return Population.from_bytes(kept)
         task, config = self.task(self.run(run).task), self._materials.config
         state: State = config.evolution.make(config.encoding_for(task)).from_bytes(kept)
         return state

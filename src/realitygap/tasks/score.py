@@ -5,7 +5,7 @@ import math
 import random
 import re
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
 from functools import cached_property, lru_cache
@@ -82,8 +82,8 @@ class CompiledScore:
                 self.plain(Path(*map(np.copy, path)), room)
         except Exception as again:
             error = again
-        file, stack = inspect.getfile(self.plain), traceback.extract_tb(error.__traceback__)
-        own = [frame.lineno for frame in stack if frame.filename == file]
+        file = inspect.getfile(self.plain)
+        own = [at.lineno for at in traceback.extract_tb(error.__traceback__) if at.filename == file]
         where = f"{file}, line {own[-1]}" if own else _where(self.plain)
         told = f"{type(error).__name__}: {error}".rstrip(": ")
         there = f"{path.x.size} rows, the room {len(room.lamps)} lamps and {len(room.cylinders)} cylinders"
@@ -177,11 +177,8 @@ def _where(score: Score, error: Any = None) -> str:
 def _named(returned: Any) -> str:
     """A type of Numba's in a Python user's words."""
     text = str(returned)
-    if text == "none":
-        return "nothing"
-    if text.startswith("OptionalType"):
-        return "nothing from some branches"
-    return "int" if text.startswith(("Literal[int]", "int", "uint")) else text
+    words = {"none": "nothing", "Opt": "nothing from some branches", "Lit": "int", "int": "int"}
+    return next((word for start, word in words.items() if text.startswith(start)), text)
 
 
 def reason(error: Exception) -> str:
@@ -201,82 +198,46 @@ def reason(error: Exception) -> str:
 
 LONGEST = 2000
 """Rows of the longest example: plain Python is slow."""
-SHORT = (1, 2, 7)
-FEW = 3
 ALIKE = 1e-6
 """Sums may be taken in another order."""
-TOP_CM_S, RADIUS_CM = 8.0, 2.9
 
 
 def tried(score: Score, arena: Arena, steps: int) -> CompiledScore:
-    """The compiled score, unless it fails on an example.
+    """The compiled score, unless it fails on an example in its arena, or is another there as plain Python.
 
     Raises:
         TaskError: names the user's file and line.
     """
-    return _tried(score, compiled_in(score), arena, steps)
-
-
-@lru_cache(maxsize=64)
-def _tried(score: Score, told: tuple[str, ...], arena: Arena, steps: int) -> CompiledScore:
-    """The score with what it uses, `told`."""
     made = compile_score(score)
-    own = _room(arena)
-    other = own._replace(lamps=np.zeros((0, 2)), cylinders=np.zeros((0, 3)))
-    several = own._replace(lamps=np.full((3, 2), 7.0), cylinders=np.full((3, 3), 9.0))
-    for room in (own, other, several):
-        for rows in (min(steps, LONGEST), *SHORT):
-            for path in _paths(rows, own):
-                _try(made, path, room, must=room is own and rows == steps)
+    _try(made, arena, steps)
     return made
 
 
-def _room(arena: Arena) -> Room:
-    there = arena.to_kernel()
-    return Room(
-        lamps=there.lamp_centre, size=there.size, cylinders=there.cylinders, top_speed=TOP_CM_S,
-        radius=RADIUS_CM,
+@lru_cache(maxsize=64)
+def _try(made: CompiledScore, arena: Arena, steps: int) -> None:
+    there, rows = arena.to_kernel(), min(steps, LONGEST)
+    room = Room(
+        lamps=there.lamp_centre, size=there.size, cylinders=there.cylinders, top_speed=8.0, radius=2.9
+    )
+    x, y, heading, left, right = np.random.default_rng(1995).uniform(-1.0, 1.0, (5, rows))
+    path = Path(
+        x=room.size[0] * abs(x), y=room.size[1] * abs(y), heading=9.0 * heading, left=16.0 * left,
+        right=16.0 * right, contact=np.round(abs(x)),
     )  # fmt: skip
-
-
-def _paths(rows: int, room: Room) -> Iterator[Path]:
-    even, chance = np.linspace(0.0, 1.0, rows), np.random.default_rng(1995)
-    width, depth = room.size
-    still, ones = np.zeros(rows), np.ones(rows)
-    for x, y in (room.size / 2.0, *room.lamps[:FEW], *room.cylinders[:FEW, :2]):
-        yield Path(x=ones * x, y=ones * y, heading=still, left=still, right=still, contact=still)
-    yield Path(
-        x=even * width, y=depth - even * depth, heading=100.0 * even - 50.0, left=TOP_CM_S * ones,
-        right=-TOP_CM_S * ones, contact=ones,
-    )  # fmt: skip
-    x, y, heading, left, right = chance.uniform(-1.0, 1.0, (5, rows))
-    yield Path(
-        x=width * abs(x), y=depth * abs(y), heading=9.0 * heading, left=2.0 * TOP_CM_S * left,
-        right=2.0 * TOP_CM_S * right, contact=np.round(abs(x)),
-    )  # fmt: skip
-
-
-def _try(made: CompiledScore, path: Path, room: Room, *, must: bool) -> None:
-    """As plain Python, then compiled twice: three times the same, and nothing changed.
-
-    Ctrl-C stops plain Python only, so that a score without end hangs there.
-    """
-    given = [deepcopy((path, room)) for _ in range(3)]
-    plain = _told(made.plain, *given[2])
-    first, again = _told(made.compiled, *given[0]), _told(made.compiled, *given[1])
-    if must and isinstance(plain, LookupError):
+    given = [deepcopy((path, room)) for _ in range(2)]
+    plain = _told(made.plain, *given[0])  # first: Ctrl-C stops a score without end here alone
+    compiled = _told(made.compiled, *given[1])
+    alike, where = _alike(plain, compiled), _where(made.plain)
+    if isinstance(plain, Exception) and (not alike or (isinstance(plain, LookupError) and rows == steps)):
         raise made.failure(plain, path, room)
-    for name, part, now, before in zip(("path", "room"), ("x", "lamps"), given[0], (path, room), strict=True):
-        if not all(map(np.array_equal, now, before)):
-            cure = f"Work on a copy, as in {name}.{part}.copy()."
-            _refuse(made, f"changes the {name} that it is given", cure)
-    if not _alike(first, again):
-        _refuse(made, f"gives {first} and then {again} on the same path", "It must depend on nothing else.")
-    if not _alike(first, plain):
-        if isinstance(plain, Exception):
-            raise made.failure(plain, path, room)
-        cure = "Look for whole numbers beyond 64 bits, or for names that change their value."
-        _refuse(made, f"gives {first} compiled and {plain} as plain Python on the same path", cure)
+    for now in given:
+        for name, part, one, before in zip(("path", "room"), ("x", "lamps"), now, (path, room), strict=True):
+            if not all(map(np.array_equal, one, before)):
+                cure = f"Work on a copy, as in {name}.{part}.copy()."
+                raise TaskError(f"{where}: the score changes the {name} that it is given. {cure}")
+    if not alike:
+        told = f"{where}: the score gives {compiled} compiled and {plain} as plain Python on the same path."
+        raise TaskError(f"{told} Look for whole numbers beyond 64 bits, or names that change their value.")
 
 
 def _told(score: Score, path: Path, room: Room) -> float | Exception:
@@ -288,18 +249,12 @@ def _told(score: Score, path: Path, room: Room) -> float | Exception:
         return error
 
 
-def _alike(one: float | Exception, other: float | Exception) -> bool:
-    """Whether two ways to take a score come to the same; a failed sum is as good as no number."""
-    if isinstance(one, Exception) and isinstance(other, Exception):
+def _alike(plain: float | Exception, compiled: float | Exception) -> bool:
+    """Whether both came to the same; a failed sum is as good as no number."""
+    if isinstance(plain, Exception) and isinstance(compiled, Exception):
         return True
-    a, b = (math.nan if isinstance(x, ArithmeticError | ValueError) else x for x in (one, other))
+    a, b = (math.nan if isinstance(x, ArithmeticError | ValueError) else x for x in (plain, compiled))
     if isinstance(a, Exception) or isinstance(b, Exception):
         return False
-    if not (math.isfinite(a) and math.isfinite(b)):
-        return not math.isfinite(a) and not math.isfinite(b)
-    return math.isclose(a, b, rel_tol=ALIKE, abs_tol=ALIKE)
-
-
-def _refuse(made: CompiledScore, what: str, cure: str) -> None:
-    code = made.plain.__code__
-    raise TaskError(f"{code.co_filename}, line {code.co_firstlineno}: the score {what}. {cure}")
+    finite = math.isfinite(a), math.isfinite(b)
+    return math.isclose(a, b, rel_tol=ALIKE, abs_tol=ALIKE) if all(finite) else not any(finite)

@@ -17,7 +17,7 @@ from realitygap.world.arena import Arena, arena_names, load_arena
 from realitygap.world.robot import FEEDS, Profile
 from realitygap.world.toml import Value, require
 
-__all__ = ["MAX_INPUTS", "Start", "Task", "beside", "check_score", "check_spread", "ending"]
+__all__ = ["MAX_INPUTS", "Start", "Task", "check_spread"]
 
 
 def check_spread(spread: float, wheels: float | None) -> None:
@@ -35,29 +35,10 @@ def _is_share(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 0.9
 
 
-def ending(spread: float, wheels: float | None = None) -> str:
+def _ending(spread: float, wheels: float | None = None) -> str:
     """What a name says of a spread: -spread-10, of 10 %."""
     of_wheels = "" if wheels is None else f"-wheels-{100 * wheels:g}"
     return f"-spread-{100 * spread:g}{of_wheels}".replace(".", "-") if spread else ""
-
-
-def check_score(score: object) -> None:
-    """Refuse what cannot be called with (path, room)."""
-    cure = "Write `def score(path, room): …`."
-    require(inspect.isfunction(score), "score", "a function", score, cure)
-    try:
-        inspect.signature(score).bind(None, None)  # type: ignore[arg-type]
-    except TypeError:
-        names = list(inspect.signature(score).parameters)  # type: ignore[arg-type]
-        require(False, "score", "a function of two parameters, (path, room)", tuple(names), cure)
-
-
-def beside(score: Score, arena: str | Path) -> str | Path:
-    """The arena's path, taken from the folder of the file that defines `score`."""
-    if str(arena) in arena_names() or Path(arena).is_absolute():
-        return arena
-    near = Path(inspect.getfile(score)).parent / arena
-    return near if near.is_file() else arena
 
 
 MAX_INPUTS = 16
@@ -131,7 +112,7 @@ class Task:
         except TaskError:
             raise
         except UsageError as error:
-            raise TaskError(f"task {self.name!r}: {error}") from None
+            raise self._wrong(str(error)) from None
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -141,7 +122,7 @@ class Task:
     @property
     def plain_name(self) -> str:
         """Its name without what `under` adds."""
-        return self.name.removesuffix(ending(self.spread, self.spread_wheels))
+        return self.name.removesuffix(_ending(self.spread, self.spread_wheels))
 
     def under(self, spread: float | None, wheels: float | None = None) -> Self:
         """The same task with constants drawn anew, under a name and a title that say so.
@@ -160,7 +141,7 @@ class Task:
             return self
         wheels = self.spread_wheels if wheels is None and spread else wheels
         within = f"±{100 * spread:g} %" + (f", the wheels' ±{100 * wheels:g} %" if wheels is not None else "")
-        name = self.plain_name + ending(spread, wheels)
+        name = self.plain_name + _ending(spread, wheels)
         title = self.title.partition(DRAWN)[0] + (DRAWN + within if spread else "")
         return replace(self, name=name, title=title, spread=spread, spread_wheels=wheels)
 
@@ -177,10 +158,8 @@ class Task:
         """
         steps = round(self.seconds / profile.period_s)
         if abs(steps * profile.period_s - self.seconds) > 1e-6:
-            raise TaskError(
-                f"task {self.name!r}: seconds: expected whole steps of {profile.period_s:g} s, the period of "
-                f"profile {profile.name!r}, got {self.seconds:g}."
-            )
+            told = f"expected whole steps of {profile.period_s:g} s, the period of profile {profile.name!r}"
+            raise self._wrong(f"seconds: {told}, got {self.seconds:g}.")
         return steps
 
     def of(self, profile: Profile) -> Self:
@@ -193,10 +172,10 @@ class Task:
         if self.sensors or not there:
             return self
         if there > MAX_INPUTS:
-            raise TaskError(
-                f"task {self.name!r}: sensors: expected at most {MAX_INPUTS} for a network, got all {there} "
-                f"{self.feeds} sensors of profile {profile.name!r}. Name some: sensors=(0, 1, 2) in a task "
-                "file of your own, or `realitygap evolve --set task.sensors=[0,1,2]`."
+            raise self._wrong(
+                f"sensors: expected at most {MAX_INPUTS} for a network, got all {there} {self.feeds} sensors "
+                f"of profile {profile.name!r}. Name some: sensors=(0, 1, 2) in a task file of your own, or "
+                "`realitygap evolve --set task.sensors=[0,1,2]`."
             )
         return replace(self, sensors=tuple(range(there)))
 
@@ -209,26 +188,19 @@ class Task:
         count, sensors = len(profile.bands(self.feeds)), self.of(profile).sensors
         for kind in self.kinds:
             if not profile.channel(kind).sensors:
-                raise TaskError(
-                    f"task {self.name!r}: feeds: profile {profile.name!r} has no {kind} sensors. "
-                    "Choose another task, or add sensors to the profile."
-                )
-        for sensor in sensors:
-            if sensor >= count:
-                raise TaskError(
-                    f"task {self.name!r}: sensors: expected {self.feeds} sensors of profile "
-                    f"{profile.name!r}, which has {count}, got number {sensor} (they count from 0). "
-                    "Change the task's sensors or add sensors to the profile."
-                )
-        start = self.start
-        body = profile.body.radius_cm
+                cure = "Choose another task, or add sensors to the profile."
+                raise self._wrong(f"feeds: profile {profile.name!r} has no {kind} sensors. {cure}")
+        if lacking := [sensor for sensor in sensors if sensor >= count]:
+            told = f"expected {self.feeds} sensors of profile {profile.name!r}, which has {count}"
+            raise self._wrong(f"sensors: {told}, got number {lacking[0]} (they count from 0).")
+        start, body = self.start, profile.body.radius_cm
         obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm + body)
         low, high = (math.radians(angle) for angle in start.heading_deg)
         if obstacle and not (low == high and start.radius_cm == 0 and self._fits(profile, low)):
-            raise TaskError(
-                f"task {self.name!r}: start: a robot of radius {body:g} cm that starts within "
-                f"{start.radius_cm:g} cm of ({start.x_cm:g}, {start.y_cm:g}) may overlap {obstacle}. "
-                "Move the start, or make its disc smaller."
+            raise self._wrong(
+                f"start: a robot of radius {body:g} cm that starts within {start.radius_cm:g} cm of "
+                f"({start.x_cm:g}, {start.y_cm:g}) may overlap {obstacle}. Move the start, or make its disc "
+                "smaller."
             )
         return params.Trial(
             steps=self.steps_of(profile),
@@ -269,19 +241,16 @@ class Task:
     def to_dict(self) -> dict[str, Any]:
         """The task as data, without its score, ready for JSON."""
         return {
-            "name": self.name,
-            "title": self.title,
-            "arena": self.arena.to_dict(),
-            "feeds": self.feeds,
-            "sensors": list(self.sensors),
-            "start": self.start.to_dict(),
-            "seconds": self.seconds,
+            "name": self.name, "title": self.title, "arena": self.arena.to_dict(), "feeds": self.feeds,
+            "sensors": list(self.sensors), "start": self.start.to_dict(), "seconds": self.seconds,
             "trials": self.trials,
             **({"spread": self.spread} if self.spread else {}),
             **({"spread_wheels": self.spread_wheels} if self.spread_wheels is not None else {}),
-            "fitness_unit": self.fitness_unit,
-            "fitness_scale": self.fitness_scale,
-        }
+            "fitness_unit": self.fitness_unit, "fitness_scale": self.fitness_scale,
+        }  # fmt: skip
+
+    def _wrong(self, told: str) -> TaskError:
+        return TaskError(f"task {self.name!r}: {told}")
 
     def _convert(self) -> None:
         """What a user may write more shortly becomes what is declared."""
@@ -289,11 +258,18 @@ class Task:
         tidy = isinstance(self.name, str) and re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", self.name)
         require(bool(tidy), "name", "lower-case letters, digits and single hyphens", self.name)
         put(self, "score", getattr(self.score, "py_func", self.score))
-        check_score(self.score)
-        if isinstance(self.arena, str | Path):
-            named = beside(self.score, self.arena)
-            put(self, "arena_file", None if str(named) in arena_names() else str(self.arena))
-            put(self, "arena", load_arena(named))
+        cure = "Write `def score(path, room): …`."
+        require(inspect.isfunction(self.score), "score", "a function", self.score, cure)
+        taken = inspect.signature(self.score).parameters
+        needed = sum(one.default is one.empty for one in taken.values())
+        fits = needed <= 2 <= len(taken)
+        require(fits, "score", "a function of two parameters, (path, room)", tuple(taken), cure)
+        arena: Any = self.arena
+        if isinstance(arena, str | Path):
+            shipped = str(arena) in arena_names()
+            near = Path(inspect.getfile(self.score)).parent / arena
+            put(self, "arena_file", None if shipped else str(arena))
+            put(self, "arena", load_arena(near if near.is_file() and not shipped else arena))
         feeds: Any = self.feeds
         if isinstance(feeds, list | tuple):
             put(self, "feeds", "+".join(sorted(set(map(str, feeds)), reverse=True)))
@@ -325,8 +301,6 @@ class Task:
         start = self.start
         obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm)
         if obstacle is not None:
-            raise TaskError(
-                f"task {self.name!r}: start: expected a free place in arena {self.arena.name!r}, got a "
-                f"disc of {start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g}), which overlaps "
-                f"{obstacle}."
-            )
+            place = f"{start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g})"
+            told = f"got a disc of {place}, which overlaps {obstacle}."
+            raise self._wrong(f"start: expected a free place in arena {self.arena.name!r}, {told}")

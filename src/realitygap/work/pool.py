@@ -2,26 +2,25 @@
 
 import multiprocessing
 import os
+import pickletools
 import signal
 import threading
+import warnings
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
-from itertools import count
-from multiprocessing import resource_tracker
+from multiprocessing import resource_tracker, spawn
 from multiprocessing.connection import Connection, wait
-from queue import Empty, Full, Queue
-from threading import Event, Thread
-from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from threadpoolctl import threadpool_limits
 
 from realitygap.errors import RealityGapError, StudyError
+from realitygap.plugins import packed, unpacked
 
 __all__ = [
-    "Bench", "Counted", "Here", "Pool", "Processes", "Setup", "Tell", "bench_of", "merged", "messages_of",
-    "one_thread", "refuse_unguarded_script",
+    "Bench", "Counted", "Here", "Pool", "Processes", "Setup", "Tell", "bench_of", "messages_of", "one_thread",
 ]  # fmt: skip
 
 
@@ -32,10 +31,6 @@ def one_thread() -> threadpool_limits:
 
 Tell = Callable[[Any], None]
 """Called with each message of a job."""
-LOST = (
-    "workers: expected each message of a job once and in order, but one was lost or duplicated. What was "
-    "saved is kept: continue with other workers, and fix the pool (realitygap.testing.PoolContract)."
-)
 
 
 class Bench(Protocol):
@@ -50,9 +45,10 @@ class Bench(Protocol):
 
 @dataclass(frozen=True)
 class Setup:
-    """How a worker makes its bench: a function of a module and its arguments, which can be pickled.
+    """How a worker makes its bench: a function and its arguments, which can be pickled.
 
-    `here` is a bench that this process has already; it stays behind when the setup is sent.
+    What a user's file defines travels too: the worker runs that file. `here` is a bench that this process has
+    already; it stays behind when the setup is sent.
     """
 
     make: Callable[..., Bench]
@@ -63,7 +59,11 @@ class Setup:
         return self.make(*self.words)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Setup, (self.make, self.words)
+        return _unpacked_setup, packed((self.make, self.words))
+
+
+def _unpacked_setup(files: list[str], data: bytes) -> Setup:
+    return Setup(*unpacked(files, data))
 
 
 @runtime_checkable
@@ -97,31 +97,33 @@ class Here:
         """Nothing to end."""
 
 
-class _Part(NamedTuple):
-    """A message of a job by its number, or after the last one the end."""
+class _Count(NamedTuple):
+    """What a counting bench says after a job: how many messages that was."""
 
-    job: int
-    number: int
-    message: Any = None
-    end: bool = False
+    messages: int
 
 
-class _Numbering:
-    """A bench whose messages are numbered."""
+class _Counting:
+    """A bench that says how many messages each job had."""
 
-    def __init__(self, bench: Setup | Bench) -> None:
-        self._bench = bench() if isinstance(bench, Setup) else bench
+    def __init__(self, setup: Setup) -> None:
+        self._bench = setup()
         self.close = self._bench.close
 
-    def carry_out(self, job: tuple[int, Any], tell: Tell) -> None:
-        """One job by its number; `tell` receives parts."""
-        numbers = count()
-        self._bench.carry_out(job[1], lambda message: tell(_Part(job[0], next(numbers), message)))
-        tell(_Part(job[0], next(numbers), end=True))
+    def carry_out(self, job: Any, tell: Tell) -> None:
+        """One job, and then its count."""
+        messages: list[None] = []
+
+        def counted(message: Any) -> None:
+            messages.append(None)
+            tell(message)
+
+        self._bench.carry_out(job, counted)
+        tell(_Count(len(messages)))
 
 
 class Counted:
-    """A given pool, checked: no message is lost, duplicated or out of turn."""
+    """A given pool, checked: as many messages and jobs come back as there were."""
 
     def __init__(self, pool: Pool) -> None:
         self._pool, self.close = pool, pool.close
@@ -131,27 +133,30 @@ class Counted:
         """Carry out all jobs; see `Pool`.
 
         Raises:
-            StudyError: at the first message that is not the next one of its job, or where one is missing.
+            StudyError: at the end, if a message or a job was lost or came twice.
         """
-        due: dict[int, int] = {}
+        jobs_left = messages_left = 0
 
-        def numbered() -> Iterator[tuple[int, Any]]:
-            for number, job in enumerate(jobs):
-                due[number] = 0
-                yield number, job
+        def counted() -> Iterator[Any]:
+            nonlocal jobs_left
+            for job in jobs:
+                jobs_left += 1
+                yield job
 
-        def heard(part: Any) -> None:
-            if not isinstance(part, _Part) or due.pop(part.job, None) != part.number:
-                raise StudyError(LOST)
-            if not part.end:
-                due[part.job] = part.number + 1
-                tell(part.message)
+        def heard(message: Any) -> None:
+            nonlocal jobs_left, messages_left
+            if isinstance(message, _Count):
+                jobs_left, messages_left = jobs_left - 1, messages_left + message.messages
+            else:
+                messages_left -= 1
+                tell(message)
 
-        here = None if setup.here is None else _Numbering(setup.here)
-        parts = numbered()
-        self._pool.work(Setup(_Numbering, (setup,), here=here), parts, heard)
-        if due or next(parts, None) is not None:
-            raise StudyError(LOST)
+        source = counted()
+        self._pool.work(Setup(_Counting, (setup,)), source, heard)
+        if next(source, None) is not None or jobs_left or messages_left:
+            said = "workers: expected each message of a job once, but one was lost or duplicated"
+            cure = "continue with other workers, and fix the pool (realitygap.testing.PoolContract)"
+            raise StudyError(f"{said}. What was saved is kept: {cure}.")
 
 
 class _Kept:
@@ -197,11 +202,18 @@ MESSAGE, DONE, ERROR = range(3)
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
+ALONE = "realitygap worker"
+"""Name of a process that does not run the user's script again, as Python's own would."""
+
+_Parcel = tuple[list[str], bytes]
+"""What `plugins.packed` makes of a thing that is sent."""
+
+
 class _Task:
     """A job: how many of its messages were passed on, and how many workers it has cost."""
 
     def __init__(self, job: Any) -> None:
-        self.job = job
+        self.job: _Parcel = packed(job)
         self.heard = self.told = self.lost = 0
 
     def hear(self, message: Any, tell: Tell) -> None:
@@ -213,24 +225,26 @@ class _Task:
 
 
 class _Worker:
-    """A process, and what it has last been set up for."""
+    """A process, and what it has last been set up for; `script`: it knows what the user's script defines."""
 
-    def __init__(self, threads: dict[str, str]) -> None:
+    def __init__(self, threads: dict[str, str], script: bool) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, there = context.Pipe()
         self.process = context.Process(target=_serve, args=(there,), daemon=True)
-        self._setup: Setup | None = None
-        with _environment(threads):
+        if not script:
+            self.process.name = ALONE
+        self.script, self._setup = script, b""
+        with _environment(threads), _without_script():
             self.process.start()
         there.close()
 
-    def give(self, setup: Setup, job: Any) -> bool:
+    def give(self, setup: _Parcel, job: _Parcel) -> bool:
         """Send a job; False if the process is gone."""
         try:
-            self.connection.send((None if setup == self._setup else setup, job))
+            self.connection.send((None if setup[1] == self._setup else setup, job))
         except OSError:
             return False
-        self._setup = setup
+        self._setup = setup[1]
         return True
 
     def end(self, wait_s: float = 0.0) -> int | None:
@@ -251,13 +265,18 @@ class Processes:
     """
 
     def __init__(self, size: int, *, one_thread: bool = False) -> None:
-        refuse_unguarded_script()
         self.size = size
         self._threads = ONE_THREAD if one_thread else {}
         self._workers: set[_Worker] = set()
 
     def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
         """Carry out all jobs; see `pool.Pool`."""
+        if multiprocessing.current_process().daemon:
+            note = "a daemonic process may start no others: one worker, this process, does all of the work"
+            warnings.warn(note, RuntimeWarning, stacklevel=2)
+            Here().work(setup, jobs, tell)
+            return
+        bench = packed((setup.make, setup.words))
         tasks, again = map(_Task, jobs), deque[_Task]()
         free, busy = list(self._workers), dict[Connection, tuple[_Worker, _Task]]()
         try:
@@ -266,8 +285,13 @@ class Processes:
                     task = again.popleft() if again else next(tasks, None)
                     if task is None:
                         break
-                    worker = free.pop() if free else self._start()
-                    if worker.give(setup, task.job):
+                    script = _of_script(bench) or _of_script(task.job)
+                    worker = free.pop() if free else self._start(script)
+                    if script and not worker.script:
+                        self._workers.remove(worker)
+                        worker.end()
+                        worker = self._start(script)
+                    if worker.give(bench, task.job):
                         busy[worker.connection] = worker, task
                     else:
                         again.append(self._lost(worker, task))
@@ -296,10 +320,10 @@ class Processes:
         while self._workers:
             self._workers.pop().end()
 
-    def _start(self) -> _Worker:
+    def _start(self, script: bool) -> _Worker:
         resource_tracker.ensure_running()  # now, since its start would let Ctrl-C through again
         with _deaf():
-            worker = _Worker(self._threads)
+            worker = _Worker(self._threads, script)
             self._workers.add(worker)
         return worker
 
@@ -316,20 +340,37 @@ class Processes:
             how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
             raise StudyError(
                 f"a worker process died ({how}). What was saved is kept: resume, or start again, with "
-                "fewer --workers if memory ran out; a script of your own must begin its work under "
-                '`if __name__ == "__main__":`.'
+                "fewer --workers if memory ran out; where workers use what a script of your own defines, its "
+                'work must begin under `if __name__ == "__main__":`.'
             )
         return task
 
 
-def refuse_unguarded_script() -> None:
-    """Refuse to start processes while this one is itself being spawned: a script without a guard.
+def _of_script(parcel: _Parcel) -> bool:
+    """Whether a parcel holds what the user's script defines, so that a worker has to run the script too."""
+    data = parcel[1]
+    return b"__main__" in data and any(name == "__main__" for _, name, _ in pickletools.genops(data))
 
-    Raises:
-        StudyError: says where the call belongs.
-    """
-    if getattr(multiprocessing.current_process(), "_inheriting", False):
-        raise StudyError('call run_study under `if __name__ == "__main__":`, or with workers=1.')
+
+_starting = threading.Lock()
+
+
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """Spawn a process named ALONE without the user's script, which then needs no guard and may be anything:
+    standard input, a notebook's cell. Python's own, of which other names are, would run it there first."""
+    with _starting:
+        prepare = spawn.get_preparation_data
+
+        def without(name: str) -> dict[str, Any]:
+            facts = prepare(name)
+            return {key: facts[key] for key in facts if name != ALONE or not key.startswith("init_main")}
+
+        spawn.get_preparation_data = without
+        try:
+            yield
+        finally:
+            spawn.get_preparation_data = prepare
 
 
 def _take(connection: Connection) -> tuple[int, Any]:
@@ -350,9 +391,9 @@ def _serve(connection: Connection) -> None:
     try:
         while True:
             other, job = connection.recv()
-            setup = other or setup
+            setup = Setup(*unpacked(*other)) if other else setup
             assert setup is not None
-            bench_of(setup).carry_out(job, lambda message: connection.send((MESSAGE, message)))
+            bench_of(setup).carry_out(unpacked(*job), lambda message: connection.send((MESSAGE, message)))
             connection.send((DONE, None))
     except RealityGapError as error:
         connection.send((ERROR, error))
@@ -392,61 +433,3 @@ def _environment(changes: dict[str, str]) -> Iterator[None]:
                 os.environ.pop(key, None)
             else:
                 os.environ[key] = value
-
-
-T = TypeVar("T")
-
-MOST = 128
-"""Items that wait to be taken; then the threads wait."""
-PATIENCE_S = 0.05
-
-
-def merged(sources: Sequence[Iterator[Sequence[T]]]) -> Generator[list[T], None, None]:
-    """All that the sources yield, in lists as it comes; in order, of each source.
-
-    A source's error ends this generator. When it ends or is closed, each source is left at its next list,
-    which may be an empty one; no thread outlives it.
-    """
-    came: Queue[Any] = Queue(MOST)
-    stop = Event()
-
-    def put(what: object) -> None:
-        while not stop.is_set():
-            with suppress(Full):
-                came.put(what, timeout=PATIENCE_S)
-                return
-
-    def drive(source: Iterator[Sequence[T]]) -> None:
-        try:
-            for items in source:
-                for item in items:
-                    put((item, None))
-                if stop.is_set():
-                    return
-            put(None)
-        except BaseException as error:
-            put((None, error))
-
-    threads = [Thread(target=drive, args=(source,), daemon=True) for source in sources]
-    try:
-        for thread in threads:
-            thread.start()
-        left = len(threads)
-        while left:
-            found = []
-            with suppress(Empty):
-                found.append(came.get(timeout=PATIENCE_S))  # no longer: Ctrl-C waits for it on Windows
-                while len(found) < MOST:
-                    found.append(came.get_nowait())
-            left -= found.count(None)
-            told = [one for one in found if one is not None]
-            error = next((error for _, error in told if error is not None), None)
-            if items := [item for item, failed in told if failed is None]:
-                yield items
-            if error is not None:
-                raise error
-    finally:
-        stop.set()
-        for thread in threads:
-            if thread.ident is not None:
-                thread.join()

@@ -1,7 +1,7 @@
 """A robot as frozen values: profile, body, wheels, noise, and where constants come from (§3.1, §3.2)."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any, Self
@@ -9,7 +9,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.errors import ConfigError
 from realitygap.files import to_toml
 from realitygap.kernels import params
 from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES
@@ -46,11 +45,9 @@ def noise_level(value: str | float) -> float:
         level = math.nan if isinstance(value, bool) else float(text)
     except ValueError:
         level = math.nan
-    if not 0 <= level <= LARGEST:
-        raise ConfigError(
-            f"noise: expected {', '.join(NOISE_LEVELS)} or a number from 0 to {LARGEST:g} (1 = observed), "
-            f"got {value!r}."
-        )
+    names = ", ".join(NOISE_LEVELS)
+    told = f"{names} or a number from 0 to {LARGEST:g} (1 = observed)"
+    require(0 <= level <= LARGEST, "noise", told, value)
     return level + 0.0
 
 
@@ -116,6 +113,8 @@ class Provenance(Value):
 
 LEAST_WIDTH = 0.25
 """Of an outline, over its radius: the kernels move it in pieces of a quarter of that."""
+RADII_CM = (0.2, 100.0)
+"""Of bodies: neither metres, nor millimetres of a large one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,23 +132,25 @@ class Body(Value):
     def _check(self) -> None:
         if self.outline_cm:
             self._check_outline()
-        require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm, "Or give outline_cm.")
+        least, most = RADII_CM
+        fits, cure = least <= self.radius_cm <= most, "Or give outline_cm."
+        require(
+            fits, "radius_cm", f"{least:g} to {most:g} cm", self.radius_cm, "" if self.radius_cm else cure
+        )
         require(self.height_cm >= 0, "height_cm", "0 (no end) or more", self.height_cm)
 
     def _check_outline(self) -> None:
         """Refuse what is no convex polygon about the axle's middle; find its radius."""
-        corners = np.array(self.outline_cm)
-        require(len(corners) >= 3, "outline_cm", "three corners or more", self.outline_cm)
+        corners, outline = np.array(self.outline_cm), self.outline_cm
+        require(len(corners) >= 3, "outline_cm", "three corners or more", outline)
         edges = np.roll(corners, -1, axis=0) - corners
         after = np.roll(edges, -1, axis=0)
         left = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]
-        cure = "Turn their order round." if (left < 0).all() else "Leave out corners that lie within."
-        for i, turn in enumerate(np.roll(left, 1)):
-            told = "a corner that turns left: corners of a convex polygon, counter-clockwise"
-            require(turn > 1e-9, f"outline_cm[{i}]", told, self.outline_cm[i], cure)
         once = abs(np.arctan2(left, (edges * after).sum(axis=1)).sum() - math.tau) < 1e-6
-        require(once, "outline_cm", "corners that go round once", self.outline_cm)
-        require(self.depth_cm(0, 0) >= 0, "outline_cm", "the axle's middle (0, 0) inside", self.outline_cm)
+        told = "corners of a convex polygon, counter-clockwise"
+        cure = "Turn their order round." if (left < 0).all() else "Leave out corners that lie within."
+        require(bool((left > 1e-9).all() and once), "outline_cm", told, outline, cure)
+        require(self.depth_cm(0, 0) >= 0, "outline_cm", "the axle's middle (0, 0) inside", outline)
         radius = float(np.hypot(*corners.T).max())
         width = float(np.ptp(corners @ self.edges()[:, 2:].T, axis=0).min())
         least = f"a body at least {radius * LEAST_WIDTH:.3g} cm wide, a quarter of its radius"
@@ -222,9 +223,8 @@ MEASURED = {
 """Keys that only sensors as measured have: left out of a file where they are 0 or empty."""
 PERIODS_S = (0.02, 0.2)
 """Shortest and longest step of a robot's control."""
-TRACK, TRACK_WIDTHS = (0.2, 15.0), 2.0
-"""The track's least and most, in radii of the body; and its most in widths of an outline along the axle: one
-in millimetres has at least five."""
+TRACK = (0.2, 15.0)
+"""The track's least and most, in radii of the body."""
 ON_EDGE = 1e-6
 """A sensor may lie on the outline, as rounded, cm."""
 TOP_INPUT = 10
@@ -276,13 +276,8 @@ class Wheels(Value):
     def _check(self) -> None:
         for key in ("track_cm", "top_command", "divisor"):
             require(getattr(self, key) > 0, key, "more than 0", getattr(self, key))
-        require(
-            self.command(TOP_INPUT) >= 1,
-            "top_command",
-            "1 or more, since a robot receives whole commands",
-            self.top_command,
-            "Use a smaller unit of speed, such as mm/s instead of m/s.",
-        )
+        told = "1 or more, since a robot receives whole commands"
+        require(self.command(TOP_INPUT) >= 1, "top_command", told, self.top_command)
         for key in ("kp", "ki", "kd", "rest_speed_cm_s", "friction_cm_s2"):
             require(getattr(self, key) >= 0, key, "0 or more", getattr(self, key))
         for i, speed in enumerate(self.speed_per_unit_cm_s):
@@ -290,13 +285,8 @@ class Wheels(Value):
         require(0 <= self.lag <= 1, "lag", "a share from 0 to 1", self.lag)
         require(self.play_cm >= 0, "play_cm", "0 or more", self.play_cm)
         pole = largest_pole(self.kp, self.ki, self.kd, self.divisor)
-        require(
-            pole < 1,
-            "kp",
-            "gains with which a wheel settles at its speed (largest pole below 1)",
-            float(f"{pole:.4g}"),
-            "Lower kp, ki or kd, or raise the divisor.",
-        )
+        told = "gains with which a wheel settles at its speed (largest pole below 1)"
+        require(pole < 1, "kp", told, float(f"{pole:.4g}"), "Lower kp, ki or kd, or raise the divisor.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -337,35 +327,21 @@ class Profile(Value):
     def _check(self) -> None:
         require(bool(self.name.strip()), "name", "a name", self.name)
         inside = PERIODS_S[0] <= self.period_s <= PERIODS_S[1]
-        require(inside, "period_s", "0.02 to 0.2 (s) of one step", self.period_s, "Is it in another unit?")
-        radius = self.body.radius_cm
+        require(inside, "period_s", "0.02 to 0.2 (s) of one step", self.period_s)
+        radius, track = self.body.radius_cm, self.wheels.track_cm
         least, most = (round(share * radius, 6) for share in TRACK)
-        require(
-            least <= self.wheels.track_cm <= most,
-            "wheels.track_cm",
-            f"{least:g} to {most:g} cm between the wheels of a body of radius {radius:g} cm",
-            self.wheels.track_cm,
-            "Is it in another unit?",
-        )
-        if self.body.outline_cm:
-            width = float(np.ptp(self.body.outline_cm, axis=0)[1])
-            told = f"at most {TRACK_WIDTHS * width:g} cm between the wheels of a body {width:g} cm wide"
-            fits = self.wheels.track_cm <= TRACK_WIDTHS * width
-            require(fits, "wheels.track_cm", told, self.wheels.track_cm, "Is it in millimetres?")
-        outline = self.body.outline_cm if self.infrared.table else ()
-        require(not outline, "infrared.table", "none on a body with an outline: distances count from a disc",
-                f"{len(outline)} corners")  # fmt: skip
+        told = f"{least:g} to {most:g} cm between the wheels of a body of radius {radius:g} cm"
+        require(least <= track <= most, "wheels.track_cm", told, track)
+        round_ = not (self.infrared.table and self.body.outline_cm)
+        told = "none on a body with an outline: distances count from a disc"
+        require(round_, "infrared.table", told, f"{len(self.body.outline_cm)} corners")
         top, eyes = self.body.height_cm, self.ambient.sensor_height_cm
         below = f"less than body.height_cm ({top:g})"
         require(top == 0 or eyes < top, "ambient.sensor_height_cm", below, eyes)
-        fastest = self.wheels.top_command * max(self.wheels.speed_per_unit_cm_s)
-        require(
-            fastest * self.period_s <= radius,
-            "wheels.speed_per_unit_cm_s",
-            f"a top speed of at most one body radius ({radius:g} cm) a step of {self.period_s:g} s",
-            fastest * self.period_s,
-            "Lower it, or lower wheels.top_command.",
-        )
+        way = self.wheels.top_command * max(self.wheels.speed_per_unit_cm_s) * self.period_s
+        told = f"a top speed of at most one body radius ({radius:g} cm) a step of {self.period_s:g} s"
+        cure = "Lower it, or lower wheels.top_command."
+        require(way <= radius, "wheels.speed_per_unit_cm_s", told, way, cure)
         for part, keys in (("infrared", ("proximity", "proximity_dark")), ("ambient", ("ambient",))):
             top, there = getattr(self, part).top, getattr(self, part).sensors
             for key in keys if there else ():
@@ -428,18 +404,14 @@ class Profile(Value):
         """
         bands = self.bands(feeds)
         there = range(len(bands))
-        came = len(readings) if hasattr(readings, "__len__") else readings
-        require(came == len(there), "readings", f"one of each {feeds} sensor ({len(there)})", came)
-        inside = isinstance(sensors, Iterable) and all(map(there.__contains__, sensors))
-        require(inside, "sensors", f"numbers from 0 to {len(there) - 1}", sensors)
-        try:
-            counts = [float(readings[sensor]) for sensor in sensors]
-        except (TypeError, ValueError):
-            counts = [math.nan]
-        require(all(map(math.isfinite, counts)), "readings", "finite numbers", readings)
+        require(
+            len(readings) == len(there), "readings", f"one of each {feeds} sensor ({len(there)})", readings
+        )
+        require(all(s in there for s in sensors), "sensors", f"numbers from 0 to {len(there) - 1}", sensors)
         scaled = []
-        for count, (low, high) in zip(counts, [bands[sensor] for sensor in sensors], strict=True):
-            share = (count - low) / (high - low)
+        for sensor in sensors:
+            low, high = bands[sensor]
+            share = (float(readings[sensor]) - low) / (high - low)
             value = math.floor(share * (2.0 * TOP_INPUT) - TOP_INPUT + 0.5)
             scaled.append(max(-TOP_INPUT, min(TOP_INPUT, value)))
         return scaled
@@ -447,11 +419,9 @@ class Profile(Value):
     def to_dict(self) -> dict[str, Any]:
         """Every constant the simulation uses: the file's, and under `fixed` what no file changes."""
         fixed = {
-            "step_s": self.period_s,
-            "updates_per_step": UPDATES,
-            "longest_delay_updates": MAX_DELAY,
+            "step_s": self.period_s, "updates_per_step": UPDATES, "longest_delay_updates": MAX_DELAY,
             "ray_angles_deg": list(RAY_ANGLES_DEG),
-        }
+        }  # fmt: skip
         return {**self._table(), "fixed": fixed}
 
     def to_toml(self) -> str:
@@ -461,7 +431,8 @@ class Profile(Value):
     def _table(self) -> dict[str, Any]:
         """Its keys; provenance, light sensors and what is measured only where there is any."""
         table = super().to_dict()
-        table["infrared"]["table"] = table["infrared"]["table"] if self.infrared.table else None
+        if not self.infrared.table:
+            del table["infrared"]["table"]
         for key, unsaid in (("provenance", Provenance()), ("ambient", UNLIT)):
             if getattr(self, key) == unsaid:
                 del table[key]

@@ -23,11 +23,6 @@ __all__ = [
 FAN = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Where the rays of a measured sensor lie, in shares of its aperture: the middle is there twice."""
 
-DECIMALS, SPLIT = 1e15, 2.0**27 + 1.0
-HIGH = SPLIT * DECIMALS - (SPLIT * DECIMALS - DECIMALS)
-LOW = DECIMALS - HIGH
-"""`DECIMALS` as a sum of two numbers of 26 bits."""
-
 
 @cache
 def ray_angles(number: int) -> tuple[float, ...]:
@@ -55,24 +50,10 @@ def rays(
 
 @lru_cache(maxsize=256)  # a fit asks for the same directions again and again
 def _fans(directions_deg: tuple[float, ...], number: int, aperture_deg: float) -> NDArray[np.float64]:
-    """As `rays`: `unit` of each, to the last bit."""
     turned = [share * aperture_deg for share in FAN] if aperture_deg else ray_angles(number)
-    angles = np.array([*turned, *[0.0] * (LANES - len(turned))])
-    degrees = np.reshape(directions_deg, (-1, 1)) + angles
-    at = np.radians(180.0 - (180.0 - degrees) % 360.0).ravel().tolist()
-    both = _rounded(np.array([*map(math.cos, at), *map(math.sin, at)])) + 0.0
-    return np.moveaxis(both.reshape(2, -1, LANES), 0, 1)
-
-
-def _rounded(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Numbers from −1 to 1 to 15 decimals, as `round` does: with the product's error (Dekker 1971)."""
-    product, shifted = numbers * DECIMALS, numbers * SPLIT
-    high = shifted - (shifted - numbers)
-    low = numbers - high
-    error = ((high * HIGH - product) + high * LOW + low * HIGH) + low * LOW
-    whole = np.rint(product)
-    off = (product - whole) + error
-    return np.asarray((whole + (off > 0.5) - (off < -0.5)) / DECIMALS)
+    angles = [*turned, *[0.0] * (LANES - len(turned))]
+    vectors = [unit(direction + angle) for direction in directions_deg for angle in angles]
+    return np.ascontiguousarray(np.moveaxis(np.reshape(vectors, (-1, LANES, 2)), 2, 1))
 
 
 def ray_weights(
@@ -98,10 +79,6 @@ def fan_weights(sensors: int, lobe: Sequence[float]) -> NDArray[np.float64]:
     return np.tile(np.array([*halves[::-1], *halves, *(0.0,) * (LANES - RAYS)]), (sensors, 1))
 
 
-FEWEST_TURNED, OUTWARDS_DEG = 2, 35.0
-"""So many sensors that look aside tell radians from degrees; and how nearly a sensor looks outwards."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Sensor(Value):
     """Its place and direction in the robot's frame; both kinds end with the same tables."""
@@ -111,8 +88,8 @@ class Sensor(Value):
     direction_deg: float
 
     def _check(self) -> None:
-        require(-360 <= self.direction_deg <= 360, "direction_deg", "degrees from -360 to 360",
-                self.direction_deg)  # fmt: skip
+        turn = self.direction_deg
+        require(-360 <= turn <= 360, "direction_deg", "degrees from -360 to 360", turn)
         own: Any = self
         for key, values in (("curve", own.curve), ("noise", own.noise)):
             require(len(values) != 1, key, "two values or more, or none", values)
@@ -140,44 +117,14 @@ def _table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
 
 
 def check_both(own: Any) -> None:
-    """Refuse of either part of a profile what neither may have."""
+    """Refuse of either part of a profile tables of several lengths, and values above the full scale."""
     require(own.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", own.matt)
-    told = "two different readings (they become inputs -10 and +10)"
-    require(own.bands[0] != own.bands[1], "bands", told, own.bands)
-    _check_alike(own.sensors, own.top)
-    _check_radians(own.sensors)
-
-
-def _check_alike(sensors: Sequence[Sensor], top: float) -> None:
-    """Refuse tables of several lengths, and values above the full scale."""
     for key in ("curve", "noise"):
-        lengths = {len(getattr(sensor, key)) for sensor in sensors}
+        lengths = {len(getattr(sensor, key)) for sensor in own.sensors}
         require(len(lengths) <= 1, f"sensors.{key}", "as many values for every sensor", sorted(lengths))
-        for i, sensor in enumerate(sensors):
+        for i, sensor in enumerate(own.sensors):
             most = max(getattr(sensor, key), default=0.0)
-            require(most <= top, f"sensors[{i}].{key}", f"at most top ({top:g})", most)
-
-
-def _check_radians(sensors: Sequence[Sensor]) -> None:
-    """Refuse directions that look outwards only if they are in radians."""
-    turned = [s for s in sensors if s.direction_deg and math.hypot(s.x_cm, s.y_cm) > 0]
-    if len(turned) < FEWEST_TURNED or any(abs(s.direction_deg) > math.tau + 1e-3 for s in sensors):
-        return
-    places = [math.degrees(math.atan2(s.y_cm, s.x_cm)) for s in turned]
-    here = [_apart(s.direction_deg, place) for s, place in zip(turned, places, strict=True)]
-    there = [_apart(math.degrees(s.direction_deg), place) for s, place in zip(turned, places, strict=True)]
-    if max(there) < OUTWARDS_DEG < min(here):
-        key = f"sensors[{sensors.index(turned[0])}].direction_deg"
-        cure = "These look like radians: sensors would look where they sit. Convert all of them."
-        require(False, key, "degrees", turned[0].direction_deg, cure)
-
-
-def _apart(a_deg: float, b_deg: float) -> float:
-    return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
-
-
-FEWEST = 2
-"""Distances, and bearings, between which there is a line."""
+            require(most <= own.top, f"sensors[{i}].{key}", f"at most top ({own.top:g})", most)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,20 +152,20 @@ class LookUp(Value):
         Raises:
             ConfigError: names the key.
         """
-        if not self and self == LookUp():
+        if self == LookUp():
             return
         require(len(self.nothing) == sensors, "nothing", f"one of each sensor ({sensors})", self.nothing)
-        require(all(0 <= v <= top for v in self.nothing), "nothing", f"0 to top ({top:g})", self.nothing)
         for key in ("wall", "cylinder"):
             at, rows = getattr(self, f"{key}_cm"), getattr(self, key)
-            rising = len(at) >= FEWEST and at[0] >= 0 and all(one < two for one, two in pairwise(at))
+            rising = len(at) >= 2 and at[0] >= 0 and all(one < two for one, two in pairwise(at))
             require(rising, f"{key}_cm", "two distances or more, rising from 0 or more", at)
             require(len(rows) == sensors, key, f"a row for each sensor ({sensors})", len(rows))
-            lengths = {len(row) for row in rows}
-            many = f"rows of one length, {FEWEST} bearings or more at each of {len(at)} distances"
-            fits = len(lengths) == 1 and min(lengths) % len(at) == 0 and min(lengths) >= FEWEST * len(at)
-            require(fits, key, many, sorted(lengths))
-            ends = min(map(min, rows)), max(map(max, rows))
+            lengths = sorted({len(row) for row in rows})
+            fits = len(lengths) == 1 and lengths[0] % len(at) == 0 and lengths[0] >= 2 * len(at)
+            many = f"rows of one length, two bearings or more at each of {len(at)} distances"
+            require(fits, key, many, lengths)
+            counts = [*self.nothing, *(count for row in rows for count in row)]
+            ends = min(counts), max(counts)
             require(ends[0] >= 0 and ends[1] <= top, key, f"counts from 0 to top ({top:g})", ends)
 
     def to_kernel(self) -> Table | tuple[()]:
@@ -415,13 +362,11 @@ class Ambient(Value):
         require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
         check_both(self)
         dark, bright = self.bands
-        require(dark > bright, "bands", "the reading in the dark, then the reading near a lamp",
-                self.bands, TURN)  # fmt: skip
+        told = "the reading in the dark, then the reading near a lamp"
+        require(dark > bright, "bands", told, self.bands, TURN)
         require(self.response in RESPONSES, "response", " or ".join(map(repr, RESPONSES)), self.response)
-        require(0 <= self.facing <= 20, "facing", "an exponent from 0 to 20", self.facing)
-        require(0 <= self.lamp_height_cm <= 1e6, "lamp_height_cm", "0 to 1e6", self.lamp_height_cm)
-        require(0 <= self.lamp_narrow <= 1, "lamp_narrow", "a share from 0 to 1", self.lamp_narrow)
-        require(0 <= self.lamp_proud_cm <= 5, "lamp_proud_cm", "0 to 5", self.lamp_proud_cm)
+        for key, most in (("facing", 20), ("lamp_height_cm", 1e6), ("lamp_narrow", 1), ("lamp_proud_cm", 5)):
+            require(0 <= getattr(self, key) <= most, key, f"0 to {most:g}", getattr(self, key))
         require(self.falloff in (1.0, 2.0), "falloff", "2 (as in the paper) or 1", self.falloff)
         curves = [bool(sensor.curve) for sensor in self.sensors]
         alike = any(curves) == self.measured and (self.curve_light > 0) == self.measured
