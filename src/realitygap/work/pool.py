@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
+from itertools import count
 from multiprocessing import resource_tracker, spawn
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple, Protocol, runtime_checkable
@@ -97,33 +98,37 @@ class Here:
         """Nothing to end."""
 
 
-class _Count(NamedTuple):
-    """What a counting bench says after a job: how many messages that was."""
+LOST = (
+    "workers: expected each message of a job once and in order, but one was lost or duplicated. What was "
+    "saved is kept: continue with other workers, and fix the pool (realitygap.testing.PoolContract)."
+)
 
-    messages: int
+
+class _Part(NamedTuple):
+    """A message of a job by its number, or after the last one the end."""
+
+    job: int
+    number: int
+    message: Any = None
+    end: bool = False
 
 
-class _Counting:
-    """A bench that says how many messages each job had."""
+class _Numbering:
+    """A bench whose messages are numbered."""
 
-    def __init__(self, setup: Setup) -> None:
-        self._bench = setup()
+    def __init__(self, bench: Setup | Bench) -> None:
+        self._bench = bench() if isinstance(bench, Setup) else bench
         self.close = self._bench.close
 
-    def carry_out(self, job: Any, tell: Tell) -> None:
-        """One job, and then its count."""
-        messages: list[None] = []
-
-        def counted(message: Any) -> None:
-            messages.append(None)
-            tell(message)
-
-        self._bench.carry_out(job, counted)
-        tell(_Count(len(messages)))
+    def carry_out(self, job: tuple[int, Any], tell: Tell) -> None:
+        """One job by its number; `tell` receives parts."""
+        numbers = count()
+        self._bench.carry_out(job[1], lambda message: tell(_Part(job[0], next(numbers), message)))
+        tell(_Part(job[0], next(numbers), end=True))
 
 
 class Counted:
-    """A given pool, checked: as many messages and jobs come back as there were."""
+    """A given pool, checked: no message is lost, duplicated or out of turn."""
 
     def __init__(self, pool: Pool) -> None:
         self._pool, self.close = pool, pool.close
@@ -133,30 +138,27 @@ class Counted:
         """Carry out all jobs; see `Pool`.
 
         Raises:
-            StudyError: at the end, if a message or a job was lost or came twice.
+            StudyError: at the first message that is not the next one of its job, or where one is missing.
         """
-        jobs_left = messages_left = 0
+        due: dict[int, int] = {}
 
-        def counted() -> Iterator[Any]:
-            nonlocal jobs_left
-            for job in jobs:
-                jobs_left += 1
-                yield job
+        def numbered() -> Iterator[tuple[int, Any]]:
+            for number, job in enumerate(jobs):
+                due[number] = 0
+                yield number, job
 
-        def heard(message: Any) -> None:
-            nonlocal jobs_left, messages_left
-            if isinstance(message, _Count):
-                jobs_left, messages_left = jobs_left - 1, messages_left + message.messages
-            else:
-                messages_left -= 1
-                tell(message)
+        def heard(part: Any) -> None:
+            if not isinstance(part, _Part) or due.pop(part.job, None) != part.number:
+                raise StudyError(LOST)
+            if not part.end:
+                due[part.job] = part.number + 1
+                tell(part.message)
 
-        source = counted()
-        self._pool.work(Setup(_Counting, (setup,)), source, heard)
-        if next(source, None) is not None or jobs_left or messages_left:
-            said = "workers: expected each message of a job once, but one was lost or duplicated"
-            cure = "continue with other workers, and fix the pool (realitygap.testing.PoolContract)"
-            raise StudyError(f"{said}. What was saved is kept: {cure}.")
+        here = None if setup.here is None else _Numbering(setup.here)
+        parts = numbered()
+        self._pool.work(Setup(_Numbering, (setup,), here=here), parts, heard)
+        if due or next(parts, None) is not None:
+            raise StudyError(LOST)
 
 
 class _Kept:

@@ -155,6 +155,7 @@ class LookUp(Value):
         if self == LookUp():
             return
         require(len(self.nothing) == sensors, "nothing", f"one of each sensor ({sensors})", self.nothing)
+        require(all(0 <= v <= top for v in self.nothing), "nothing", f"0 to top ({top:g})", self.nothing)
         for key in ("wall", "cylinder"):
             at, rows = getattr(self, f"{key}_cm"), getattr(self, key)
             rising = len(at) >= 2 and at[0] >= 0 and all(one < two for one, two in pairwise(at))
@@ -164,7 +165,7 @@ class LookUp(Value):
             fits = len(lengths) == 1 and lengths[0] % len(at) == 0 and lengths[0] >= 2 * len(at)
             many = f"rows of one length, two bearings or more at each of {len(at)} distances"
             require(fits, key, many, lengths)
-            counts = [*self.nothing, *(count for row in rows for count in row)]
+            counts = [count for row in rows for count in row]
             ends = min(counts), max(counts)
             require(ends[0] >= 0 and ends[1] <= top, key, f"counts from 0 to top ({top:g})", ends)
 
