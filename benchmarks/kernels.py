@@ -15,10 +15,20 @@ from dataclasses import replace
 import numpy as np
 from steps import random_networks
 
+from realitygap.kernels.brain import decide
 from realitygap.kernels.jit import kernel
-from realitygap.kernels.network import think
+from realitygap.kernels.network import load_network
 from realitygap.kernels.params import Networks, Path
-from realitygap.kernels.trial import act, begin, draw_noise, draw_start, feed_network, move, note, sense
+from realitygap.kernels.trial import (
+    draw_noise,
+    draw_start,
+    move,
+    sense,
+    start,
+    store,
+    to_inputs,
+    turn_wheels,
+)
 from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import TASKS, load_task
@@ -31,29 +41,32 @@ TRIALS, ROUNDS = 1024, 9
 
 
 @kernel
-def run_with_twice(part, robot, arena, task, nets, which, level, streams, paths, work, twin):
+def run_with_twice(part, world, nets, which, streams, paths, work, twin):
     """run_trials with one part of each step done a second time, on `twin` where it has a memory."""
+    robot, arena, task, level = world.robot, world.arena, world.task, world.level
     for t in range(which.shape[0]):
         stream, n = streams[t], which[t]
         p = paths[t % paths.shape[0]]
         path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
         draw_start(task, stream, work.start)
-        begin(nets, n, work.start, work)
-        begin(nets, n, work.start, twin)
+        start(work.start, work)
+        load_network(nets, n, work)
+        start(work.start, twin)
+        load_network(nets, n, twin)
         for k in range(task.steps):
-            draw_noise(level, stream, k, work.readings.shape[0], work)
+            draw_noise(level, stream, k, work)
             if part == NOISE:
-                draw_noise(level, stream, k, work.readings.shape[0], work)
-            sense(robot, arena, task.feed, level, work)
+                draw_noise(level, stream, k, work)
+            sense(world, stream, k, work)
             if part == SENSING:
-                sense(robot, arena, task.feed, level, work)
-            feed_network(robot, task, work)
-            think(nets, n, work)
+                sense(world, stream, k, work)
+            to_inputs(robot, task, work)
+            commands = decide(nets, n, work)
             if part == NETWORK:
                 for i in range(work.inputs.shape[0]):
                     twin.inputs[i] = work.inputs[i]
                     twin.change[i] = work.change[i]
-                think(nets, n, twin)
+                decide(nets, n, twin)
             if part == WHEELS:
                 for w in range(2):
                     for i in range(work.wheel.shape[1]):
@@ -62,13 +75,11 @@ def run_with_twice(part, robot, arena, task, nets, which, level, streams, paths,
                     twin.pose[i] = work.pose[i]
                 for i in range(work.noise.shape[0]):
                     twin.noise[i] = work.noise[i]
-                for i in range(work.outputs.shape[0]):
-                    twin.outputs[i] = work.outputs[i]
-                act(robot, nets, n, level, twin)
+                turn_wheels(robot, commands, level, twin)
                 move(robot, arena, twin)
-            act(robot, nets, n, level, work)
+            turn_wheels(robot, commands, level, work)
             move(robot, arena, work)
-            note(path, k, work)
+            store(path, k, work)
 
 
 def seconds_for(simulation: Simulation, nets: Networks) -> Callable[[int], float]:
@@ -81,8 +92,7 @@ def seconds_for(simulation: Simulation, nets: Networks) -> Callable[[int], float
     def seconds(part: int) -> float:
         start = time.perf_counter()
         run_with_twice(
-            part, simulation.robot, simulation.arena, simulation.trial, nets, which, 1.0,
-            streams, paths, work, twin,
+            part, simulation.world, nets, which, streams, paths, work, twin,
         )  # fmt: skip
         return time.perf_counter() - start
 

@@ -17,7 +17,7 @@ population, the fresh trials of the fittest and the champion."""
 TRANSFER, NAMED = 6, 7
 """Under a run's stream too: its transfers' trials, and those by which its behaviour is named."""
 
-ASIDE, TWIN_NOISE, CONSTANTS = 1, 2, 3
+UNFED, TWIN_NOISE, CONSTANTS = 1, 2, 3
 """Under a trial's stream: noise of the sensors that feed nobody, the noise of a twin's unit, constants that
 are drawn anew."""
 

@@ -93,14 +93,14 @@ def test_a_networks_trial_is_the_simulations(task, feeds, spread):
     total, inner = 0.0, one._inner
     network.reset()
     for _ in range(STEPS):
-        readings = inner._crowd.readings[0]
+        readings = inner._robots.readings[0]
         fed = simulation.profile.inputs(readings.tolist(), feeds, simulation.task.sensors)
         command = network.decide(fed)
         _, reward, terminated, truncated, info = one.step(np.array([command.left, command.right]) / 10)
         total += reward
     assert truncated and not terminated
-    assert (inner._crowd.path[0, 0, :-1] == expected.x[1:]).all()
-    assert (inner._crowd.path[0, 2, -1]) == expected.end.heading
+    assert (inner._robots.path[0, 0, :-1] == expected.x[1:]).all()
+    assert (inner._robots.path[0, 2, -1]) == expected.end.heading
     assert info["score"] == pytest.approx(score, rel=1e-12) and total == pytest.approx(score, rel=1e-9)
 
 
@@ -114,8 +114,8 @@ def test_within_a_spread_each_robot_has_constants_of_its_own():
         alone.reset(seed=None if trial else 8, options=pose)
         for _ in range(20):
             many.step(np.full((3, 2), 0.5, np.float32)), alone.step(np.full(2, 0.5, np.float32))
-        assert (alone._inner._crowd.pose[0] == many._crowd.pose[1]).all()
-        ends += many._crowd.pose[:, 0].tolist()
+        assert (alone._inner._robots.pose[0] == many._robots.pose[1]).all()
+        ends += many._robots.pose[:, 0].tolist()
     assert len(set(ends)) == 6
 
 
@@ -155,9 +155,9 @@ def test_disabled_waits_for_a_mask():
     env = vector(autoreset_mode=AutoresetMode.DISABLED)
     env.reset(seed=1)
     run(env, 50)
-    before = env._crowd.pose.copy()
+    before = env._robots.pose.copy()
     seen, _ = env.reset(options={"reset_mask": np.array([False, True, False])})
-    assert (env._crowd.pose[[0, 2]] == before[[0, 2]]).all() and (env._crowd.step == [50, 0, 50]).all()
+    assert (env._robots.pose[[0, 2]] == before[[0, 2]]).all() and (env._robots.step == [50, 0, 50]).all()
     assert seen.shape == (3, 8)
     last = run(env, STEPS - 50)[-1]
     assert last[3].tolist() == [True, False, True]

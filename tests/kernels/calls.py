@@ -4,7 +4,7 @@ import numpy as np
 
 from realitygap.kernels.contact import settle
 from realitygap.kernels.jit import kernel
-from realitygap.kernels.network import output, think, wake
+from realitygap.kernels.network import load_network, output, update_network
 from realitygap.kernels.outline import settle_outline
 from realitygap.kernels.rng import below, bits, log, normals, sin_cos, substream, uniform
 from realitygap.kernels.trial import PROXIMITY, read, scale_input
@@ -15,12 +15,14 @@ from tests.kernels.scenes import MOTOR_NOISE
 @kernel
 def drive(nets, n, inputs, work, commands):
     """Network `n` from silence through a sequence of inputs [steps, I] into commands [steps, 2]."""
-    wake(nets, n, work)
+    load_network(nets, n, work)
+    for i in range(inputs.shape[1]):
+        work.inputs[i] = 0
     for k in range(inputs.shape[0]):
         for i in range(inputs.shape[1]):
             work.change[i] = inputs[k, i] - work.inputs[i]
             work.inputs[i] = inputs[k, i]
-        think(nets, n, work)
+        update_network(nets, n, work)
         for w in range(2):
             commands[k, w] = output(nets, n, work, w)
 

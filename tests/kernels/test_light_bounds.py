@@ -17,8 +17,8 @@ from realitygap.kernels.bounded_rays import PART, total
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.light_bounds import about_power, bound_light, fit_bounds
 from realitygap.kernels.params import LANES
-from realitygap.kernels.trial import bound_readings, draw_noise, stand
-from realitygap.kernels.work import new_work
+from realitygap.kernels.trial import bound_readings, draw_noise, set_pose
+from realitygap.kernels.work import NO_RECORD, new_work
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import load_task
 from realitygap.world.arena import Arena, Cylinder
@@ -85,8 +85,8 @@ def both_ways(simulation: Simulation, networks: int, trials: int) -> np.ndarray:
     which, streams = np.repeat(np.arange(networks), trials), batch_streams(100, networks * trials)
     paths = np.zeros((2, len(which), 6, cores.trial.steps))
     for bounded in (True, False):
-        work = new_work(cores.robot, cores.trial, nets, bounded)
-        batch.run_trials(cores.world, nets, which, streams, paths[int(bounded)], work)
+        work = new_work(cores.robot, cores.trial, nets, bounded=bounded)
+        batch.run_trials(cores.world, nets, which, streams, paths[int(bounded)], NO_RECORD, work)
     return paths.view(np.int64)
 
 
@@ -110,7 +110,7 @@ def _both_lights(world, poses, work, found, certain):
     """Of each pose: the bounds, the law's illumination, and what part of the reflected light is doubtful."""
     robot, rows = world.robot, work.bounds.rows
     for t in range(poses.shape[0]):
-        stand(poses[t], work)
+        set_pose(poses[t], work)
         bound_light(robot, world.arena, work, found[t, 0], found[t, 1])
         each = (work.all_fans.shape[1] - LANES) // found.shape[2]
         for k in range(found.shape[2]):
@@ -119,7 +119,7 @@ def _both_lights(world, poses, work, found, certain):
                 whole = max(total(rows[0], k * each, (k + 1) * each), np.float32(1e-30))
                 found[t, 3, k] = total(rows[1], k * each, (k + 1) * each) / whole
         illuminate(robot, world.arena, True, work, found[t, 2])
-        draw_noise(world.level, np.uint64(t), 0, work.readings.shape[0], work)
+        draw_noise(world.level, np.uint64(t), 0, work)
         certain[t] = bound_readings(world, work)
 
 
@@ -136,7 +136,7 @@ def looked_at(simulation: Simulation, places: int, seed: int) -> tuple[np.ndarra
     """[places, 4, A] lower and upper bound, the light itself, all up to where a reading is constant, and what
     share of a lamp's is doubtful; and whether the inputs are certain."""
     cores = simulation
-    work = new_work(cores.robot, cores.trial, random_networks(simulation, stream=1, count=1), True)
+    work = new_work(cores.robot, cores.trial, random_networks(simulation, stream=1, count=1), bounded=True)
     poses = anywhere(cores, places, seed)
     found, certain = np.zeros((places, 4, len(cores.robot.ambient_gain))), np.zeros(places, np.bool_)
     _both_lights(cores.world, poses, work, found, certain)
@@ -173,7 +173,7 @@ def _both_rays(world, poses, work, found):
     """Of each pose and ray: the bounds of what it brings, and what the law has of it."""
     robot, rows = world.robot, work.bounds.rows
     for t in range(poses.shape[0]):
-        stand(poses[t], work)
+        set_pose(poses[t], work)
         bound_light(robot, world.arena, work, work.bounds.ends[0], work.bounds.ends[1])
         illuminate(robot, world.arena, False, work, work.readings)
         for i in range(found.shape[2]):
@@ -189,7 +189,7 @@ def test_each_ray_has_bounds():
         cores = simulation
         if not np.isinf(cores.robot.ambient_full).all():
             continue
-        work = new_work(cores.robot, cores.trial, random_networks(simulation, stream=1, count=1), True)
+        work = new_work(cores.robot, cores.trial, bounded=True)
         poses = anywhere(cores, 1500, k)
         found = np.zeros((1500, 3, work.all_fans.shape[1] - LANES))
         _both_rays(cores.world, poses, work, found)

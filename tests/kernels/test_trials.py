@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from realitygap.control.genotype import FIRST_LINK, Layout, braitenberg, constan
 from realitygap.control.network import decode
 from realitygap.control.operators import Variation
 from realitygap.kernels.rng import substream
+from realitygap.kernels.trial import run_trial
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.values import Pose, fed
@@ -237,3 +240,9 @@ def test_pushing_a_wall_head_on_is_no_progress():
 
 def mean_ground_speed(path, room):
     return (path.left.mean() + path.right.mean()) / 2
+
+
+def test_the_documents_show_the_loop_of_the_code():
+    """docs/architecture.md has `run_trial` as it stands."""
+    loop = inspect.getsource(getattr(run_trial, "py_func", run_trial)).partition("\n")[2]
+    assert loop in (Path(__file__).parents[2] / "docs" / "architecture.md").read_text("utf-8")

@@ -27,7 +27,7 @@ from scipy.stats import ks_2samp
 from realitygap.control.genotype import Layout, braitenberg
 from realitygap.control.network import decode
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels.work import new_work, quiet
+from realitygap.kernels.work import NO_NETWORK, NO_RECORD, new_work
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
@@ -287,11 +287,11 @@ def test_trials_compile_for_a_gpu(monkeypatch, compiler, name):
     """A trial and its score become a GPU's assembler, which allocates nothing."""
     monkeypatch.setattr(engine.Cuda, "_placed", lambda self, value: value)
     made = engine.Cuda(Simulation(name, PAPER))
-    nets = quiet()
+    nets = NO_NETWORK
     work = made._work(new_work(made.simulation.robot, made.simulation.trial, nets), nets, 64)
     paths = np.zeros((64, 6, made.simulation.trial.steps))
     batch = engine.Batch(np.zeros(64, np.int64), np.zeros(64, np.uint64), paths, np.zeros((64, 2)))
-    trial = compiler(engine.trials().py_func, made.simulation.world, nets, work, batch)
+    trial = compiler(engine.trials().py_func, made.simulation.world, nets, NO_RECORD, work, batch)
     score = compiler(engine.scoring(made.simulation.score.compiled).py_func, made.simulation.room, batch)
     for text in (trial, score, compiler(*exact_parts())):
         assert ".entry" in text and "NRT_" not in text and "malloc" not in text

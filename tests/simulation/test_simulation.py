@@ -122,7 +122,7 @@ def test_probe_with_noise():
         ((2.8, 25, 0), "wall at x = 0"), ((25, 47.2, 0), "wall at y = 50"),
         ((-5, 25, 0), "outside of the room"),
         ((1000, 25, 0), "outside of the room"), ((math.nan, 25, 0), "finite"), ((25, 25, math.inf), "finite"),
-        ((25, 25, 90), "radians, got 90"), ((25, 25, 1e7 + 0.5), "radians"), (("25", "25", "1"), "finite"),
+        ((25, 25, 90), "radians, got 90"), ((25, 25, 1e7 + 0.5), "radians"),
     ],
 )  # fmt: skip
 def test_poses_in_obstacles_are_refused(pose, words):

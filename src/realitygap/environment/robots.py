@@ -14,10 +14,10 @@ from realitygap.environment import spaces
 from realitygap.environment.reward import Rewards
 from realitygap.environment.spaces import SETTINGS, Info
 from realitygap.errors import UsageError
-from realitygap.kernels import batch, crowd
-from realitygap.kernels.params import Path, World
+from realitygap.kernels import batch
+from realitygap.kernels.params import World
 from realitygap.kernels.rng import substream
-from realitygap.kernels.work import new_work, quiet
+from realitygap.kernels.work import new_robots, new_work
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
@@ -72,7 +72,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             raise UsageError(f"autoreset_mode: expected {', '.join(known)}, got {autoreset_mode!r}.")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self._task, self._nobody = load_task(task).under(spread), quiet()
+        self._task = load_task(task).under(spread)
         self._arena = None if arena is None else load_arena(arena)
         self._seeds: NDArray[np.uint64] | None = None
         self._trial = np.zeros(num_envs, np.int64)
@@ -85,13 +85,9 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         """Room for robots of a simulation, none of which has begun."""
         self.simulation, robots = simulation, self.num_envs
         self._worlds: dict[int, tuple[World, slice, float]] = {}
-        self._work = new_work(simulation.robot, simulation.trial, self._nobody)
-        steps, sensors = simulation.trial.steps, len(self._work.readings)
-        self._crowd = crowd.Crowd(
-            pose=np.zeros((robots, 3)), wheel=np.zeros((robots, *self._work.wheel.shape)),
-            step=np.zeros(robots, np.int64), stream=np.zeros(robots, np.uint64),
-            path=np.zeros((robots, len(Path._fields), steps)), readings=np.zeros((robots, sensors)),
-        )  # fmt: skip
+        self._work = new_work(simulation.robot, simulation.trial)
+        steps = simulation.trial.steps
+        self._robots = new_robots(robots, steps, self._work)
         self._rewards = Rewards(simulation.score, simulation.room, robots, steps)
         self._over = np.ones(robots, bool)
 
@@ -154,11 +150,11 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             )
         moving = np.flatnonzero(~self._over)
         commands = spaces.commands_of(actions, (self.num_envs, 2))[moving]
-        self._go_on(moving, NOWHERE, commands)
+        self._advance(moving, NOWHERE, commands)
         self._begin(begun)
         rewards = np.zeros(self.num_envs)
-        rewards[moving] = self._rewards.next(self._crowd.path, self._crowd.step, moving)
-        self._over = self._crowd.step == self._crowd.path.shape[2]
+        rewards[moving] = self._rewards.next(self._robots.path, self._robots.step, moving)
+        self._over = self._robots.step == self._robots.path.shape[2]
         truncated = self._over.copy()
         infos: Info = {}
         if truncated.any():
@@ -212,24 +208,24 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             batch.draw_starts(self.simulation.trial, streams, starts)
         else:
             starts[:] = pose.x, pose.y, pose.heading
-        self._crowd.stream[which] = streams
+        self._robots.stream[which] = streams
         self._trial[which] += 1
         if self.simulation.task.spread:
             self._worlds.update(zip(which, self.simulation.worlds(streams), strict=True))
-        self._go_on(which, starts, STILL)
+        self._advance(which, starts, STILL)
         self._rewards.begin(which)
         self._over[which] = False
 
-    def _go_on(self, which: NDArray[np.int64], starts: Floats, commands: NDArray[np.int64]) -> None:
-        """As of `crowd.go_on`: all robots at once, or each with the constants of its trial."""
+    def _advance(self, which: NDArray[np.int64], starts: Floats, commands: NDArray[np.int64]) -> None:
+        """As of `batch.advance`: all robots at once, or each with the constants of its trial."""
         if not self.simulation.task.spread:
             world = self.simulation.world
-            crowd.go_on(world, self._nobody, self._crowd, which, starts, commands, self._work)
+            batch.advance(world, self._robots, which, starts, commands, self._work)
             return
         for i, r in enumerate(which):
             world, _, self._work.span[0] = self._worlds[r]
             one = slice(i, i + 1)
-            crowd.go_on(world, self._nobody, self._crowd, which[one], starts[one], commands[one], self._work)
+            batch.advance(world, self._robots, which[one], starts[one], commands[one], self._work)
 
     def _seen(self) -> NDArray[np.float32]:
-        return spaces.observations_of(self.simulation, self._crowd.readings)
+        return spaces.observations_of(self.simulation, self._robots.readings)

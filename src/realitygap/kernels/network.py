@@ -10,8 +10,9 @@ link is then a weight and an offset back from the position being computed.
 
 import numpy as np
 
+from realitygap.kernels.brain import decide, load
 from realitygap.kernels.jit import kernel, step
-from realitygap.kernels.params import MAX_DELAY, UPDATES
+from realitygap.kernels.params import MAX_DELAY, UPDATES, Networks
 
 LIMIT = 10
 """Outputs lie in ±10."""
@@ -33,7 +34,7 @@ def _link_fits(link, neurons, sources, weight):
 
 @step
 def _fits(nets, n, inputs, weight, threshold):
-    """Whether network `n` is valid: its neurons, and its links in the order that `wake` needs."""
+    """Whether network `n` is valid: its neurons, and its links in the order that `load_network` needs."""
     neurons, sensed = nets.neurons[n], nets.sensor_count[n]
     count = nets.links.shape[1]
     if not 2 <= neurons <= nets.thresholds.shape[1] or not 0 <= sensed <= count:
@@ -71,9 +72,10 @@ def first_unfit(nets, inputs, weight, threshold):
     return -1, 0
 
 
+@load.register(Networks)
 @step
-def wake(nets, n, work):
-    """Load network `n`; all outputs and inputs before the trial are 0."""
+def load_network(nets, n, work):
+    """Load network `n`; all outputs before the trial are 0."""
     neurons = nets.neurons[n]
     for i in range(neurons):
         work.base[i] = -nets.thresholds[n, i]
@@ -88,14 +90,11 @@ def wake(nets, n, work):
     work.sensor_link[DELAY, nets.sensor_count[n]] = NEVER
     for i in range(PAST * neurons):
         work.outputs[i] = 0
-    for i in range(work.inputs.shape[0]):
-        work.inputs[i] = 0
-        work.change[i] = 0
     work.settled[0] = 0
 
 
 @step
-def arrive(update, link, work):
+def deliver(update, link, work):
     """Add to `base` the changes of inputs that arrive with delay `update`.
 
     Links are sorted by delay; returns the first link that has not arrived yet.
@@ -145,7 +144,7 @@ def is_still(work):
 
 
 @step
-def think(nets, n, work):
+def update_network(nets, n, work):
     """One step: ten synchronous updates with work.inputs held."""
     neurons = nets.neurons[n]
     if is_still(work):
@@ -154,7 +153,7 @@ def think(nets, n, work):
     place = np.uint64(PAST * neurons)
     for update in range(UPDATES):
         if update <= MAX_DELAY:
-            link = arrive(update, link, work)
+            link = deliver(update, link, work)
         update_neurons(neurons, place, work)
         place += np.uint64(neurons)
     keep_past(neurons, work)
@@ -164,3 +163,11 @@ def think(nets, n, work):
 def output(nets, n, work, i):
     """Output neuron `i`'s value after the last update."""
     return work.outputs[MAX_DELAY * nets.neurons[n] + i]
+
+
+@decide.register(Networks)
+@step
+def decide_by_network(nets, n, work):
+    """The output neurons' values after the step's updates."""
+    update_network(nets, n, work)
+    return output(nets, n, work, 0), output(nets, n, work, 1)

@@ -6,11 +6,14 @@ is kept from step to step; when a trial begins, `weights` are the solution's, me
 """
 
 import math
+from functools import partial
+from typing import Any, NamedTuple
 
-from realitygap.kernels.jit import step
+from realitygap.kernels.brain import decide, load
+from realitygap.kernels.jit import helper, step
 from realitygap.kernels.network import LIMIT
-from realitygap.kernels.params import Path
-from realitygap.kernels.trial import act, begin, draw_noise, draw_start, feed_network, move, note, sense
+from realitygap.kernels.params import I64, F
+from realitygap.kernels.trial import run_each
 
 
 @step
@@ -25,7 +28,7 @@ def put_out(weights, memory, hidden, outputs):
         at += hidden + 1
 
 
-@step
+@helper
 def feed_forward(weights, memory, inputs, outputs):
     """One hidden layer of tanh: weights [H, I + 1] into it and [2, H + 1] out of it, biases last.
 
@@ -43,7 +46,7 @@ def feed_forward(weights, memory, inputs, outputs):
     put_out(weights[at:], memory, hidden, outputs)
 
 
-@step
+@helper
 def recurrent(weights, memory, inputs, outputs):
     """An Elman network: weights [H, I + H + 1] into its hidden layer and [2, H + 1] out of it, biases last.
 
@@ -65,45 +68,56 @@ def recurrent(weights, memory, inputs, outputs):
     put_out(weights[at:], memory, hidden, outputs)
 
 
-@step
+@helper
 def command(value):
     """An output −1 … 1 as an integer −10 … 10."""
     return math.floor(min(max(value, -1.0), 1.0) * LIMIT + 0.5)
 
 
-def trials_under(decide):
-    """The loop over trials for a compiled `decide`, to be compiled with it."""
+class Weights(NamedTuple):
+    """N controllers with weights, and scratch arrays for the one that decides."""
 
-    def run(world, nobody, weights, which, streams, paths, work, own):
-        """Trial t runs controller which[t] on streams[t], into paths[t]; returns the number of non-finite
-        outputs.
+    function: Any
+    """decide(weights, memory, inputs, outputs), compiled."""
+    weights: F
+    """[N, W]."""
+    mine: F
+    memory: F
+    inputs: F
+    outputs: F
+    """[W] what the weights have become in this trial, [M], [I], [2]."""
+    wrong: I64
+    """[1] outputs that were not finite."""
 
-        own: scratch arrays (weights, memory, inputs, outputs).
-        """
-        mine, memory, inputs, outputs = own
-        wrong = 0
-        for t in range(which.shape[0]):
-            draw_start(world.task, streams[t], work.start)
-            begin(nobody, 0, work.start, work)
-            p = paths[t]
-            path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-            for i in range(mine.shape[0]):
-                mine[i] = weights[which[t], i]
-            memory[:] = 0.0
-            outputs[:] = 0.0
-            for k in range(world.task.steps):
-                draw_noise(world.level, streams[t], k, work.readings.shape[0], work)
-                sense(world.robot, world.arena, world.task.feed, world.level, work)
-                feed_network(world.robot, world.task, work)
-                for i in range(inputs.shape[0]):
-                    inputs[i] = work.inputs[i] / LIMIT
-                decide(mine, memory, inputs, outputs)
-                for w in range(2):
-                    wrong += 0 if math.isfinite(outputs[w]) else 1
-                    work.outputs[w] = command(outputs[w])
-                act(world.robot, nobody, 0, world.level, work)
-                move(world.robot, world.arena, work)
-                note(path, k, work)
-        return wrong
+
+@load.register(Weights)
+@step
+def load_weights(brain, n, work):
+    """It remembers nothing, and has learnt nothing."""
+    for i in range(brain.mine.shape[0]):
+        brain.mine[i] = brain.weights[n, i]
+    brain.memory[:] = 0.0
+    brain.outputs[:] = 0.0
+
+
+@decide.register(Weights)
+@partial(step, fastmath=False)  # whose flags would take every output for a finite one
+def decide_by_weights(brain, n, work):
+    """Its outputs, in tenths of the top command."""
+    for i in range(brain.inputs.shape[0]):
+        brain.inputs[i] = work.inputs[i] / LIMIT
+    brain.function(brain.mine, brain.memory, brain.inputs, brain.outputs)
+    for w in range(2):
+        brain.wrong[0] += 0 if math.isfinite(brain.outputs[w]) else 1
+    return command(brain.outputs[0]), command(brain.outputs[1])
+
+
+def trials_under(function):
+    """Trials under controllers with weights, to be compiled with their function: as of `run_each`."""
+
+    def run(world, brain, which, streams, paths, record, work):
+        weights, mine, memory, inputs, outputs, wrong = brain
+        whole = Weights(function, weights, mine, memory, inputs, outputs, wrong)
+        run_each(world, whole, which, streams, paths, record, work)
 
     return run

@@ -7,7 +7,7 @@ from realitygap.kernels.ambient import illuminate
 from realitygap.kernels.infrared import infrared, receive
 from realitygap.kernels.jit import kernel
 from realitygap.kernels.light_beyond import direct_light
-from realitygap.kernels.trial import stand
+from realitygap.kernels.trial import set_pose
 from realitygap.kernels.wheels import turn_wheel
 
 
@@ -15,7 +15,7 @@ from realitygap.kernels.wheels import turn_wheel
 def sweep_infrared(robot, arena, poses, work, out):
     """Proximity readings at poses [n, 3] into out [n, P], unrounded."""
     for i in range(poses.shape[0]):
-        stand(poses[i], work)
+        set_pose(poses[i], work)
         infrared(robot, arena, work, out[i])
 
 
@@ -23,7 +23,7 @@ def sweep_infrared(robot, arena, poses, work, out):
 def sweep_received(robot, arena, poses, work, out):
     """Light for measured sensors at poses [n, 3] into out [n, P], before their curves."""
     for i in range(poses.shape[0]):
-        stand(poses[i], work)
+        set_pose(poses[i], work)
         receive(robot, arena, work, out[i])
 
 
@@ -31,7 +31,7 @@ def sweep_received(robot, arena, poses, work, out):
 def sweep_light(robot, arena, poses, work, out):
     """Illumination of the ambient sensors at poses [n, 3] into out [n, A], before their gains."""
     for i in range(poses.shape[0]):
-        stand(poses[i], work)
+        set_pose(poses[i], work)
         illuminate(robot, arena, False, work, out[i])
 
 
@@ -39,7 +39,7 @@ def sweep_light(robot, arena, poses, work, out):
 def sweep_direct(robot, arena, poses, work, out):
     """As sweep_light, direct light only: where nothing near could reflect any."""
     for i in range(poses.shape[0]):
-        stand(poses[i], work)
+        set_pose(poses[i], work)
         direct_light(robot, arena, work, out[i])
 
 

@@ -1,21 +1,24 @@
-"""One trial, and one step of it as a recipe: sense, think, act, move, note (§3.2).
+"""One trial, and one step of it as a recipe: draw noise, sense, to inputs, decide, move, store (§3.2).
 
-A task's score is computed from the notes when the trial is over.
+A task's score is computed from what was stored when the trial is over.
 """
 
 import math
 
 from realitygap.kernels.ambient import ambient, answer
+from realitygap.kernels.brain import decide, load
 from realitygap.kernels.contact import ground_speeds, settle
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import apart, step
 from realitygap.kernels.light_bounds import bound_light
-from realitygap.kernels.network import LIMIT, output, think, wake
+from realitygap.kernels.network import LIMIT
 from realitygap.kernels.outline import settle_outline
+from realitygap.kernels.params import Path
 from realitygap.kernels.response import weigh
-from realitygap.kernels.rng import normals, sin_cos, uniform
+from realitygap.kernels.rng import normals, sin_cos, substream, uniform
 from realitygap.kernels.wheels import FASTEST, Arc, bound_wheel, drive_arc, turn_wheel
 from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
+from realitygap.streams import UNFED
 
 PROXIMITY, AMBIENT, BOTH = 0, 1, 2
 
@@ -31,7 +34,7 @@ def draw_start(task, stream, pose):
 
 
 @step
-def face(work):
+def update_heading(work):
     """Update the cosine and sine of the heading."""
     s, c = sin_cos(work.pose[2])
     work.pose[3] = c
@@ -39,28 +42,30 @@ def face(work):
 
 
 @step
-def stand(pose, work):
+def set_pose(pose, work):
     """Put the robot's body at `pose`."""
     for i in range(3):
         work.pose[i] = pose[i]
-    face(work)
+    update_heading(work)
 
 
 @step
-def begin(nets, n, pose, work):
-    """Robot at rest at `pose`, network silent."""
-    stand(pose, work)
+def start(pose, work):
+    """Robot at rest at `pose`, all inputs 0."""
+    set_pose(pose, work)
     for i in range(2):
         for j in range(work.wheel.shape[1]):
             work.wheel[i, j] = 0.0
-    wake(nets, n, work)
+    for i in range(work.inputs.shape[0]):
+        work.inputs[i] = 0
+        work.change[i] = 0
 
 
 @step
-def draw_noise(level, stream, k, sensors, work):
+def draw_noise(level, stream, k, work):
     """Draw the normal numbers of step `k`: a function of the trial's stream and the step alone."""
     if level > 0.0:
-        normals(stream, DRAWS * noise_blocks(sensors) * (k + 1), work.noise)
+        normals(stream, DRAWS * noise_blocks(work.readings.shape[0]) * (k + 1), work.noise)
 
 
 @step
@@ -106,15 +111,30 @@ def near_fed(robot, feed):
 
 
 @step
-def sense(robot, arena, feed, level, work):
-    """Readings of the sensors that the task feeds to the network."""
+def sense(world, stream, k, work):
+    """Readings of the sensors that feed the controller, and of the others if there is room for them in
+    work.unfed, with noise from a stream of their own.
+
+    One kind of sensor after the other, so that each is compiled once, not once for each array that it may be
+    read into.
+    """
+    robot, feed, level = world.robot, world.task.feed, world.level
     near = near_fed(robot, feed)
-    if feed != AMBIENT:
-        infrared(robot, arena, work, work.readings[:near])
-        read(robot, PROXIMITY, level, wheels_speed(work), work.noise, work.readings[:near])
-    if feed != PROXIMITY:
-        ambient(robot, arena, work, work.readings[near:])
-        read(robot, AMBIENT, level, wheels_speed(work), work.noise[near:], work.readings[near:])
+    for kind in range(BOTH):
+        fed = feed == BOTH or feed == kind
+        if not fed and work.unfed.shape[0] == 0:
+            continue
+        first = near if kind == AMBIENT else 0
+        last = work.readings.shape[0] if kind == AMBIENT else near
+        readings = work.readings[first:last] if fed else work.unfed[:]
+        noise = work.noise[first:] if fed else work.unfed_noise[:]
+        if kind == PROXIMITY:
+            infrared(robot, world.arena, work, readings)
+        else:
+            ambient(robot, world.arena, work, readings)
+        if not fed and level > 0.0:
+            normals(substream(stream, UNFED), DRAWS * noise_blocks(readings.shape[0]) * k, noise)
+        read(robot, kind, level, wheels_speed(work), noise, readings)
 
 
 @apart
@@ -137,13 +157,13 @@ def bound_readings(world, work):
 
 
 @step
-def sense_for_inputs(bounds, world, work):
+def sense_for_inputs(bounds, world, stream, k, work):
     """As `sense`, but readings may differ as long as the inputs are the same."""
     known = False
     if len(bounds) > 0:  # not on a GPU, where this is not compiled
         known = bounds.fans.shape[1] > 0 and bound_readings(world, work)
     if not known:
-        sense(world.robot, world.arena, world.task.feed, world.level, work)
+        sense(world, stream, k, work)
 
 
 @step
@@ -165,7 +185,7 @@ def feed_one(robot, task, near, i, work):
 
 
 @step
-def feed_network(robot, task, work):
+def to_inputs(robot, task, work):
     """Scale readings to inputs; `change` keeps the difference to the previous step."""
     near = near_fed(robot, task.feed)
     low = robot.proximity_low if near > 0 else robot.ambient_low
@@ -179,23 +199,17 @@ def feed_network(robot, task, work):
 
 
 @step
-def act_on(robot, nets, n, level, w, work):
-    """Motor neuron `w`'s output sets its wheel's target; friction and speed are noisy."""
-    drag = 1.0
-    slip = 0.0
-    if level > 0.0:
-        drag = 1.0 + level * robot.noise_friction * work.noise[w]
-        slip = level * robot.noise_wheel * work.noise[2 + w]
-    target = output(nets, n, work, w) * (robot.top_command / LIMIT) * robot.speed_per_unit[w]
-    turn_wheel(robot, work.wheel[w], target, drag, slip)
-    bound_wheel(work.wheel[w], FASTEST * robot.top_command * robot.speed_per_unit[w])
-
-
-@step
-def act(robot, nets, n, level, work):
-    """The motor neurons' outputs drive both wheels."""
+def turn_wheels(robot, commands, level, work):
+    """Commands (left, right) set the wheels' targets; friction and speed are noisy."""
     for w in range(2):
-        act_on(robot, nets, n, level, w, work)
+        drag = 1.0
+        slip = 0.0
+        if level > 0.0:
+            drag = 1.0 + level * robot.noise_friction * work.noise[w]
+            slip = level * robot.noise_wheel * work.noise[2 + w]
+        target = commands[w] * (robot.top_command / LIMIT) * robot.speed_per_unit[w]
+        turn_wheel(robot, work.wheel[w], target, drag, slip)
+        bound_wheel(work.wheel[w], FASTEST * robot.top_command * robot.speed_per_unit[w])
 
 
 @step
@@ -217,12 +231,12 @@ def move(robot, arena, work):
     work.pose[0] = x
     work.pose[1] = y
     work.pose[2] += arc.turn
-    face(work)
+    update_heading(work)
 
 
 @step
-def note(path, k, work):
-    """Note what the score will see of this step."""
+def store(path, k, work):
+    """Store what the score will see of this step."""
     path.x[k] = work.pose[0]
     path.y[k] = work.pose[1]
     path.heading[k] = work.pose[2]
@@ -232,14 +246,94 @@ def note(path, k, work):
 
 
 @step
-def run_trial(world, nets, n, stream, work, path):
-    """One trial of network `n` from work.start, noted in `path`."""
-    begin(nets, n, work.start, work)
-    for k in range(world.task.steps):
-        draw_noise(world.level, stream, k, work.readings.shape[0], work)
-        sense_for_inputs(work.bounds, world, work)
-        feed_network(world.robot, world.task, work)
-        think(nets, n, work)
-        act(world.robot, nets, n, world.level, work)
-        move(world.robot, world.arena, work)
-        note(path, k, work)
+def keep(record, k, commands, robot, feed, work):
+    """Keep all else of this step, before the body moves: where it is, readings, inputs, commands, wheels."""
+    near = near_fed(robot, feed)
+    for i in range(near):
+        record.proximity[k, i] = work.readings[i]
+    for i in range(near, work.readings.shape[0]):
+        record.ambient[k, i - near] = work.readings[i]
+    other = record.ambient if near > 0 else record.proximity
+    for i in range(work.unfed.shape[0]):
+        other[k, i] = work.unfed[i]
+    for i in range(work.inputs.shape[0]):
+        record.inputs[k, i] = work.inputs[i]
+    for i in range(3):
+        record.pose[k, i] = work.pose[i]
+    for w in range(2):
+        record.commands[k, w] = commands[w]
+        record.wheels[k, w] = work.wheel[w, 0] / robot.speed_per_unit[w]
+
+
+@step
+def run_trial(world, brain, n, stream, path, record, work):
+    """One trial of controller `n` from work.start, stored in `path`, and in `record` if that has rows."""
+    start(work.start, work)
+    load(brain, n, work)  # §5.3: a network without a past
+    for k in range(world.task.steps):  # §3.2: every 100 ms
+        draw_noise(world.level, stream, k, work)  # §6
+        sense_for_inputs(work.bounds, world, stream, k, work)  # §3.2.3 proximity, §3.3 ambient light
+        to_inputs(world.robot, world.task, work)  # §7.2
+        commands = decide(brain, n, work)  # §5.3
+        turn_wheels(world.robot, commands, world.level, work)  # §3.2.2
+        if record.pose.shape[0] > 0:
+            keep(record, k, commands, world.robot, world.task.feed, work)
+        move(world.robot, world.arena, work)  # §3.2.2
+        store(path, k, work)  # for the score: §6.1, §6.2
+
+
+@step
+def run_each(world, brain, which, streams, paths, record, work):
+    """Trial t runs controller which[t] on streams[t] from a start drawn there, and is stored in paths[t].
+
+    Args:
+        world: robot, arena, task and noise level.
+        brain: N controllers, see brain.py.
+        which: [T] numbers of controllers.
+        streams: [T].
+        paths: [T, 6, steps], the rows of params.Path.
+        record: of the one trial, or without rows.
+        work: scratch.
+    """
+    for t in range(which.shape[0]):
+        draw_start(world.task, streams[t], work.start)
+        p = paths[t]
+        path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
+        run_trial(world, brain, which[t], streams[t], path, record, work)
+
+
+@step
+def take_up(robots, r, work):
+    """Copy robot `r` into the scratch arrays."""
+    set_pose(robots.pose[r], work)
+    for i in range(2):
+        for j in range(work.wheel.shape[1]):
+            work.wheel[i, j] = robots.wheel[r, i, j]
+
+
+@step
+def put_back(robots, r, work):
+    """Copy the scratch arrays back into robot `r`, with its readings."""
+    for i in range(work.readings.shape[0]):
+        robots.readings[r, i] = work.readings[i]
+    for i in range(work.unfed.shape[0]):
+        robots.unfed[r, i] = work.unfed[i]
+    for i in range(3):
+        robots.pose[r, i] = work.pose[i]
+    for i in range(2):
+        for j in range(work.wheel.shape[1]):
+            robots.wheel[r, i, j] = work.wheel[i, j]
+
+
+@step
+def step_robot(world, robots, r, commands, work):
+    """Robot `r`'s step under commands (left, right; −10 … 10), stored in its path as far as that reaches."""
+    k = robots.step[r]
+    take_up(robots, r, work)
+    draw_noise(world.level, robots.stream[r], k, work)
+    turn_wheels(world.robot, commands, world.level, work)
+    move(world.robot, world.arena, work)
+    if k < robots.path.shape[2]:
+        p = robots.path[r]
+        store(Path(p[0], p[1], p[2], p[3], p[4], p[5]), k, work)
+    robots.step[r] += 1

@@ -47,6 +47,10 @@ class Work(NamedTuple):
     """[16·m] normal numbers of this step."""
     readings: F
     """[P, A or P + A] readings of the fed sensors, counts."""
+    unfed: F
+    """[A, P or 0] readings of the other sensors; 0: they are not read."""
+    unfed_noise: F
+    """[16·m] their normal numbers."""
     pose: F
     """[5] x, y, heading and the heading's cosine and sine."""
     start: F
@@ -87,17 +91,9 @@ class Work(NamedTuple):
     bounds: Bounds
 
 
-class Aside(NamedTuple):
-    """Scratch arrays for the sensors that feed no input: their readings, and normal numbers of their own."""
-
-    readings: F
-    noise: F
-
-
 class Record(NamedTuple):
-    """A trial in full, a row a step: see realitygap.track.Trajectory."""
+    """A trial in full, a row a step: see realitygap.track.Trajectory. Without rows: none is kept."""
 
-    path: Path
     pose: F
     """[steps, 3] x, y, heading at the step's beginning."""
     proximity: F
@@ -105,6 +101,24 @@ class Record(NamedTuple):
     inputs: NDArray[np.int64]
     commands: NDArray[np.int64]
     wheels: F
+
+
+class Robots(NamedTuple):
+    """N robots between two steps, each at its own, to be advanced by one from Python."""
+
+    pose: F
+    """[N, 3] x, y (cm), heading (rad)."""
+    wheel: F
+    """[N, 2, 9] see wheels.py."""
+    step: NDArray[np.int64]
+    """[N] steps done."""
+    stream: NDArray[np.uint64]
+    """[N] of each robot's noise."""
+    path: F
+    """[N, 6, steps] the rows of params.Path; what lies beyond `steps` is not stored."""
+    readings: F
+    """[N, P, A or P + A] readings of the fed sensors, and [N, A, P or 0] of the others."""
+    unfed: F
 
 
 @helper
@@ -119,13 +133,16 @@ def noise_blocks(sensors):
     return (sensors + MOTOR_NOISE + 15) // 16
 
 
-def quiet() -> Networks:
-    """One network without neurons; whoever decides in its place writes work.outputs[0] and [1]."""
-    return Networks(
-        inputs=np.zeros(1, np.int64), neurons=np.zeros(1, np.int64), thresholds=np.zeros((1, 2), np.int16),
-        sensor_links=np.zeros((1, 1, 4), np.int16), sensor_count=np.zeros(1, np.int64),
-        links=np.zeros((1, 1, 4), np.int16), link_start=np.zeros((1, 3), np.int16),
-    )  # fmt: skip
+NO_NETWORK = Networks(
+    inputs=np.zeros(0, np.int64), neurons=np.zeros(0, np.int64), thresholds=np.zeros((0, 2), np.int16),
+    sensor_links=np.zeros((0, 1, 4), np.int16), sensor_count=np.zeros(0, np.int64),
+    links=np.zeros((0, 1, 4), np.int16), link_start=np.zeros((0, 3), np.int16),
+)  # fmt: skip
+"""Where something else decides, or nothing."""
+NO_RECORD = Record(
+    pose=np.zeros((0, 3)), proximity=np.zeros((0, 0)), ambient=np.zeros((0, 0)),
+    inputs=np.zeros((0, 0), np.int64), commands=np.zeros((0, 2), np.int64), wheels=np.zeros((0, 2)),
+)  # fmt: skip
 
 
 def unfed() -> Trial:
@@ -138,11 +155,24 @@ def new_noise(sensors: int) -> F:
     return np.zeros(16 * noise_blocks(sensors))
 
 
-def new_aside(robot: Robot, task: Trial) -> Aside:
-    """Scratch arrays for the sensors that the task does not feed."""
+def new_record(robot: Robot, inputs: int, steps: int) -> Record:
+    """Room for a trial in full."""
     near, light = len(robot.proximity_place), len(robot.ambient_place)
-    sensors = (light, near, 0)[task.feed]
-    return Aside(readings=np.zeros(sensors), noise=new_noise(sensors))
+    return Record(
+        pose=np.zeros((steps, 3)), proximity=np.zeros((steps, near)), ambient=np.zeros((steps, light)),
+        inputs=np.zeros((steps, inputs), np.int64), commands=np.zeros((steps, 2), np.int64),
+        wheels=np.zeros((steps, 2)),
+    )  # fmt: skip
+
+
+def new_robots(count: int, steps: int, work: Work) -> Robots:
+    """Robots that stand at (0, 0), with room for paths of so many steps."""
+    return Robots(
+        pose=np.zeros((count, 3)), wheel=np.zeros((count, *work.wheel.shape)),
+        step=np.zeros(count, np.int64), stream=np.zeros(count, np.uint64),
+        path=np.zeros((count, len(Path._fields), steps)),
+        readings=np.zeros((count, len(work.readings))), unfed=np.zeros((count, len(work.unfed))),
+    )  # fmt: skip
 
 
 def spread_fan(robot: Robot) -> F:
@@ -177,10 +207,21 @@ def new_bounds(robot: Robot, lit: F, used: bool) -> Bounds:
     return Bounds(fans=fans.copy(), rows=np.zeros((2, wide), np.float32), ends=np.zeros((2, sensors)))
 
 
-def new_work(robot: Robot, task: Trial, nets: Networks, bounded: bool = False) -> Work:
-    """Scratch arrays for trials of `task` by `robot` under any of `nets`; `bounded`: light by bounds."""
+def new_work(
+    robot: Robot, task: Trial, nets: Networks | None = None, *, bounded: bool = False, whole: bool = False
+) -> Work:
+    """Scratch arrays for trials of `task` by `robot`.
+
+    Args:
+        robot: whose sensors are read.
+        task: what feeds the controllers.
+        nets: networks of the most neurons and links that are to decide.
+        bounded: light by bounds.
+        whole: also for sensors that feed no controller.
+    """
+    nets = NO_NETWORK if nets is None else nets
     near, light = len(robot.proximity_place), len(robot.ambient_place)
-    sensors = (near, light, near + light)[task.feed]
+    sensors, unfed = (near, light, near + light)[task.feed], (light, near, 0)[task.feed] if whole else 0
     inputs, neurons, links = len(task.channels), nets.thresholds.shape[1], nets.links.shape[1]
     fan, lit = spread_fan(robot), all_fans(robot)
     rays = max(whole_vectors(lit.shape[1] - LANES), LANES) + whole_vectors(light)
@@ -191,6 +232,7 @@ def new_work(robot: Robot, task: Trial, nets: Networks, bounded: bool = False) -
         end_x=np.zeros(wide), end_y=np.zeros(wide), normal_x=np.zeros(wide), normal_y=np.zeros(wide),
         incidence=np.zeros(wide),
         noise=new_noise(sensors), readings=np.zeros(sensors),
+        unfed=np.zeros(unfed), unfed_noise=new_noise(unfed),
         pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 9)), ground=np.zeros(3),
         base=np.zeros(neurons, np.int32), outputs=np.zeros(ROWS * neurons, np.int32),
         link_end=np.zeros(neurons, np.uint64), link_back=np.zeros(links, np.uint64),

@@ -30,14 +30,19 @@ class Form:
         inputs: how many feed it.
         weights: how many; memory: numbers that it keeps from step to step.
         decide: writes outputs, see `kernels.policy`; the compiled function, or a user's.
-        run: trials under it, compiled.
+        run: trials under it, compiled, as of `kernels.trial.run_each`.
     """
 
     inputs: int
     weights: int
     memory: int
     decide: Decide
-    run: Callable[..., int]
+    run: Callable[..., None]
+
+    def brain(self, weights: Floats) -> tuple[Any, ...]:
+        """What `run` takes for controllers with weights [N, W]: those, and scratch as of `policy.Weights`."""
+        own = np.zeros(self.weights), np.zeros(self.memory), np.zeros(self.inputs), np.zeros(2)
+        return weights, *own, np.zeros(1, np.int64)
 
 
 class WeightedController:
@@ -158,10 +163,10 @@ def _own(given: Any, name: str, inputs: int) -> Form:
 
 
 @lru_cache(maxsize=16)
-def _compiled(decide: Any, may_allocate: bool) -> Callable[..., int]:
+def _compiled(decide: Any, may_allocate: bool) -> Callable[..., None]:
     """Trials under a controller: ours never allocate, which halves their time."""
     from realitygap.kernels.jit import kernel
 
     options = {"fastmath": False, "_nrt": True} if may_allocate else {}
-    run: Callable[..., int] = kernel(policy.trials_under(decide), like=decide, **options)
+    run: Callable[..., None] = kernel(policy.trials_under(decide), like=decide, **options)
     return run

@@ -4,7 +4,7 @@ problem = Problem("obstacle-avoidance", controller="feed-forward:8")
 batch = problem.evaluate(X, seed=generation)        # maximise batch.fitness
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from os import PathLike
 from typing import Any, NamedTuple
@@ -28,8 +28,9 @@ from realitygap.control.genotype import (
 from realitygap.control.network import NetworkController, decode
 from realitygap.control.operators import Variation
 from realitygap.errors import UsageError
-from realitygap.kernels.params import Networks, Path, World
-from realitygap.kernels.work import Work, new_work, quiet
+from realitygap.kernels import batch
+from realitygap.kernels.params import Networks, Path
+from realitygap.kernels.work import new_work
 from realitygap.problem.controllers import WeightedController, form_of, stopped
 from realitygap.simulation.simulation import Simulation, Streams, batch_streams
 from realitygap.tasks.load import load_task
@@ -195,47 +196,30 @@ class Problem:
         return best, self.retest(np.atleast_2d(solutions)[best], trials)
 
     def _part(
-        self, made: Any, part: NDArray[np.int64], streams: Streams, worlds: Sequence[Any]
+        self, made: Any, part: NDArray[np.int64], streams: Streams, worlds: list[Any]
     ) -> tuple[Floats, Floats]:
         """Scores [b, trials] and measures [b, 2] of some solutions, one after the other, in one thread."""
         simulation, trials = self.simulation, len(streams)
-        nobody = made if isinstance(made, Networks) else quiet()
-        work = new_work(simulation.robot, simulation.trial, nobody)
+        networks = made if isinstance(made, Networks) else None
+        work = new_work(simulation.robot, simulation.trial, networks)
+        run, brain = (batch.run_trials, made) if networks else (self.form.run, self.form.brain(made))
         paths = np.zeros((trials, len(Path._fields), simulation.trial.steps))
         scores, measures = np.empty((len(part), trials)), np.empty((len(part), 2))
-        own = self._scratch(work)
         for i, one in enumerate(part):
-            which = np.full(trials, one)
-            for world, some, far in worlds:
-                work.span[0] = far
-                self._run(world, made, (which[some], streams[some], paths[some], work), own)
+            try:
+                simulation.run(run, brain, np.full(trials, one), streams, paths, work, worlds)
+            except UsageError:
+                raise
+            except Exception as error:  # a user's controller
+                raise stopped(self.form, error, *brain[1:5]) from None
+            if not networks and brain[-1][0]:
+                raise UsageError(
+                    f"controller: expected finite outputs, got NaN or infinity from solution {one}."
+                )
             scores[i] = simulation.score.over(paths, simulation.room)
             speed, apart = paths[:, 3:5].mean(0).mean(1)
             measures[i] = (speed + apart) / 2, (apart - speed) / 2
-        simulation.require_finite_path(paths)
         return scores, np.clip(measures / simulation.room.top_speed, -1.0, 1.0)
-
-    def _scratch(self, work: Work) -> tuple[Floats, ...]:
-        """What a controller with weights writes into: its weights, memory, inputs, outputs."""
-        if self.layout is not None:
-            return ()
-        form = self.form
-        return np.zeros(form.weights), np.zeros(form.memory), np.zeros(len(work.inputs)), np.zeros(2)
-
-    def _run(self, world: World, made: Any, trials: tuple[Any, ...], own: tuple[Floats, ...]) -> None:
-        """Trials of one solution: whose, streams, paths and scratch, as of `batch.run_trials`."""
-        if isinstance(made, Networks):
-            from realitygap.kernels import batch
-
-            batch.run_trials(world, made, *trials)
-            return
-        one = trials[0][0]
-        try:
-            wrong = self.form.run(world, quiet(), made, *trials, own)
-        except Exception as error:  # a user's controller
-            raise stopped(self.form, error, *own) from None
-        if wrong:
-            raise UsageError(f"controller: expected finite outputs, got NaN or infinity from solution {one}.")
 
 
 def _gene_bounds(layout: Layout) -> Floats:

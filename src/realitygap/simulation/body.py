@@ -13,13 +13,14 @@ from realitygap.errors import UsageError
 from realitygap.files import must_be
 from realitygap.kernels import batch
 from realitygap.kernels.jit import entry_for
-from realitygap.kernels.work import farthest_notice, new_aside, new_work, quiet
+from realitygap.kernels.params import Path
+from realitygap.kernels.work import farthest_notice, new_record, new_robots, new_work
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
 from realitygap.simulation.simulation import Simulation
 from realitygap.track import Trajectory
-from realitygap.values import Command, Pose, Readings, as_stream, fed
+from realitygap.values import Command, Floats, Pose, Readings, as_stream, fed
 
 __all__ = ["SimulatedBody", "drive_simulated", "network_inputs"]
 
@@ -30,6 +31,8 @@ MOST = 127
 MADE_BY = "Simulation(task, profile) makes one."
 STAND_STEPS = 20
 """Steps that the wheels may take to come to rest."""
+ONE, NOWHERE = np.zeros(1, np.int64), np.zeros((0, 3))
+"""The only robot; it does not begin anew."""
 
 
 class SimulatedBody:
@@ -72,9 +75,9 @@ class SimulatedBody:
             for kind, part in parts
             if part.sensors
         )
-        self._nobody = quiet()
-        self._work = new_work(robot, trial, self._nobody)
-        self._aside = new_aside(robot, trial)
+        whole = not set(self.kinds) <= set(simulation.task.kinds)
+        self._work = new_work(robot, trial, whole=whole)
+        self._robots = new_robots(1, 0, self._work)
         self.period_s = simulation.profile.period_s
         self.clock = SteppedClock(self._step, self.period_s)
         self._set_down(simulation.start(stream))
@@ -82,13 +85,13 @@ class SimulatedBody:
     @property
     def pose(self) -> Pose:
         """Where the robot is."""
-        x, y, heading = map(float, self._work.pose[:3])
+        x, y, heading = map(float, self._robots.pose[0])
         return Pose(x=x, y=y, heading=heading)
 
     @property
     def wheels(self) -> tuple[float, float]:
         """What the wheels do, Khepera units."""
-        speeds, units = self._work.wheel[:, 0].tolist(), self._world.robot.speed_per_unit.tolist()
+        speeds, units = self._robots.wheel[0, :, 0].tolist(), self._world.robot.speed_per_unit.tolist()
         return speeds[0] / units[0], speeds[1] / units[1]
 
     @property
@@ -106,15 +109,12 @@ class SimulatedBody:
 
     def sense(self) -> Readings:
         """What the sensors read now, counts; empty for a kind that is not read."""
-        told, readings = self.simulation.task.kinds, self._work.readings
-        aside = not set(self.kinds) <= set(told)
-        drawn_from = np.uint64(self._drawn_from)
-        self._sense_now((self._world, drawn_from, self._k, aside, self._work, self._aside))
+        fed, readings, unfed = self.simulation.task.kinds, self._robots.readings[0], self._robots.unfed[0]
         self._odometry = self._wheel_counts()
-        near = len(self.simulation.profile.infrared.sensors) if told[0] == KINDS[0] else 0
+        near = len(self.simulation.profile.infrared.sensors) if fed[0] == KINDS[0] else 0
         kept = {}
         for kind, now in zip(KINDS, (readings[:near], readings[near:]), strict=True):
-            read = now if kind in told else self._aside.readings
+            read = now if kind in fed else unfed
             kept[kind] = read.copy() if kind in self.kinds else np.empty(0)
         return Readings(**kept)
 
@@ -128,13 +128,13 @@ class SimulatedBody:
         for name, value in (("left", command.left), ("right", command.right)):
             if not -MOST <= value <= MOST or value != int(value):
                 raise UsageError(f"command: {name}: expected a whole number of ±{MOST}, got {value!r}.")
-        self._work.outputs[:2] = command.left, command.right
+        self._commands[:] = command.left, command.right
 
     def stop(self) -> None:
         """Stand; the clock goes on until the wheels rest."""
         self.act(Command(left=0, right=0))
         for _ in range(STAND_STEPS):
-            if not self._work.wheel[:, 0].any():
+            if not self._robots.wheel[0, :, 0].any():
                 return
             self.clock.sleep_until(self.clock.now() + self.period_s)
 
@@ -143,33 +143,33 @@ class SimulatedBody:
         self.stop()
 
     def _set_down(self, pose: Pose) -> None:
-        self._drawn_from = int(as_stream(self.stream))
-        self.simulation._place(self._work, pose)
-        batch.set_down(self._nobody, self._work)
-        self._world = self.simulation.world_of(self._drawn_from)
+        free, stream = self.simulation.require_free(pose), as_stream(self.stream)
+        self._world, self._commands = self.simulation.world_of(int(stream)), np.zeros((1, 2), np.int64)
         self._work.span[0] = farthest_notice(self._world.robot, self._work.fan)
-        self._k = 0
-        self._find_entries()
+        self._robots.stream[0] = stream
+        self._find_entry()
+        self._advance(np.array([[free.x, free.y, free.heading]], float))
         self._pulses = [0.0, 0.0]
         self._odometry = self._wheel_counts()
         self.clock.begin_step()
 
-    def _find_entries(self) -> None:
-        """Of the kernels that every step calls: the types of what they are given stay until a reset."""
-        world, now, step = self._world, np.uint64(self._drawn_from), self._k
-        self._sense_now = entry_for(batch.sense_now, world, now, step, False, self._work, self._aside)
-        self._move_on = entry_for(batch.move_on, world, self._nobody, now, step, self._work)
+    def _find_entry(self) -> None:
+        """Of the kernel that every step calls: the types of what it is given stay until a reset."""
+        given = self._world, self._robots, ONE, NOWHERE, self._commands, self._work
+        self._entry = entry_for(batch.advance, *given)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: kept for name, kept in vars(self).items() if name not in ("_sense_now", "_move_on")}
+        return {name: kept for name, kept in vars(self).items() if name != "_entry"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._find_entries()
+        self._find_entry()
+
+    def _advance(self, starts: Floats) -> None:
+        self._entry((self._world, self._robots, ONE, starts, self._commands, self._work))
 
     def _step(self) -> None:
-        self._move_on((self._world, self._nobody, np.uint64(self._drawn_from), self._k, self._work))
-        self._k += 1
+        self._advance(NOWHERE)
         for i, speed in enumerate(self.wheels):
             self._pulses[i] += PULSES_PER_STEP * speed
 
@@ -221,12 +221,14 @@ def drive_simulated(
     body, make = SimulatedBody(simulation, stream=stream, kinds=KINDS), network_inputs(simulation)
     if pose is not None:
         body.reset(pose)
-    steps = simulation.task.steps_of(simulation.profile) if seconds is None else simulation._steps(seconds)
-    record, driver = simulation._blank(steps), as_controller(controller)
+    steps = simulation.trial.steps if seconds is None else simulation.steps_of(seconds)
+    record = new_record(simulation.robot, len(simulation.trial.channels), steps)
+    body._robots = body._robots._replace(path=np.zeros((1, len(Path._fields), steps)))
+    driver = as_controller(controller)
     driver.reset()
     for k in range(steps):
         readings = body.sense()
-        record.pose[k] = body._work.pose[:3]
+        record.pose[k] = body._robots.pose[0]
         record.proximity[k], record.ambient[k] = readings.proximity, readings.ambient
         record.inputs[k] = make(readings)
         command = driver.decide(record.inputs[k].tolist())
@@ -234,6 +236,4 @@ def drive_simulated(
         body.clock.sleep_until(body.clock.now() + body.period_s)
         record.commands[k] = command.left, command.right
         record.wheels[k] = body.wheels
-        for row, value in zip(record.path, (*body._work.pose[:3], *body._work.ground), strict=True):
-            row[k] = value
-    return simulation._lived(record)
+    return simulation.told(record, Path(*body._robots.path[0]))

@@ -16,16 +16,14 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 from numba import cuda
-from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from realitygap.control.genotype import Layout, bare
 from realitygap.control.network import decode
 from realitygap.errors import UsageError
-from realitygap.kernels import trial
-from realitygap.kernels.batch import run_trials
+from realitygap.kernels import batch, trial
 from realitygap.kernels.params import Networks, Path
-from realitygap.kernels.work import Work, new_work
+from realitygap.kernels.work import NO_RECORD, Work, new_work
 from realitygap.values import Floats
 
 __all__ = ["SIMULATED", "Batch", "Cuda", "device", "require_gpu", "scoring", "trials"]
@@ -107,6 +105,10 @@ class Cuda:
         return self._placed(self.simulation.world)
 
     @cached_property
+    def _record(self) -> Any:
+        return self._placed(NO_RECORD)
+
+    @cached_property
     def _room(self) -> Any:
         return self._placed(self.simulation.room)
 
@@ -130,9 +132,9 @@ class Cuda:
         """Carry out trials; their paths stay on the GPU."""
         empty: Any = np.zeros if SIMULATED else cuda.device_array
         paths = empty((len(which), len(Path._fields), self.simulation.trial.steps))
-        batch = Batch(self._placed(which), self._placed(streams), paths, empty((len(which), 2)))
-        _launch(trials(), self._stream, len(which), self._world, nets, work, batch)
-        return batch
+        made = Batch(self._placed(which), self._placed(streams), paths, empty((len(which), 2)))
+        _launch(trials(), self._stream, len(which), self._world, nets, self._record, work, made)
+        return made
 
     def _work(self, one: Work, networks: Networks, count: int) -> Any:
         """Scratch of at least so many trials, in an order in which threads side by side read side by side."""
@@ -214,13 +216,15 @@ def _memory_told() -> Iterator[None]:
 
 
 @cache
-def device(made: Dispatcher) -> Any:
+def device(made: Any) -> Any:
     """A compiled function, and all that it calls, for the GPU: the same Python, without fast-math flags."""
     if SIMULATED:
         return made
     plain = made.py_func
     scope = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
-    scope = {name: device(one) if isinstance(one, Dispatcher) else one for name, one in scope.items()}
+    for name, one in scope.items():
+        step = one.dispatch(Networks) if hasattr(one, "dispatch") else one  # a brain's step, by its type
+        scope[name] = device(step) if hasattr(step, "py_func") else step
     scope |= {name: plain.__globals__[name] for name in ("__name__", "__builtins__")}
     copy = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__, plain.__closure__)
     return cuda.jit(device=True)(copy)
@@ -229,23 +233,15 @@ def device(made: Dispatcher) -> Any:
 @cache
 def trials() -> Any:
     """The kernel that carries out a trial in each thread."""
-    scratch_of, draw_start, run_trial = _scratch_of(), device(trial.draw_start), device(trial.run_trial)
+    scratch_of, run = _scratch_of(), batch.run_trials if SIMULATED else device(trial.run_each)
 
-    def carry_out(world: Any, nets: Any, work: Any, batch: Any) -> None:
+    def carry_out(world: Any, nets: Any, record: Any, work: Any, batch: Any) -> None:
         t = cuda.grid(1)
         if t < batch.which.shape[0]:
-            mine, p = scratch_of(work, t), batch.paths[t]
-            draw_start(world.task, batch.streams[t], mine.start)
-            path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-            run_trial(world, nets, batch.which[t], batch.streams[t], mine, path)
+            which, streams, paths = batch.which[t : t + 1], batch.streams[t : t + 1], batch.paths[t : t + 1]
+            run(world, nets, which, streams, paths, record, scratch_of(work, t))
 
-    def simulate(world: Any, nets: Any, work: Any, batch: Any) -> None:
-        t = cuda.grid(1)
-        if t < batch.which.shape[0]:  # through the steps' way in from Python
-            one = (array[t : t + 1] for array in batch[:3])
-            run_trials(world, nets, *one, scratch_of(work, t))
-
-    return cuda.jit(simulate if SIMULATED else carry_out)
+    return cuda.jit(carry_out)
 
 
 @cache

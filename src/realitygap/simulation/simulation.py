@@ -9,7 +9,6 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from numbers import Real
 from os import PathLike
 from typing import Any, Protocol
 
@@ -25,19 +24,20 @@ from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import routine
 from realitygap.kernels.light_bounds import fit_bounds
-from realitygap.kernels.network import think
+from realitygap.kernels.network import update_network
 from realitygap.kernels.params import Networks, Path, Robot, Room, Trial, World
 from realitygap.kernels.pointed import met
 from realitygap.kernels.rng import substream, uniform
 from realitygap.kernels.trial import bound_readings, move
 from realitygap.kernels.work import (
+    NO_NETWORK,
+    NO_RECORD,
     Record,
     Work,
     farthest_notice,
-    new_aside,
     new_noise,
+    new_record,
     new_work,
-    quiet,
     spread_fan,
     unfed,
 )
@@ -226,7 +226,7 @@ class Simulation:
         for first in range(0, flat.shape[0], CHUNK):
             some = slice(first, first + CHUNK)
             paths = self._paths[: len(flat[some])]
-            self._run(networks, which[some], flat[some], paths)
+            self.run(batch.run_trials, networks, which[some], flat[some], paths, self.scratch(networks))
             scores[some] = self.score.over(paths, self.room)
         self.require_finite(scores)
         return scores.reshape(streams.shape)
@@ -240,7 +240,7 @@ class Simulation:
         if self.engine is None:
             which, flat = self.checked(networks, streams)
             paths = np.zeros((flat.shape[0], len(Path._fields), self.trial.steps))
-            self._run(networks, which, flat, paths)
+            self.run(batch.run_trials, networks, which, flat, paths, self.scratch(networks))
             return Path(*(paths[:, i].reshape(*streams.shape, paths.shape[2]) for i in range(paths.shape[1])))
         return self.engine.tracks(networks, streams)
 
@@ -257,19 +257,36 @@ class Simulation:
             raise UsageError(f"streams: expected {expected}, got {shown(streams)}.")
         return np.repeat(np.arange(count), streams.shape[1]), streams.reshape(-1)
 
-    def _run(self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats) -> None:
-        work = self.scratch(networks)
-        for world, some, far in self.worlds(streams):
-            work.span[0] = far
-            batch.run_trials(world, networks, which[some], streams[some], paths[some], work)
-        self.require_finite_path(paths[: len(streams)])
+    def run(
+        self,
+        run_trials: Any,
+        brain: Any,
+        which: NDArray[np.int64],
+        streams: Streams,
+        paths: Floats,
+        work: Work,
+        worlds: list[tuple[World, slice, float]] | None = None,
+    ) -> None:
+        """Carry out trials in this thread, as of `kernels.trial.run_each`.
 
-    def scratch(self, networks: Networks) -> Work:
-        """This thread's scratch for networks of this size, kept for its next batch."""
-        size, kept = (networks.thresholds.shape[1], networks.links.shape[1]), self._scratch.kept
-        if size not in kept:
-            kept[size] = new_work(self.robot, self.trial, networks, fit_bounds(self.world))
-        return kept[size]
+        Args:
+            run_trials: compiled for the brain.
+            brain, which, streams, paths, work: what it takes.
+            worlds: of the streams, if they are known.
+        """
+        for world, some, far in self.worlds(streams) if worlds is None else worlds:
+            work.span[0] = far
+            run_trials(world, brain, which[some], streams[some], paths[some], NO_RECORD, work)
+        self.require_finite_path(paths)
+
+    def scratch(self, networks: Networks, *, whole: bool = False) -> Work:
+        """This thread's scratch for networks of this size, kept for its next batch; `whole`: also for sensors
+        that feed none."""
+        key, kept = (networks.thresholds.shape[1], networks.links.shape[1], whole), self._scratch.kept
+        if key not in kept:
+            bounded = not whole and fit_bounds(self.world)
+            kept[key] = new_work(self.robot, self.trial, networks, bounded=bounded, whole=whole)
+        return kept[key]
 
     @property
     def _paths(self) -> Floats:
@@ -311,44 +328,32 @@ class Simulation:
         """
         if check_networks(networks, self.trial.channels.shape[0]) != 1:
             raise UsageError(f"networks: expected one, got {len(networks.neurons)}. Decode one genotype.")
-        named = as_stream(stream)
-        steps = self.trial.steps if seconds is None else self._steps(seconds)
-        world, record = self.world_of(stream), self._blank(steps)
-        work = self.scratch(networks)
+        steps = self.trial.steps if seconds is None else self.steps_of(seconds)
+        world, task = self.world_of(stream), self.trial._replace(steps=steps)
+        if pose is not None:  # a disc of starts that has no other place
+            free = self.require_free(pose)
+            task = task._replace(start=np.array([free.x, free.y, 0.0, free.heading, free.heading], float))
+        work = self.scratch(networks, whole=True)
         work.span[0] = farthest_notice(world.robot, work.fan)
-        self._place(work, self.start(stream) if pose is None else pose)
-        world = world._replace(task=world.task._replace(steps=steps))
-        batch.record_trial(world, networks, named, work, new_aside(world.robot, world.task), record)
-        return self._lived(record)
+        record = new_record(self.robot, len(task.channels), steps)
+        paths = np.zeros((1, len(Path._fields), steps))
+        one = np.zeros(1, np.int64), np.array([as_stream(stream)]), paths
+        batch.run_trials(world._replace(task=task), networks, *one, record, work)
+        return self.told(record, Path(*paths[0]))
 
-    def _blank(self, steps: int) -> Record:
-        return Record(
-            path=Path(*np.zeros((len(Path._fields), steps))), pose=np.zeros((steps, 3)),
-            proximity=np.zeros((steps, len(self.profile.infrared.sensors))),
-            ambient=np.zeros((steps, len(self.profile.ambient.sensors))),
-            inputs=np.zeros((steps, len(self.task.sensors)), np.int64),
-            commands=np.zeros((steps, 2), np.int64), wheels=np.zeros((steps, 2)),
-        )  # fmt: skip
-
-    def _lived(self, record: Record) -> tuple[Trajectory, float]:
-        """What a record tells, and its score."""
-        path = record.path
+    def told(self, record: Record, path: Path) -> tuple[Trajectory, float]:
+        """What a record of a trial tells, and its score."""
         self.require_finite_path(*path, record.proximity, record.ambient)
         score = np.array([self.score(path, self.room)])
         self.require_finite(score)
+        x, y, heading = record.pose.T
         trajectory = Trajectory(
-            t=np.arange(record.pose.shape[0], dtype=np.float64) * self.profile.period_s,
-            x=record.pose[:, 0],
-            y=record.pose[:, 1],
-            heading=record.pose[:, 2],
-            proximity=record.proximity,
-            ambient=record.ambient,
-            inputs=record.inputs,
-            commands=record.commands,
-            wheels=record.wheels,
-            contact=path.contact > 0,
+            t=np.arange(len(x), dtype=np.float64) * self.profile.period_s,
+            x=x, y=y, heading=heading,
+            proximity=record.proximity, ambient=record.ambient, inputs=record.inputs,
+            commands=record.commands, wheels=record.wheels, contact=path.contact > 0,
             end=Pose(x=float(path.x[-1]), y=float(path.y[-1]), heading=float(path.heading[-1])),
-        )
+        )  # fmt: skip
         return trajectory, float(score[0])
 
     def start(self, stream: int) -> Pose:
@@ -368,8 +373,8 @@ class Simulation:
         repeat = as_count(repeat, "repeat", most=MOST_READINGS)
         proximity_n, ambient_n = len(self.profile.infrared.sensors), len(self.profile.ambient.sensors)
         world = World(robot=self.robot, arena=self.arena, task=unfed(), level=self.noise)
-        work = new_work(world.robot, world.task, quiet())
-        self._place(work, pose)
+        work, free = new_work(world.robot, world.task), self.require_free(pose)
+        work.start[:] = free.x, free.y, free.heading
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
         batch.probe(world, streams, work, new_noise(max(proximity_n, ambient_n)), proximity, ambient)
@@ -381,25 +386,33 @@ class Simulation:
         if self.engine is not None:
             self.engine.compile()
             return
-        nobody, none = quiet(), (np.zeros(0, np.int64), np.zeros(0, np.uint64))
-        batch.run_trials(self.world, nobody, *none, self._paths, self.scratch(nobody))
+        none = np.zeros(0, np.int64), np.zeros(0, np.uint64)
+        self.run(batch.run_trials, NO_NETWORK, *none, self._paths[:0], self.scratch(NO_NETWORK))
         self.score.over(self._paths[:1], self.room)
 
     def compile_part(self, name: str) -> None:
         """Compile a part of the kernels alone: "light", its "bounds", or "near", all else but what encloses
         them."""
-        robot, arena, nobody = self.robot, self.arena, quiet()
-        work = self.scratch(nobody)
+        robot, arena, work = self.robot, self.arena, self.scratch(NO_NETWORK)
         sensing = (robot, arena, work, work.readings[:])
         calls: list[tuple[Any, tuple[object, ...]]] = [(ambient, sensing)]
         if name == "bounds":
             calls = [(bound_readings, (self.world, work))]
         if name == "near":
-            calls = [(infrared, sensing), (move, (robot, arena, work)), (think, (nobody, 0, work))]
+            calls = [
+                (infrared, sensing),
+                (move, (robot, arena, work)),
+                (update_network, (NO_NETWORK, 0, work)),
+            ]
         for part, arguments in calls:
             part.compile(tuple(met(numba.typeof(one)) for one in arguments))
 
-    def _steps(self, seconds: float) -> int:
+    def steps_of(self, seconds: float) -> int:
+        """Of a trial of that length.
+
+        Raises:
+            UsageError: it is no number of whole steps.
+        """
         number = isinstance(seconds, int | float) and 0 < seconds <= LONGEST_S
         period = self.profile.period_s
         steps = round(seconds / period) if number else 0
@@ -417,11 +430,9 @@ class Simulation:
         if not isinstance(pose, Pose):
             cure = "Pose.from_degrees(25, 25, 90) makes one."
             raise UsageError(f"pose: expected a Pose, got {shown(pose)}. {cure}")
-        numbers: tuple[object, ...] = pose.x, pose.y, pose.heading
-        plain = all(isinstance(one, Real) and not isinstance(one, bool) for one in numbers)
-        place = tuple(map(float, numbers)) if plain else (math.nan,)  # type: ignore[arg-type]
-        if not all(map(math.isfinite, place)):
+        if not all(map(math.isfinite, (pose.x, pose.y, pose.heading))):
             raise UsageError(f"pose: expected finite numbers, got {pose}.")
+        place = float(pose.x), float(pose.y), float(pose.heading)
         if abs(place[2]) > MOST_RAD or (abs(place[2]) > math.tau and place[2].is_integer()):
             raise UsageError(
                 f"pose: expected a heading in radians, got {place[2]:g}. Pose.from_degrees takes degrees."
@@ -451,10 +462,6 @@ class Simulation:
                 "recorded. Leave them out, or calibrate in another form."
             )
 
-    def _place(self, work: Work, pose: object) -> None:
-        free = self.require_free(pose)
-        work.start[:] = free.x, free.y, free.heading
-
 
 def batch_streams(stream: int, count: int) -> Streams:
     """`count` streams under one: substream(stream, 0), substream(stream, 1), …"""
@@ -466,7 +473,7 @@ class _Scratch(threading.local):
     """Arrays of one thread, by the size of its networks; they go with the thread."""
 
     def __init__(self) -> None:
-        self.kept: dict[tuple[int, int], Work] = {}
+        self.kept: dict[tuple[int, int, bool], Work] = {}
         self.paths: Floats | None = None
 
     def __reduce__(self) -> tuple[type, tuple[()]]:
