@@ -84,7 +84,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
     def _settle(self, simulation: Simulation) -> None:
         """Room for robots of a simulation, none of which has begun."""
         self.simulation, cores, robots = simulation, simulation._cores, self.num_envs
-        self._worlds: dict[int, tuple[World, slice, float]] = {}
+        self._worlds: dict[int, tuple[World, slice]] = {}
         self._work = new_work(cores.robot, cores.trial, self._nobody)
         steps, sensors = cores.trial.steps, len(self._work.readings)
         self._crowd = crowd.Crowd(
@@ -227,7 +227,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             crowd.go_on(world, self._nobody, self._crowd, which, starts, commands, self._work)
             return
         for i, r in enumerate(which):
-            world, _, self._work.span[0] = self._worlds[r]
+            world, _ = self._worlds[r]
             one = slice(i, i + 1)
             crowd.go_on(world, self._nobody, self._crowd, which[one], starts[one], commands[one], self._work)
 

@@ -1,8 +1,8 @@
 """Entry points for Python: many trials, one recorded trial, a step in two halves, readings at a pose."""
 
-from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.light import ambient
 from realitygap.kernels.network import output, think
 from realitygap.kernels.outline import body_clear
 from realitygap.kernels.params import Path

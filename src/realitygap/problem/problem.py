@@ -209,8 +209,7 @@ class Problem:
         own = self._scratch(work)
         for i, one in enumerate(part):
             which = np.full(trials, one)
-            for world, some, far in worlds:
-                work.span[0] = far
+            for world, some in worlds:
                 self._run(world, made, (which[some], streams[some], paths[some], work), own)
             scores[i] = cores.score.over(paths, cores.room)
             speed, apart = paths[:, 3:5].mean(0).mean(1)

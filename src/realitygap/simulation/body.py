@@ -13,7 +13,7 @@ from realitygap.controller.own import as_controller
 from realitygap.errors import UsageError
 from realitygap.kernels import batch
 from realitygap.kernels.jit import entry_for
-from realitygap.kernels.work import farthest_notice, new_aside, new_work, quiet
+from realitygap.kernels.work import new_aside, new_work, quiet
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
@@ -148,7 +148,6 @@ class SimulatedBody:
         self.simulation._place(self._work, pose)
         batch.set_down(self._nobody, self._work)
         self._world = self.simulation._cores.world_of(self._drawn_from)
-        self._work.span[0] = farthest_notice(self._world.robot, self._work.fan)
         self._k = 0
         self._find_entries()
         self._pulses = [0.0, 0.0]

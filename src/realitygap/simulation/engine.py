@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from realitygap.controller.network import check_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch
-from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
-from realitygap.kernels.light_bounds import fit_bounds
+from realitygap.kernels.light import ambient
 from realitygap.kernels.network import think
 from realitygap.kernels.params import Networks, Path, Room, Trial, World
 from realitygap.kernels.pointed import met
-from realitygap.kernels.trial import bound_readings, move
-from realitygap.kernels.work import Work, farthest_notice, new_work, quiet, spread_fan
+from realitygap.kernels.trial import move
+from realitygap.kernels.work import Work, new_work, quiet
 from realitygap.simulation.spread import drawn
 from realitygap.tasks.scoring import CompiledScore
 from realitygap.tasks.task import Task
@@ -92,22 +91,11 @@ class Cores:
             return self.world
         return self.world._replace(robot=drawn(self.robot, stream, self.task.spread, self.task.spread_wheels))
 
-    def worlds(self, streams: Streams) -> list[tuple[World, slice, float]]:
-        """Those that trials happen in: of each world its trials, and its robot's `farthest_notice`."""
+    def worlds(self, streams: Streams) -> list[tuple[World, slice]]:
+        """Those that trials happen in, and of each world its trials."""
         if not self.task.spread:
-            return [(self.world, slice(None), self._far)]
-        each = map(self.world_of, streams)
-        return [
-            (world, slice(t, t + 1), farthest_notice(world.robot, self._fan)) for t, world in enumerate(each)
-        ]
-
-    @cached_property
-    def _fan(self) -> Floats:
-        return spread_fan(self.robot)
-
-    @cached_property
-    def _far(self) -> float:
-        return farthest_notice(self.robot, self._fan)
+            return [(self.world, slice(None))]
+        return [(world, slice(t, t + 1)) for t, world in enumerate(map(self.world_of, streams))]
 
     @cached_property
     def room(self) -> Room:
@@ -150,14 +138,11 @@ class Cores:
         self.score.over(self._paths[:1], self.room)
 
     def compile_part(self, name: str) -> None:
-        """Compile a part of the kernels alone: "light", its "bounds", or "near", all else but what encloses
-        them."""
+        """Compile a part of the kernels alone: "light", or "near", all else but what encloses them."""
         robot, arena, nobody = self.robot, self.arena, quiet()
         work = self.scratch(nobody)
         sensing = (robot, arena, work, work.readings[:])
         calls: list[tuple[Any, tuple[object, ...]]] = [(ambient, sensing)]
-        if name == "bounds":
-            calls = [(bound_readings, (self.world, work))]
         if name == "near":
             calls = [(infrared, sensing), (move, (robot, arena, work)), (think, (nobody, 0, work))]
         for part, arguments in calls:
@@ -166,9 +151,7 @@ class Cores:
     def scratch(self, networks: Networks) -> Work:
         """Scratch for networks of this size, kept for the next batch."""
         size = (networks.thresholds.shape[1], networks.links.shape[1])
-        return self._own(
-            "work", size, lambda: new_work(self.robot, self.trial, networks, fit_bounds(self.world))
-        )
+        return self._own("work", size, lambda: new_work(self.robot, self.trial, networks))
 
     def _own(self, name: str, size: tuple[int, ...], make: Callable[[], T]) -> T:
         """Scratch of this thread's own."""
@@ -219,7 +202,6 @@ class Cores:
 
     def _run(self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats) -> None:
         work = self.scratch(networks)
-        for world, some, far in self.worlds(streams):
-            work.span[0] = far
+        for world, some in self.worlds(streams):
             batch.run_trials(world, networks, which[some], streams[some], paths[some], work)
         self.require_finite_path(paths[: len(streams)])

@@ -17,7 +17,6 @@ from realitygap.kernels.rng import substream
 from realitygap.kernels.work import (
     Record,
     Work,
-    farthest_notice,
     new_aside,
     new_noise,
     new_work,
@@ -174,7 +173,6 @@ class Simulation:
         steps = self._cores.trial.steps if seconds is None else self._steps(seconds)
         world, record = self._cores.world_of(stream), self._blank(steps)
         work = self._cores.scratch(networks)
-        work.span[0] = farthest_notice(world.robot, work.fan)
         self._place(work, self.start(stream) if pose is None else pose)
         world = world._replace(task=world.task._replace(steps=steps))
         batch.record_trial(world, networks, named, work, new_aside(world.robot, world.task), record)

@@ -6,6 +6,7 @@ from realitygap.kernels.jit import routine
 from realitygap.kernels.params import F, Robot
 from realitygap.kernels.rng import substream, uniform
 from realitygap.streams import CONSTANTS
+from realitygap.world.sensors import looks
 
 __all__ = ["drawn"]
 
@@ -30,7 +31,14 @@ def drawn(robot: Robot, stream: int, spread: float, wheels: float | None = None)
     a, gain, turns, track = np.split(factors, [near, near + light, near + light + 2])
     return robot._replace(
         proximity_a=robot.proximity_a * a,
-        proximity_reach=_reach(robot, a),
+        **looks(
+            robot.proximity_place,
+            robot.proximity_facing,
+            _reach(robot, a),
+            robot.proximity_a * a,
+            robot.proximity_b,
+            robot.proximity_offset,
+        ),
         ambient_gain=robot.ambient_gain * gain,
         speed_per_unit=robot.speed_per_unit * turns,
         track=robot.track * float(track[0]),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.world.files import Value, require
+from realitygap.world.rays import unit
 
 __all__ = ["Sensor", "check_both", "kernel_both"]
 
@@ -39,6 +40,7 @@ def kernel_both(kind: str, own: Any) -> dict[str, Any]:
     sensors = own.sensors
     return {
         f"{kind}_place": np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2),
+        f"{kind}_facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
         f"{kind}_curve": _table([s.curve for s in sensors]),
         f"{kind}_noise": _table([s.noise for s in sensors]),
         f"{kind}_rise": np.array([s.noise_rise for s in sensors]),

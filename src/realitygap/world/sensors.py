@@ -6,24 +6,40 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from realitygap.kernels.params import CONE, LANES, NARROW, RAYS
+from realitygap.kernels.params import CONE, RAYS
+from realitygap.values import Floats
 from realitygap.world.files import Value, require
 from realitygap.world.look_up import LookUp
-from realitygap.world.rays import fan_weights, ray_weights, rays, unit
+from realitygap.world.rays import (
+    FAN,
+    RAY_ANGLES_DEG,
+    fan,
+    fan_weights,
+    ray_angles,
+    ray_weights,
+    side_by_side,
+    unit,
+)
 from realitygap.world.sensor_checks import Sensor, check_both, kernel_both
 
-__all__ = ["RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared", "ProximitySensor"]
+__all__ = [
+    "RAY_NUMBERS",
+    "RESPONSES",
+    "UNLIT",
+    "Ambient",
+    "AmbientSensor",
+    "Infrared",
+    "ProximitySensor",
+    "looks",
+]
 
 RESPONSES = ("paper", "linear", "measured")
 """Laws from illumination to counts."""
-ONE_SIDED = 0.74
-"""Half of the angle, in apertures, up to which a cylinder meets no ray of a FAN at ¾ or 1 opposite."""
 TURN = "Turn them round: the first becomes input -10, the second +10."
 """The cure for an input range in the wrong order."""
 RAY_NUMBERS = (10, 16, 18, 20, 24, 27, 30, 32, 36, 40, 45, 48, 50, 54, 60)
-"""How many rays reflected light may come in by: up to six fans of eight to ten each."""
+"""How many rays reflected light may come in by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +62,17 @@ class ProximitySensor(Sensor):
     def reach_cm(self) -> float:
         """Distance beyond which no ray adds to the sum: √(a/−b) − offset; none where b ≥ 0."""
         return math.inf if self.b >= 0 else max(0.0, math.sqrt(self.a / -self.b) - self.offset_cm)
+
+
+def looks(
+    place: Floats, facing: Floats, reach: Floats, a: Floats, b: Floats, offset: Floats
+) -> dict[str, Any]:
+    """What the kernels' `Robot` has of proximity sensors' constants: those that a reach follows from."""
+    return {
+        "proximity_reach": reach,
+        "proximity_rows": side_by_side(*place.T, *facing.T, reach, a, b, offset),
+        "proximity_span": float(np.max(np.hypot(*place.T) + reach, initial=0.0)),
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,19 +109,25 @@ class Infrared(Value):
 
     def to_kernel(self) -> dict[str, Any]:
         """Its part of the kernels' `Robot`."""
-        sensors, n = self.sensors, len(self.sensors)
-        fan = self.aperture_deg if self.measured else 0.0
-        weight = fan_weights(n, self.lobe) if fan else ray_weights(n, self.exponent)
+        sensors, aperture = self.sensors, self.aperture_deg if self.measured else 0.0
+        angles = [share * aperture for share in FAN] if aperture else RAY_ANGLES_DEG
+        a, b, offset = (np.array([getattr(s, key) for s in sensors]) for key in ("a", "b", "offset_cm"))
+        own = kernel_both("proximity", self)
         return {
-            **kernel_both("proximity", self),
-            "proximity_ray": rays([s.direction_deg for s in sensors], aperture_deg=fan),
-            "proximity_weight": weight,
-            "proximity_cone": unit(fan)[0] if fan else CONE,
-            "proximity_narrow": min(NARROW, unit(ONE_SIDED * fan)[1] ** 2) if fan else NARROW,
-            "proximity_a": np.array([s.a for s in sensors]),
-            "proximity_b": np.array([s.b for s in sensors]),
-            "proximity_offset": np.array([s.offset_cm for s in sensors]),
-            "proximity_reach": np.array([self.reach_cm(s) for s in sensors]),
+            **own,
+            "proximity_fan": fan(angles, fan_weights(self.lobe) if aperture else ray_weights(self.exponent)),
+            "proximity_cone": unit(aperture)[0] if aperture else CONE,
+            "proximity_a": a,
+            "proximity_b": b,
+            "proximity_offset": offset,
+            **looks(
+                own["proximity_place"],
+                own["proximity_facing"],
+                np.array([self.reach_cm(s) for s in sensors]),
+                a,
+                b,
+                offset,
+            ),
             "proximity_knee": 1.0 / self.curve_cm if self.curve_cm else 0.0,
             "proximity_width2": self.width_cm**2,
             "proximity_least": 1.0 / self.range_cm if self.range_cm else 0.0,
@@ -216,19 +249,17 @@ class Ambient(Value):
 
     def to_kernel(self, body_height_cm: float) -> dict[str, Any]:
         """Its part of the kernels' `Robot`, on a body of this height."""
-        sensors, shifts = self.sensors, self.shifts_deg()
-        per_fan, thrown_back = round(self.rays) // len(shifts), self.reflectance * RAYS / self.rays
-        fans = [ray_weights(1, self.exponent, thrown_back, shift, per_fan) for shift in shifts]
+        sensors, many, own = self.sensors, round(self.rays), kernel_both("ambient", self)
+        weights = ray_weights(self.exponent, self.reflectance * RAYS / many, many)
         floor, dark = np.array(self.ranges()).reshape(-1, 2).T
+        columns = *own["ambient_place"].T, *own["ambient_facing"].T, np.full(len(sensors), math.inf)
         return {
-            **kernel_both("ambient", self),
-            "ambient_facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
-            "ambient_ray": rays([s.direction_deg + shift for s in sensors for shift in shifts], per_fan),
-            "ambient_weight": np.concatenate([np.zeros((0, LANES)), *fans * len(sensors)]),
+            **own,
+            "ambient_fan": fan(ray_angles(many), weights),
+            "ambient_rows": side_by_side(*columns),
             "ambient_gain": np.array([s.gain for s in sensors]),
             "ambient_floor": floor.copy(),
             "ambient_dark": dark.copy(),
-            "ambient_full": self._full(dark - floor),
             "ambient_knee": math.sqrt(self.curve_light),
             "light_linear": float(self.response == "linear"),
             "light_facing": self.facing,
@@ -241,19 +272,10 @@ class Ambient(Value):
             "light_clear": self._clear_share(body_height_cm),
         }
 
-    def _full(self, span: NDArray[np.float64]) -> NDArray[np.float64]:
-        """[A] the light, times the gain, from which on more changes nothing."""
-        return span if self.response == "linear" else np.full(len(self.sensors), math.inf)
-
     def _clear_share(self, body_height_cm: float) -> float:
         """The share of light's way from the lamp to a surface that is above the body's top."""
         top, rise = body_height_cm - self.sensor_height_cm, self.lamp_height_cm
         return 1.0 - top / rise if 0 < top < rise else 0.0
-
-    def shifts_deg(self) -> tuple[float, ...]:
-        """By how much each fan of at most ten rays is turned off the sensor's direction."""
-        fans = -(-round(self.rays) // RAYS)
-        return tuple((i - (fans - 1) / 2) * 180.0 / self.rays for i in range(fans))
 
     def ranges(self) -> tuple[tuple[float, float], ...]:
         """Floor and dark reading of each sensor, counts."""
