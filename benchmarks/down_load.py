@@ -12,7 +12,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from realitygap.controller.genotype import Layout, random_genotype
+from realitygap.control.genotype import Layout
+from realitygap.control.operators import random_genotype
 from realitygap.export import on_board, sizes, write_source
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study

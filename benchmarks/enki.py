@@ -20,7 +20,7 @@ from realitygap.tasks.task import Task
 from realitygap.transfer.rig import Rig
 from realitygap.values import Command, Pose
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 SIDE_CM, START = 100.0, Pose.from_degrees(50, 25, 90)
 

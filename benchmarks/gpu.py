@@ -11,7 +11,6 @@ what is left is the processor's part. That needs no GPU, only the package numba-
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile
@@ -22,7 +21,6 @@ from steps import random_networks
 
 from realitygap.errors import UsageError
 from realitygap.simulation import cuda
-from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.config import StudyConfig
 from realitygap.study.parts import Condition
@@ -42,8 +40,15 @@ print(time.perf_counter() - begun)
 """
 
 
-class Idle(Cores):
+class Idle:
     """An engine that takes no time: scores are numbers from 0 to 1 that follow from the streams."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        pass
+
+    def tracks(self, networks: object, streams: np.ndarray) -> object:
+        """Nobody asks for them."""
+        raise NotImplementedError
 
     def scores(self, networks: object, streams: np.ndarray) -> np.ndarray:
         """Scores of trials of N networks: streams [N, trials] → scores [N, trials]."""
@@ -82,7 +87,7 @@ def compared(name: str, trials: list[int], rounds: int) -> None:
     streams = batch_streams(7, ON_CORE).reshape(NETWORKS, -1)
     expected, slow = timed(core, networks, streams, rounds)
     off = np.abs(gpu.scores(networks, streams) - expected)
-    print(f"{name}: compiled in {' s, loaded in '.join(f'{spent:.1f}' for spent in compiling(name))} s")
+    print(f"{name}: compiled in {compiling(name):.1f} s")
     print(f"  one core: {slow / 1e6:.2f} million steps/s")
     for count in trials:
         streams = batch_streams(7, max(1, count // NETWORKS) * NETWORKS).reshape(NETWORKS, -1)
@@ -93,12 +98,9 @@ def compared(name: str, trials: list[int], rounds: int) -> None:
     print(f"  {same}; the others differ by at most {off.max():.0e}")
 
 
-def compiling(name: str) -> list[float]:
-    """How long a task's kernels take to compile, and then to load, in seconds."""
-    with tempfile.TemporaryDirectory() as cache:
-        place = {**os.environ, "NUMBA_CACHE_DIR": cache}
-        words = [sys.executable, "-c", COMPILE, name]
-        return [float(subprocess.check_output(words, env=place)) for _ in range(2)]
+def compiling(name: str) -> float:
+    """How long a task's kernels take to compile in a process of their own, in seconds."""
+    return float(subprocess.check_output([sys.executable, "-c", COMPILE, name]))
 
 
 def timed(simulation: Simulation, networks: object, streams: np.ndarray, rounds: int) -> tuple:

@@ -23,7 +23,7 @@ from realitygap.kernels.work import new_work
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import TASKS, load_task
 from realitygap.world.arena import Arena
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 PARTS = ("nothing", "sensing", "network", "wheels", "noise")
 NOTHING, SENSING, NETWORK, WHEELS, NOISE = range(5)
@@ -74,14 +74,14 @@ def run_with_twice(part, robot, arena, task, nets, which, level, streams, paths,
 def seconds_for(simulation: Simulation, nets: Networks) -> Callable[[int], float]:
     """A function that runs all trials with a part done twice and says how long it took."""
     which = np.arange(TRIALS) % len(nets.neurons)
-    work, twin = (new_work(simulation._cores.robot, simulation._cores.trial, nets) for _ in range(2))
-    paths = np.zeros((1, 6, simulation._cores.trial.steps))
+    work, twin = (new_work(simulation.robot, simulation.trial, nets) for _ in range(2))
+    paths = np.zeros((1, 6, simulation.trial.steps))
     streams = batch_streams(7, TRIALS)
 
     def seconds(part: int) -> float:
         start = time.perf_counter()
         run_with_twice(
-            part, simulation._cores.robot, simulation._cores.arena, simulation._cores.trial, nets, which, 1.0,
+            part, simulation.robot, simulation.arena, simulation.trial, nets, which, 1.0,
             streams, paths, work, twin,
         )  # fmt: skip
         return time.perf_counter() - start
@@ -183,7 +183,7 @@ def main() -> None:
         seconds = seconds_for(simulation, random_networks(simulation, stream=1995))
         seconds(NOTHING)  # warm-up: compiles
         rounds = np.array([[seconds(part) for part in range(len(PARTS))] for _ in range(ROUNDS)])
-        speed = TRIALS * simulation._cores.trial.steps / rounds[:, 0] / 1e6
+        speed = TRIALS * simulation.trial.steps / rounds[:, 0] / 1e6
         extra = np.median(rounds[:, 1:] / rounds[:, :1] - 1.0, axis=0)
         print(f"{name}: {np.median(speed):.2f} million steps/s (best {speed.max():.2f})")
         for part, share in zip(PARTS[1:], extra, strict=True):

@@ -22,7 +22,7 @@ from pathlib import Path
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.recordings.files import find_recordings, load_recording
 from realitygap.calibration.unit import calibrated_unit
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 FILE = Path(__file__).parents[1] / "docs" / "figures" / "model-errors.csv"
 SEED = 1995

@@ -30,7 +30,7 @@ from realitygap.study.materials import gather
 from realitygap.study.plan import plans
 from realitygap.study.run import Bench, advance, begin
 from realitygap.tasks import load_task
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 PHASES = {
     "recording": "recording and fitting unit 1", "fitting": "recording and fitting unit 1",

@@ -14,9 +14,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from realitygap.controller.handmade import braitenberg
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController
+from realitygap.control.genotype import Layout, braitenberg
+from realitygap.control.network import NetworkController
 from realitygap.robots.clock import Clock, RealClock, VirtualClock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.khepera.twin import TwinBody
@@ -30,7 +29,7 @@ from realitygap.twin.process import TwinProcess, start_twin
 from realitygap.twin.states import States
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 TASKS = {
     "obstacle-avoidance": ("proximity", Pose(x=25.0, y=25.0, heading=0.5)),

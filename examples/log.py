@@ -13,12 +13,12 @@ import numpy as np
 from mcap.reader import make_reader
 
 from realitygap import load_study
-from realitygap.export import lived, write_log
+from realitygap.export import trial_log, write_log
 
 
 def main(study: str, run: str, folder: Path) -> np.ndarray:
     """Write FOLDER/*.rrd, *.mcap and apart.png; return how far apart the robots were at each step, in cm."""
-    one = lived(load_study(study).run(run))
+    one = trial_log(load_study(study).run(run))
     print(f"rerun {write_log(one, 'rerun', folder)}")
     steps = {"/simulated/step": [], "/situated/step": []}
     with write_log(one, "mcap", folder).open("rb") as file:

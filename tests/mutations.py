@@ -37,13 +37,27 @@ ARENA = ("tests/world/test_arena.py",)
 ROOM = ("tests/calibration/test_room.py",)
 PHYSICS = ("tests/twin/test_physics.py",)
 
+GPU = ("tests/simulation/test_cuda.py",)
 FLEET = ("tests/study/test_fleet.py",)
+EVOLUTION = ("tests/evolution/test_algorithms.py",)
+SELECTION = ("tests/evolution/test_selection.py",)
 
 MUTATIONS = (
+    # a GPU
+    Mutation("simulation/cuda.py", "threads share a scratch",
+             "(*before(work, t), work[i][t])", "(*before(work, t), work[i][0])", GPU),
+    Mutation("simulation/cuda.py", "a later part of a batch has the streams of the first",
+             "which[some], flat[some])", "which[some], flat[: len(which[some])])", GPU),
     Mutation("study/fleet.py", "every child has two parents",
              "if crosses(rates.crossover, stream):", "if cell >= 0:", FLEET),
-    Mutation("study/fleet.py", "a random search keeps whatever comes",
-             "if kind != RANDOM or fitness[r, k] > living.fitness[r, cell]:", "if kind >= TORUS:", FLEET),
+    Mutation("study/fleet.py", "a fleet's numbers are the first's",
+             "living.numbers[at] = start + done + k", "living.numbers[at] = start + done", FLEET),
+    Mutation("evolution/ga.py", "a random search keeps whatever comes",
+             "return np.greater(fitness, residents)", "return np.isfinite(fitness)", EVOLUTION),
+    Mutation("evolution/ga.py", "the best mates as often as the others",
+             "a = sign * fitness[cells[i]]", "a = 0.0 * fitness[cells[j]]", SELECTION),
+    Mutation("evolution/ga.py", "the torus ends at its last column",
+             "(column + right + columns) % columns", "min(max(column + right, 0), columns - 1)", SELECTION),
     # kernels
     Mutation("kernels/infrared.py", "squares are not squared",
              "light = u * u + v * v\n", "light = u + v\n", INFRARED),

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController, decode
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Layout
+from realitygap.control.network import NetworkController, decode
+from realitygap.control.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.body import Body
@@ -27,7 +27,7 @@ from realitygap.twin.process import start_twin
 from realitygap.twin.server import BODY, STRANGER
 from realitygap.values import Command, Pose
 from realitygap.world.arena import Arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
 LAYOUT = Layout()

@@ -17,14 +17,14 @@ from click.testing import CliRunner
 from realitygap import load_profile, load_study, load_transfers
 from realitygap.calibration.recordings.files import STEP_COLUMNS, load_recording
 from realitygap.cli import realitygap
-from realitygap.controller.encoding import Encoding, controller_of, make_encoding
-from realitygap.controller.operators import Variation
+from realitygap.control.encoding import Encoding, controller_of, make_encoding
+from realitygap.control.operators import Variation
 from realitygap.errors import StudyInterruptedError, UsageError
 from realitygap.evolution import make_algorithm
+from realitygap.plugins import named_object
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.testing import AlgorithmContract, BodyContract, EncodingContract, PoolContract
-from realitygap.user_code import named_object
 from realitygap.values import Command, Readings
 from realitygap.work.progress import Progress
 from realitygap.work.workers import named_pool

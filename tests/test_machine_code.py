@@ -18,7 +18,7 @@ import pytest
 from realitygap.errors import UsageError
 from realitygap.kernels.jit import SHELF, entry_for, kernel
 from realitygap.machine_code import Shelf
-from realitygap.user_code import run_file
+from realitygap.plugins import run_file
 from tests.hostile.damage import KINDS, command, damage
 
 SMALL = """
@@ -270,7 +270,7 @@ def test_a_command_survives_a_damaged_entry_of_its_own(tmp_path: Path) -> None:
     cache, there = tmp_path / "cache", SHELF.place
     copy = shutil.copytree(there, cache / "realitygap" / there.name)
     copy.chmod(0o700)
-    for entry in cache.rglob("score-*.code"):
+    for entry in cache.rglob("avoidance-*.code"):
         damage(entry, "cut", entry, seed=1)
     out, err = command(cache)
     assert out == right and "was damaged" in err

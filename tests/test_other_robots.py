@@ -13,9 +13,9 @@ from realitygap.calibration.forward import proximity, scene_of
 from realitygap.calibration.judge import judge
 from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Layout
+from realitygap.control.network import decode
+from realitygap.control.operators import Variation
 from realitygap.correspondence.trials import trial_of
 from realitygap.errors import CalibrationError, ConfigError, RecordingError, TaskError
 from realitygap.simulation.body import SimulatedBody
@@ -24,7 +24,7 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.values import Command, Pose
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 from realitygap.world.sensors import UNLIT
 from tests.calibration.conftest import places
 from tests.calibration.written import save_recording

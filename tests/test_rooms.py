@@ -15,7 +15,7 @@ from tests.cli.test_start_up import HEAVY
 ROOMS = sorted(room.name for room in pkgutil.iter_modules(realitygap.__path__, "realitygap.") if room.ispkg)
 LIGHT = [
     "realitygap." + name
-    for name in ("calibration", "controller", "correspondence", "experiments", "film", "report", "robots",
+    for name in ("calibration", "control", "correspondence", "experiments", "film", "report", "robots",
                  "simulation", "study", "transfer", "twin")
 ]  # fmt: skip
 

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from realitygap import track as track_file
-from realitygap.controller import Layout, braitenberg, decode
+from realitygap.control import Layout, braitenberg, decode
 from realitygap.errors import StudyError, TrackError, UsageError
 from realitygap.kernels.params import STEP_S
 from realitygap.simulation import Simulation

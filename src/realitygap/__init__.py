@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING
 from realitygap.lazy import names_of
 
 if TYPE_CHECKING:
+    from realitygap.api import calibrate, evolve, merge, reproduce
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.calibration.unit import calibrated_unit
-    from realitygap.commands import calibrate, evolve, merge, reproduce
-    from realitygap.controller.genotype import Layout, load_genotype, random_genotype, save_genotype
-    from realitygap.controller.handmade import braitenberg, constant
-    from realitygap.controller.network import NetworkController, decode
-    from realitygap.controller.operators import Variation
+    from realitygap.control.genotype import Layout, braitenberg, constant, load_genotype, save_genotype
+    from realitygap.control.network import NetworkController, decode
+    from realitygap.control.operators import Variation, random_genotype
     from realitygap.correspondence.descriptors import describe
     from realitygap.correspondence.names import namer
     from realitygap.correspondence.reading import read_trials
@@ -45,8 +44,7 @@ if TYPE_CHECKING:
     from realitygap.transfer.score_rows import marks_of
     from realitygap.values import Command, Pose, Readings
     from realitygap.world.arena import Arena, load_arena
-    from realitygap.world.noise import noise_level
-    from realitygap.world.profile import Profile, load_profile
+    from realitygap.world.robot import Profile, load_profile, noise_level
 
 __version__ = "0.1.0"
 
@@ -61,13 +59,12 @@ __all__ = [
 ]  # fmt: skip
 
 _, __getattr__ = names_of(__name__, {
+    "api": "calibrate evolve merge reproduce",
     "calibration.recordings.files": "load_recording",
     "calibration.unit": "calibrated_unit",
-    "commands": "calibrate evolve merge reproduce",
-    "controller.genotype": "Layout load_genotype random_genotype save_genotype",
-    "controller.handmade": "braitenberg constant",
-    "controller.network": "NetworkController decode",
-    "controller.operators": "Variation",
+    "control.genotype": "Layout braitenberg constant load_genotype save_genotype",
+    "control.network": "NetworkController decode",
+    "control.operators": "Variation random_genotype",
     "correspondence.descriptors": "describe",
     "correspondence.names": "namer",
     "correspondence.reading": "read_trials",
@@ -91,8 +88,7 @@ _, __getattr__ = names_of(__name__, {
     "transfer.score_rows": "marks_of",
     "values": "Command Pose Readings",
     "world.arena": "Arena load_arena",
-    "world.noise": "noise_level",
-    "world.profile": "Profile load_profile",
+    "world.robot": "Profile load_profile noise_level",
 })  # fmt: skip
 
 

@@ -28,7 +28,8 @@ from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
-from realitygap import linking, temporary, whole
+from realitygap import linking, temporary
+from realitygap.files import atomic_write, written_together
 from realitygap.outside import frozen
 
 __all__ = ["Shelf"]
@@ -125,15 +126,15 @@ class Shelf:
         data = _digest(name, content) + content
         if self.folder is not None:
             try:
-                with whole.together(self.folder):  # not to the disk at once: a digest tells what is cut
-                    whole.write(self.folder / name, data)
+                with written_together(self.folder):  # not to the disk at once: a digest tells what is cut
+                    atomic_write(self.folder / name, data)
                 return
             except OSError as error:
                 self._why = error.strerror or str(error)
         spare = self._spare(make=True)
         if spare is not None:
             with suppress(OSError):
-                whole.write(spare / name, data)
+                atomic_write(spare / name, data)
 
     @cached_property
     def place(self) -> Path:

@@ -16,10 +16,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from realitygap import whole
 from realitygap.errors import TrackError, UsageError
-from realitygap.table import Table, read_table
-from realitygap.text import to_csv
+from realitygap.files import Table, atomic_write, read_table, to_csv
 from realitygap.values import Floats, Pose, shown
 
 __all__ = ["COLUMNS", "Track", "Trajectory", "read_track", "read_tracks", "settled"]
@@ -177,7 +175,7 @@ class Track:
         for found, t, x, y, heading, *quality in zip(self.found, *columns.values(), strict=True):
             told = (f"{x:{place}}", f"{y:{place}}", f"{heading:{turn}}") if found else ("", "", "")
             rows.append((f"{t:{time}}", *told, *(f"{q:.3f}" if found else "0" for q in quality)))
-        whole.write(path, to_csv(rows))
+        atomic_write(path, to_csv(rows))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,7 +33,7 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Start, Task
 from realitygap.values import Command, Pose, Readings
 from realitygap.world.arena import Arena, load_arena
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 KINDS = {"obstacle-avoidance": AVOIDERS, "light-seeking": SEEKERS}
 """The paper's kinds of behaviour, by task (tables 1 and 2)."""

@@ -27,7 +27,7 @@ from realitygap.correspondence.trials import Trial
 from realitygap.correspondence.words import ANOTHER
 from realitygap.report.scores import PAPER_ROWS
 from realitygap.tasks.load import load_task
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 STARTS = 12
 _PRINTED = [row for levels in PAPER_ROWS.values() for rows in levels.values() for row in rows]

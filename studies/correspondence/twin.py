@@ -25,7 +25,7 @@ from realitygap.robots.loop import drive
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.values import Command, Readings
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 UNITS = (1, 2)
 DRAWS = 20

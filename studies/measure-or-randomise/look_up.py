@@ -10,14 +10,14 @@ import sys
 
 import numpy as np
 
+from realitygap.api import load_recordings
 from realitygap.calibration.calibrate import base_of, calibrate
 from realitygap.calibration.channel_fit import ChannelFit
 from realitygap.calibration.lookup import rings, without
 from realitygap.calibration.misfit import Yardstick, misfits
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows
-from realitygap.cli.calibrate import load_all
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 FORMS = "paper,individual,extended,measured"
 
@@ -29,7 +29,9 @@ def main(words: list[str]) -> None:
         forms, words = words[1], words[2:]
     for place in words:
         thing = {"wall.sam": "wall", "light.sam": "lamp"}.get(place.rpartition("/")[2])
-        found = [r for r in load_all([place], [thing] if thing else []) if isinstance(r, SensorRecording)]
+        found = [
+            r for r in load_recordings([place], [thing] if thing else []) if isinstance(r, SensorRecording)
+        ]
         base = load_profile(base_of(found))
         print(f"{place.rpartition('/')[2]}\n| form | held out, counts | over noise |\n|---|---|---|")
         for form in forms.split(","):

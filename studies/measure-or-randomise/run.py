@@ -23,10 +23,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from common import told
 
-from realitygap import whole
 from realitygap.calibration.unit import calibrated_again, calibrated_unit
 from realitygap.calibration.unit_folder import PROFILE
-from realitygap.controller.encoding import controller_of
+from realitygap.control.encoding import controller_of
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import compare
 from realitygap.correspondence.setting import setting_of
@@ -46,6 +45,7 @@ from realitygap.experiments.experiment import (
     session,
     write_table,
 )
+from realitygap.files import atomic_write, to_toml
 from realitygap.robots.address import Address
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
@@ -56,14 +56,13 @@ from realitygap.study.plan import named
 from realitygap.study.versions import versions
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
-from realitygap.toml import to_toml
 from realitygap.track import Track
 from realitygap.transfer.paths import score
 from realitygap.transfer.rig import Rig
 from realitygap.values import Floats, Pose
 from realitygap.work.pool import Setup, Tell
 from realitygap.work.workers import Workers, far, near
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 TASK = "obstacle-avoidance"
 PARTS = ("wheels", "infrared-wall", "infrared-cylinder")
@@ -398,7 +397,7 @@ def write_results(made: Experiment) -> Path:
         **config.to_dict(), "spread": made.spread()._asdict(), "controllers": len(order),
         "seconds": Seconds(made.folder).read(), "versions": versions(),
     }  # fmt: skip
-    whole.write(place / config.FACTS, to_toml(facts))
+    atomic_write(place / config.FACTS, to_toml(facts))
     return place
 
 

@@ -19,7 +19,7 @@ from realitygap.calibration.forward import (
     wheel_speeds,
 )
 from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 from tests.calibration.tables import write_tables
 
 DISTANCES = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0])

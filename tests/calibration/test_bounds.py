@@ -16,8 +16,8 @@ from realitygap.calibration.infrared import INFRARED_FORMS, infrared_frees, with
 from realitygap.calibration.light import LIGHT_FORMS, light_frees, with_light
 from realitygap.calibration.wheels.fit import _with
 from realitygap.world.arena import load_arena
-from realitygap.world.files import build
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
+from realitygap.world.toml import build
 
 PAPER = load_profile("paper")
 TIGHT = replace(PAPER, body=replace(PAPER.body, radius_cm=2.6))

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.calibration.written import save_recording
 
 

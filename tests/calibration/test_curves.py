@@ -9,7 +9,7 @@ from realitygap.calibration.channels import contradicted
 from realitygap.calibration.curves import Curves, Seen, on_curves, smoothness
 from realitygap.calibration.misfit import contradiction
 from realitygap.calibration.rows import Rows, saturation
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
 

@@ -25,7 +25,7 @@ from realitygap.calibration.rows import BESIDE_DEG, Rows, repeated_noise
 from realitygap.calibration.share import thinned
 from realitygap.errors import RecordingError
 from realitygap.robots.address import Address
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 from tests.calibration.test_measured import HALF, odd
 from tests.calibration.written import save_recording
 

@@ -23,8 +23,7 @@ from realitygap.calibration.wheels.odometry import measure_odometry
 from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
 from realitygap.report.calibration_figures import SHOWN, curves_figure, look_of, maps_figure
-from realitygap.world.profile import load_profile
-from realitygap.world.provenance import Constant
+from realitygap.world.robot import Constant, load_profile
 from tests.calibration.tables import DIRTY, TURN_DEG
 from tests.calibration.written import save_recording
 from tests.kernels.test_measured import measured

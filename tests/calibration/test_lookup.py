@@ -20,8 +20,8 @@ from realitygap.kernels.infrared import infrared
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.world.arena import Cylinder
-from realitygap.world.look_up import LookUp
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
+from realitygap.world.sensors import LookUp
 from tests.kernels.scenes import work_for
 
 PAPER = load_profile("paper")

@@ -21,7 +21,7 @@ from realitygap.calibration.recordings.files import find_recordings, load_record
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.calibration.rows import Rows, repeated_noise
 from realitygap.errors import RecordingError
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 from tests.calibration.conftest import places
 
 PAPER = load_profile("paper")

@@ -9,7 +9,7 @@ import pytest
 from realitygap.calibration.channel_fit import doubts
 from realitygap.calibration.judge import judge
 from realitygap.calibration.misfit import Yardstick, misfits
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 
 @pytest.mark.parametrize("off", [0.0, 10.0])

@@ -42,8 +42,7 @@ from realitygap.robots.enki import EnkiBody
 from realitygap.robots.khepera.body import KheperaBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.body import Body
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import Body, load_profile
 from tests.calibration.written import save_recording
 from tests.kernels.reference.outline import clearance
 from tests.kernels.test_outline import OUTLINES

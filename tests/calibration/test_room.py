@@ -20,8 +20,8 @@ from realitygap.calibration.rows import FOLDS
 from realitygap.calibration.search import search
 from realitygap.calibration.unit_folder import PARTS
 from realitygap.errors import CalibrationError
-from realitygap.toml import to_toml
-from realitygap.world.profile import load_profile
+from realitygap.files import to_toml
+from realitygap.world.robot import load_profile
 from tests.calibration.written import save_recording
 
 PAPER = load_profile("paper")

@@ -13,9 +13,8 @@ from realitygap.calibration import unit as module
 from realitygap.calibration.unit import calibrated_again, calibrated_robot, calibrated_unit
 from realitygap.calibration.unit_folder import PARTS
 from realitygap.errors import CalibrationError, StudyError, UsageError
-from realitygap.work.pool import Setup
-from realitygap.work.processes import Processes
-from realitygap.world.profile import load_profile
+from realitygap.work.pool import Processes, Setup
+from realitygap.world.robot import load_profile
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SETTINGS = {"unit": 11, "noise": 1.0, "seed": 3}

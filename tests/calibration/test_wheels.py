@@ -13,7 +13,7 @@ from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.wheels.fit import fit_wheels
 from realitygap.calibration.wheels.intervals import intervals
 from realitygap.errors import CalibrationError
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.calibration.written import save_recording
 
 PAPER = load_profile("paper")

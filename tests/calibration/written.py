@@ -20,7 +20,7 @@ from realitygap.calibration.recordings.files import (
     WHEEL_COUNTS,
 )
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording
-from realitygap.toml import to_toml
+from realitygap.files import to_toml
 
 __all__ = ["save_recording"]
 

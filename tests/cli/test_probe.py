@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 
 def test_it_reads_as_often_as_it_is_asked(json_of):

@@ -11,7 +11,7 @@ import pytest
 
 from realitygap.cli.failure import DEBUG, StoppedError, guarded
 from realitygap.errors import RealityGapError, StudyError
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 SIMULATE = ("simulate", "avoidance", "--controller", "constant:1,1", "--pose", 25, 25, 0)
 PROBE = ("probe", "avoidance", "--pose", 25, 25, 0)

@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 WORDS = ("--runs", 1, "--evaluations", 66, "--workers", 1, "--no-transfer")
 

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 from tests.conftest import draw_nothing
 
+from realitygap.api import evolve, merge
 from realitygap.cli import realitygap
-from realitygap.commands import evolve, merge
 from realitygap.errors import ConfigError, StudyError, UsageError
 
 SMALL = (

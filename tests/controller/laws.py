@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Layout
+from realitygap.control.operators import Variation
 
 MANY = 1500 if numba.config.DISABLE_JIT else 20000
 SURE = 1e-5

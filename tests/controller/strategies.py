@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from realitygap.controller.layout import Layout
+from realitygap.control.genotype import Layout
 
 SMALL = Layout(inputs=3, slots=9, links=4)
 """A layout small enough for links to meet, and not the default one."""

@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from realitygap.controller.genotype import (
+from realitygap.control.genotype import (
     Layout,
+    constant,
     from_text,
     load_genotype,
     parse_text,
-    random_genotype,
     save_genotype,
     to_text,
 )
-from realitygap.controller.handmade import constant
-from realitygap.controller.network import NetworkController
-from realitygap.controller.operators import Variation
+from realitygap.control.network import NetworkController
+from realitygap.control.operators import Variation, random_genotype
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.values import Command
 from tests.controller.strategies import SMALL, genotypes

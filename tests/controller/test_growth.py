@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import neurons
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Layout
+from realitygap.control.network import neurons
+from realitygap.control.operators import Variation
 from tests.controller.laws import (
     MANY,
     STILL,

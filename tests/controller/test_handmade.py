@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.controller.genotype import from_text, save_genotype, to_text
-from realitygap.controller.handmade import braitenberg, constant, controller_genes
-from realitygap.controller.layout import Layout, check_genes
-from realitygap.controller.network import NetworkController
+from realitygap.control.genotype import (
+    Layout,
+    braitenberg,
+    check_genes,
+    constant,
+    controller_genes,
+    from_text,
+    save_genotype,
+    to_text,
+)
+from realitygap.control.network import NetworkController
 from realitygap.errors import UsageError
 
 OPEN = [-10] * 8

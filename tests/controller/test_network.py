@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from realitygap.controller.layout import FIRST_LINK, Layout
-from realitygap.controller.network import NetworkController, decode, neurons
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import FIRST_LINK, Layout
+from realitygap.control.network import NetworkController, decode, neurons
+from realitygap.control.operators import Variation
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.params import Networks
 from tests.controller.reference import ReferenceNetwork

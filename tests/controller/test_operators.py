@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Layout
+from realitygap.control.operators import Variation
 from realitygap.errors import GenotypeError, UsageError
 from tests.controller.laws import (
     MANY,

@@ -9,10 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
-from realitygap.controller.handmade import braitenberg, load_network
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController
-from realitygap.controller.own import named_controller, own_controller
+from realitygap.control.genotype import Layout, braitenberg, load_network
+from realitygap.control.network import NetworkController, named_controller, own_controller
 from realitygap.errors import GenotypeError, UsageError
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

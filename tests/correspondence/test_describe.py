@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from realitygap import Layout, Simulation, decode, describe, load_profile, load_task
-from realitygap.controller.handmade import braitenberg, constant
+from realitygap.control.genotype import braitenberg, constant
 from realitygap.correspondence.catalogue import chosen
 from realitygap.correspondence.descriptors import describe_all
 from realitygap.correspondence.trials import Trial

@@ -13,7 +13,7 @@ from realitygap.correspondence.reading import read_transfer
 from realitygap.correspondence.setting import fits
 from realitygap.correspondence.trials import STEP_S, Trial
 from realitygap.tasks.load import load_task
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.correspondence.tracks import mirrored
 
 

@@ -8,9 +8,8 @@ import pytest
 from studies.correspondence.kinds import Behaviour
 from studies.correspondence.ladders import against, behaviours, climb, ladders_of, lives, setting_for
 
-from realitygap.controller.handmade import braitenberg
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout, braitenberg
+from realitygap.control.network import decode
 from realitygap.correspondence.catalogue import chosen
 from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.judging import read_marks
@@ -24,7 +23,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.track import Track
 from realitygap.transfer import paths
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.correspondence.tracks import half_round, in_mirror, mirrored, turned
 
 EACH = pytest.mark.parametrize("robot", behaviours(0)[1::4], ids=lambda b: f"{b.task[:5]} {b.kind}")

@@ -13,9 +13,8 @@ gymnasium = pytest.importorskip("gymnasium", reason="no gymnasium here: pip inst
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
-from realitygap.controller.handmade import braitenberg  # noqa: E402
-from realitygap.controller.layout import Layout  # noqa: E402
-from realitygap.controller.network import NetworkController, decode  # noqa: E402
+from realitygap.control.genotype import Layout, braitenberg  # noqa: E402
+from realitygap.control.network import NetworkController, decode  # noqa: E402
 from realitygap.environment import RobotEnv, RobotVectorEnv  # noqa: E402
 from realitygap.errors import RealityGapError, TaskError, UsageError  # noqa: E402
 from realitygap.kernels.rng import substream  # noqa: E402
@@ -23,7 +22,7 @@ from realitygap.problem import Problem  # noqa: E402
 from realitygap.simulation.simulation import Simulation  # noqa: E402
 from realitygap.tasks.load import load_task  # noqa: E402
 from realitygap.world.arena import load_arena  # noqa: E402
-from realitygap.world.profile import load_profile  # noqa: E402
+from realitygap.world.robot import load_profile  # noqa: E402
 
 AVOID, SEEK = "realitygap/ObstacleAvoidance-v0", "realitygap/LightSeeking-v0"
 STEPS = 200

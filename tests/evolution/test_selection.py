@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from realitygap.evolution import DistributedGA
-from realitygap.evolution.selection import panmictic_event, torus_event
+from realitygap.evolution.ga import EVERYBODY, select
 from tests.evolution.toy import Toy, advance
 
 MANY = 25000 if numba.config.DISABLE_JIT else 60000
@@ -41,13 +41,15 @@ FITNESS = {
 }
 
 
+def draws(fitness: np.ndarray, grid: int, n: int = MANY) -> np.ndarray:
+    """(cell, mate, replaced) of the next evaluation of n runs with the same fitness."""
+    return select(np.tile(fitness, (n, 1)), grid, np.arange(n, dtype=np.uint64), len(fitness))
+
+
 @pytest.fixture(scope="module")
 def grid():
-    """Draws of (cell, mate, replaced) on a grid of 5 × 6, for each kind of fitness."""
-    return {
-        name: np.array([torus_event(fitness, 5, 6, np.uint64(k)) for k in range(MANY)])
-        for name, fitness in FITNESS.items()
-    }
+    """Draws on a grid of 5 × 6, for each kind of fitness."""
+    return {name: draws(fitness, 5) for name, fitness in FITNESS.items()}
 
 
 def places(drawn: np.ndarray, cells_of) -> np.ndarray:
@@ -103,7 +105,7 @@ def test_wrong_laws_are_found_out(grid):
 def test_ranks_within_a_neighbourhood():
     """Around one cell the best of eight is the mate eight times as often as the worst."""
     fitness = FITNESS["all different"]
-    drawn = np.array([torus_event(fitness, 5, 6, np.uint64(k)) for k in range(MANY)])
+    drawn = draws(fitness, 5)
     here = drawn[drawn[:, 0] == 8]
     law = by_rank(fitness[AROUND[8]])
     assert law.max() == pytest.approx(8 * law.min())
@@ -115,7 +117,7 @@ def test_ranks_within_a_neighbourhood():
 def test_panmictic_ranks(name):
     """Without the grid the mate is drawn from all others and the replaced cell from all."""
     fitness = FITNESS[name][:12]
-    drawn = np.array([panmictic_event(fitness, np.uint64(k)) for k in range(MANY)])
+    drawn = draws(fitness, EVERYBODY)
     assert (drawn[:, 0] != drawn[:, 1]).all() and fits(drawn[:, 0], np.full(12, 1 / 12))
     expected = np.zeros(12)
     for cell in range(12):
@@ -127,8 +129,7 @@ def test_panmictic_ranks(name):
 
 def test_the_smallest_population():
     """Two individuals mate with each other."""
-    for k in range(50):
-        cell, mate, replaced = panmictic_event(np.array([1.0, 2.0]), np.uint64(k))
+    for cell, mate, replaced in draws(np.array([1.0, 2.0]), EVERYBODY, 50):
         assert {cell, mate} == {0, 1} and replaced in (0, 1)
 
 

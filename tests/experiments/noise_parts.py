@@ -11,11 +11,10 @@ from typing import Any
 
 import pytest
 
-from realitygap.controller.network import decode
+from realitygap.control.network import decode
 from realitygap.experiments.noise import NoiseConfig
 from realitygap.simulation.simulation import Simulation
-from realitygap.world.profile import Profile, load_profile
-from realitygap.world.provenance import FittedChannel, Provenance
+from realitygap.world.robot import FittedChannel, Profile, Provenance, load_profile
 
 TABLES = ("controllers.csv", "cells.csv", "calibration.csv")
 

@@ -17,7 +17,7 @@ from realitygap.report.experiment import build_noise_page, noise_summary
 from realitygap.study.merge import all_shards
 from realitygap.work.pool import Here
 from realitygap.work.shard import Mark, Shard, read_mark
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.experiments.noise_parts import quick_units, tables, tiny
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -13,17 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.controller.genotype import random_genotype
-from realitygap.controller.handmade import constant
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout, constant
+from realitygap.control.network import decode
+from realitygap.control.operators import random_genotype
 from realitygap.errors import StudyError, UsageError
-from realitygap.export.onboard import OnBoard, on_board
-from realitygap.export.source import sizes, write_source
+from realitygap.export.onboard import OnBoard, on_board, sizes, write_source
 from realitygap.study.load import Study
 from realitygap.study.parts import Condition
 from realitygap.study.runner import run_study
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.kernels import calls
 from tests.kernels.scenes import PAPER, work_for
 from tests.study.helpers import small

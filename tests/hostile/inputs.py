@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 __all__ = ["KINDS", "Kind"]
 
@@ -140,9 +140,7 @@ def _camera() -> bytes:
 
 
 def _genotype() -> bytes:
-    from realitygap.controller.genotype import to_text
-    from realitygap.controller.handmade import braitenberg
-    from realitygap.controller.layout import Layout
+    from realitygap.control.genotype import Layout, braitenberg, to_text
 
     return to_text(braitenberg("proximity", Layout()), Layout()).encode()
 
@@ -261,7 +259,7 @@ def _kinds() -> dict[str, Kind]:
     plain = load_arena("obstacle-avoidance").to_toml().encode()
     wall, drive = {"recording.toml": _FACTS}, {"recording.toml": b'robot = "twin"\n'}
     study = b'seed = 3\nruns = 2\nevaluations = 10\n[[conditions]]\ntask = "light"\nnoise = "double"\n'
-    noise = b"levels = [0.0, 1.0]\nruns = 2\nseed_sets = 1\nunits = 1\nstarts = 2\nevaluations = 10\n"
+    noise = b"levels = [0.0, 1.0]\nruns = 2\nunits = 1\nstarts = 2\nevaluations = 10\n"
     film, here = {"film.mp4": _film(), "camera.json": _camera()}, "transfer/twin-1/one/start-1/"
     trial = {
         here + name: data

@@ -17,8 +17,8 @@ from itertools import islice
 
 import numpy as np
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout
+from realitygap.control.network import decode
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.track import Trajectory

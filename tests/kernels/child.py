@@ -17,17 +17,16 @@ from pathlib import Path
 import numpy as np
 from numba.core import event
 
-from realitygap.controller.handmade import braitenberg
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Layout, braitenberg
+from realitygap.control.network import decode
+from realitygap.control.operators import Variation
 from realitygap.kernels.jit import SHELF
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.ahead import STAGES, Ahead
 from realitygap.tasks import load_task
 from realitygap.twin.body import TwinBody
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 PROJECT = Path(__file__).parents[2]
 

@@ -12,7 +12,7 @@ from realitygap.kernels.params import Arena as KernelArena
 from realitygap.kernels.params import Networks, Trial, World
 from realitygap.kernels.work import MOTOR_NOISE, new_work, noise_blocks
 from realitygap.world.arena import Arena, Cylinder, Lamp, load_arena
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
 from tests.kernels.reference.rays import overlap
 

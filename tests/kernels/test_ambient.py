@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from realitygap.world.arena import Cylinder, Lamp
-from realitygap.world.body import Body
+from realitygap.world.robot import Body
 from tests.kernels.reference import sensors as reference
 from tests.kernels.reference.rays import overlap, place_and_direction
 from tests.kernels.scenes import EMPTY, PAPER, RADIUS, SEEKING, agree, random_pose, random_scenes, readings

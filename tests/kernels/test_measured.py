@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 from tests.kernels.calls import read_often
 from tests.kernels.reference import sensors as reference
 from tests.kernels.scenes import PAPER, SEEKING, agree, random_scenes, readings
@@ -116,7 +116,7 @@ def test_readings_below_the_dead_zone_are_zero():
 
 def test_a_profile_keeps_its_tables(tmp_path):
     """A measured robot's file reads back to an equal value."""
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     robot = measured(PAPER, np.random.default_rng(8))
     (tmp_path / "robot.toml").write_text(robot.to_toml())

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout
+from realitygap.control.network import decode
 from realitygap.kernels.params import Networks
 from tests.controller.reference import ReferenceNetwork
 from tests.controller.strategies import SMALL, drives, genotypes

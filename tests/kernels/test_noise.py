@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from realitygap.controller.handmade import constant
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout, constant
+from realitygap.control.network import decode
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.values import Pose

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from realitygap.kernels.contact import settle as settle_disc
 from realitygap.kernels.outline import body_clear
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.body import Body
+from realitygap.world.robot import Body
 from tests.kernels.calls import slide_outline
 from tests.kernels.reference import outline as slow
 from tests.kernels.reference.rays import overlap

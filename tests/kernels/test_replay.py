@@ -7,7 +7,7 @@ import pytest
 
 from realitygap.kernels.infrared import replay
 from realitygap.world.arena import Arena
-from realitygap.world.look_up import LookUp
+from realitygap.world.sensors import LookUp
 from tests.kernels.reference import look_up as reference
 from tests.kernels.scenes import RADIUS, full_room, random_arena, random_pose
 

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.controller.handmade import braitenberg, constant
-from realitygap.controller.layout import FIRST_LINK, Layout
-from realitygap.controller.network import decode
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import FIRST_LINK, Layout, braitenberg, constant
+from realitygap.control.network import decode
+from realitygap.control.operators import Variation
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task

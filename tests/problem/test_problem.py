@@ -7,8 +7,9 @@ import pytest
 from numba import njit
 
 import realitygap
-from realitygap.controller.network import decode
+from realitygap.control.network import decode
 from realitygap.errors import UsageError
+from realitygap.plugins import run_file
 from realitygap.problem import Problem
 from realitygap.problem.controllers import WeightedController, form_of
 from realitygap.robots.loop import drive
@@ -17,7 +18,6 @@ from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks.load import load_task
 from realitygap.transfer.paths import of_poses
 from realitygap.transfer.paths import score as of_track
-from realitygap.user_code import run_file
 
 RANDOM = np.random.default_rng(5)
 FEED, ELMAN = "feed-forward:3", "recurrent:2"
@@ -260,3 +260,9 @@ def test_refusals(problem):
             Problem("obstacle-avoidance", workers=workers)
     with pytest.raises(UsageError, match="solution: expected one"):
         problem.controller(np.zeros((2, problem.dim)))
+
+
+def test_workers_are_the_cores_that_the_process_may_use(monkeypatch):
+    """Not all that the machine has."""
+    monkeypatch.setattr("realitygap.problem.problem.cores", lambda: 3)
+    assert Problem("avoidance").workers == 3

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from realitygap.files import to_toml
 from realitygap.study.load import Run, Study
-from realitygap.toml import to_toml
 
 STEPS = 40
 COLUMNS = "t_s,x_cm,y_cm,heading_deg"

@@ -19,7 +19,7 @@ from realitygap.report.page import Figures, Picture
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import EVOLVING, Progress, run_study
-from realitygap.world.noise import NOISE_LEVELS
+from realitygap.world.robot import NOISE_LEVELS
 from tests.report.scenes import draw_only
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from realitygap import load_transfers
 from realitygap.cli import realitygap
 from realitygap.errors import StudyError
-from realitygap.export import lived, write_log
+from realitygap.export import trial_log, write_log
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -19,7 +19,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 @pytest.fixture(scope="module")
 def one(played):
     """The first trial of the first run."""
-    return lived(played.run(1), robot="twin-1", start=2)
+    return trial_log(played.run(1), robot="twin-1", start=2)
 
 
 def test_a_trial_is_what_is_on_file(one, played):
@@ -107,7 +107,7 @@ def test_the_command_writes_it_and_says_what_there_is(played, tmp_path):
     refused = CliRunner().invoke(realitygap, [*words, "--start", "9"])
     assert refused.exit_code == 2 and "champion on twin-1 from start 2" in refused.output
     with pytest.raises(StudyError, match=r"there are: none\. Make one with `realitygap transfer`"):
-        lived(played.run(3))
+        trial_log(played.run(3))
 
 
 def test_the_example_reads_its_log_back(played, tmp_path, monkeypatch):

@@ -22,7 +22,7 @@ from realitygap.report.statistics import difference, mean_of, running_best, stud
 from realitygap.report.words import robot_words
 from realitygap.tasks import load_task
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.report.scenes import LEVELS, circle
 
 PROFILE = load_profile("paper")

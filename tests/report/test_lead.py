@@ -20,8 +20,7 @@ from realitygap.study.runner import run_study
 from realitygap.study.versions import versions
 from realitygap.tasks import load_task
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import Profile, load_profile
-from realitygap.world.provenance import FittedChannel, Provenance
+from realitygap.world.robot import FittedChannel, Profile, Provenance, load_profile
 from tests.conftest import draw_nothing
 from tests.report.situations import write_transfer
 

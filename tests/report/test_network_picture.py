@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.patches import Circle
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import neurons
+from realitygap.control.genotype import Layout
+from realitygap.control.network import neurons
 from realitygap.report.network import network_figure
 from realitygap.report.style import styled
 from realitygap.report.wiring import bend_links, label_places, place_neurons, read_wiring
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.report.scenes import random_genes
 
 PROFILE = load_profile("paper")

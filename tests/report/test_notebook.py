@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import realitygap
 from realitygap.errors import StudyError
-from realitygap.world.files import shipped
+from realitygap.world.toml import shipped
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "notebook.py"
 SMALL = "evaluations=64, workers=1, settings={'task.seconds': 2, 'fresh_trials': 2, 'retest_trials': 2}"

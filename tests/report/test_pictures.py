@@ -12,7 +12,7 @@ from realitygap.errors import UsageError
 from realitygap.report import save_animation, save_picture
 from realitygap.report.pictures import frames
 from realitygap.tasks import load_task
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.report.scenes import circle
 
 PROFILE = load_profile("paper")

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController
-from realitygap.export import trial
+from realitygap.control.genotype import Layout
+from realitygap.control.network import NetworkController
+from realitygap.export import logs as trial
 from realitygap.report import player
 from realitygap.report.build import scripts
 from realitygap.report.gather import Paths, individual, parts_of

@@ -26,7 +26,7 @@ from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.track import Track
 from realitygap.transfer.chosen import shown_runs
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.report.scenes import draw_only
 from tests.report.situations import STEPS, write_transfer
 

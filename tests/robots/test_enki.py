@@ -19,10 +19,10 @@ from realitygap.robots.address import Address, StandIn
 from realitygap.robots.body import Body, Filmed, Placing, Seen
 from realitygap.robots.clock import Clock
 from realitygap.robots.enki import EnkiBody
-from realitygap.testing.body import BodyContract
+from realitygap.testing import BodyContract
 from realitygap.twin.states import States
 from realitygap.values import Command, Pose
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 FLOOR = {"size_cm": [100.0, 100.0]}
 ONE = {"size_cm": [60.0, 60.0], "cylinders": [[40.0, 30.0, 4.0]], "walls": [[10.0, 50.0, 30.0, 50.0]]}

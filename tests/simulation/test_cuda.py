@@ -24,18 +24,16 @@ import pytest
 from benchmarks.steps import random_networks
 from scipy.stats import ks_2samp
 
-from realitygap.controller.handmade import braitenberg
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout, braitenberg
+from realitygap.control.network import decode
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.work import new_work, quiet
-from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.testing import EngineContract
-from realitygap.world.look_up import LookUp
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
+from realitygap.world.sensors import LookUp
 from tests.kernels import calls
 from tests.study.helpers import content, small
 
@@ -45,7 +43,6 @@ if importlib.util.find_spec("numba_cuda") is None:
 from numba import cuda
 
 from realitygap.simulation import cuda as engine
-from realitygap.simulation import cuda_code, cuda_kernels
 
 HERE = pytest.mark.skipif(not cuda.is_available(), reason="no NVIDIA GPU here")
 PAPER = load_profile("paper")
@@ -65,7 +62,7 @@ OWN = """
 """
 
 
-@pytest.fixture(autouse=cuda_code.SIMULATED)
+@pytest.fixture(autouse=engine.SIMULATED)
 def patient_simulator(monkeypatch):
     """The simulator waits for its threads. Left alone it polls each of them in a busy loop."""
     from numba.cuda.simulator.kernel import BlockThread
@@ -75,24 +72,23 @@ def patient_simulator(monkeypatch):
 
 @HERE
 class TestCuda(EngineContract):
-    exact = cuda_code.SIMULATED
+    exact = engine.SIMULATED
 
     def made(self, task, profile, noise):
-        return engine.Cuda(task, profile, noise)
+        return Simulation(task, profile, noise, engine="cuda")
 
 
-def scores(make, profile, seed: int, trials: int, name: str = "obstacle-avoidance") -> np.ndarray:
+def scores(engine, profile, seed: int, trials: int, name: str = "obstacle-avoidance") -> np.ndarray:
     """Of a Braitenberg vehicle at a task."""
-    task = load_task(name).of(profile)
-    nets = decode(braitenberg(task.feeds, Layout()), Layout())
-    return make(task, profile, 1.0).scores(nets, batch_streams(seed, trials)[np.newaxis])[0]
+    nets = decode(braitenberg(load_task(name).feeds, Layout()), Layout())
+    return Simulation(name, profile, engine=engine).scores(nets, batch_streams(seed, trials)[np.newaxis])[0]
 
 
 @HERE
 def test_constants_drawn_for_each_trial_are_refused():
     """All trials of a launch share one robot: said before anything is begun."""
     with pytest.raises(UsageError, match=r"engine cuda: expected a task without a spread.* with spread 0.1"):
-        engine.Cuda(load_task("avoidance").under(0.1), PAPER, 1.0)
+        Simulation(load_task("avoidance").under(0.1), PAPER, engine="cuda")
 
 
 @HERE
@@ -102,7 +98,7 @@ def test_a_look_up_table_is_refused():
     table = LookUp(nothing=(0.0,) * 8, wall_cm=(1.0, 2.0), wall=rows, cylinder_cm=(1.0, 2.0), cylinder=rows)
     profile = replace(PAPER, infrared=replace(PAPER.infrared, table=table))
     with pytest.raises(UsageError, match=r"engine cuda: expected a profile without a look-up table"):
-        engine.Cuda(load_task("avoidance"), profile, 1.0)
+        Simulation("avoidance", profile, engine="cuda")
 
 
 @HERE
@@ -110,12 +106,12 @@ def test_a_look_up_table_is_refused():
 def test_scores_are_distributed_as_the_processors(name):
     """Trials on other streams: the same law; wheels a twentieth (a quarter) farther apart are found out."""
     trials, share = (10_000, 1.05)
-    if cuda_code.SIMULATED:  # where obstacles are met, far fewer tell
+    if engine.SIMULATED:  # where obstacles are met, far fewer tell
         trials, share = (150 if name == "obstacle-avoidance" else 1000, 1.25)
     wrong = replace(PAPER, wheels=replace(PAPER.wheels, track_cm=share * PAPER.wheels.track_cm))
-    expected = scores(Cores, PAPER, 1, trials, name)
-    assert ks_2samp(scores(engine.Cuda, PAPER, 2, trials, name), expected).pvalue > NEVER
-    assert ks_2samp(scores(engine.Cuda, wrong, 2, trials, name), expected).pvalue < NEVER
+    expected = scores("cores", PAPER, 1, trials, name)
+    assert ks_2samp(scores("cuda", PAPER, 2, trials, name), expected).pvalue > NEVER
+    assert ks_2samp(scores("cuda", wrong, 2, trials, name), expected).pvalue < NEVER
 
 
 @HERE
@@ -125,7 +121,7 @@ def test_scores_are_distributed_as_the_processors(name):
 def test_tracks_begin_as_the_processors(name, profile):
     """Ten steps of 40 trials of 20 networks, to 1e-6 cm: later a last bit may be decisive.
 
-    So few that threads share trials; one robot's noise follows tables, which scale it in place.
+    One robot's noise follows tables, which scale it in place.
     """
     robot = load_profile(profile)
     task = load_task(name)
@@ -134,19 +130,20 @@ def test_tracks_begin_as_the_processors(name, profile):
     task = task.of(robot)
     assert (robot.to_kernel().proximity_noise.shape[1] > 0) is (profile != "paper")
     nets, streams = random_networks(Simulation(task, robot), stream=5, count=20), batch_streams(6, 40)
-    ways = (make(task, robot, 1.0).tracks(nets, streams.reshape(20, 2)) for make in (engine.Cuda, Cores))
+    ways = (
+        Simulation(task, robot, engine=name).tracks(nets, streams.reshape(20, 2))
+        for name in ("cuda", "cores")
+    )
     for found, expected in zip(*ways, strict=True):
-        assert np.allclose(
-            found[..., :10], expected[..., :10], rtol=0, atol=0 if cuda_code.SIMULATED else 1e-6
-        )
+        assert np.allclose(found[..., :10], expected[..., :10], rtol=0, atol=0 if engine.SIMULATED else 1e-6)
 
 
 @HERE
 def test_a_large_batch_is_carried_out_in_parts(monkeypatch):
     """Where memory is short: the same scores, and the tracks that they are of."""
-    whole = scores(engine.Cuda, PAPER, 3, 70)
-    monkeypatch.setattr(engine, "MOST_BYTES", 0)
-    assert np.array_equal(scores(engine.Cuda, PAPER, 3, 70), whole)
+    whole = scores("cuda", PAPER, 3, 70)
+    monkeypatch.setattr(engine, "MOST_BYTES", 0)  # a warp at a time
+    assert np.array_equal(scores("cuda", PAPER, 3, 70), whole)
 
 
 @HERE
@@ -154,7 +151,7 @@ def test_a_large_batch_is_carried_out_in_parts(monkeypatch):
 def test_too_little_memory_is_told(monkeypatch, way):
     """Whatever the driver calls it; other failures stay what they are."""
     task = load_task("avoidance").of(PAPER)
-    made, nets = engine.Cuda(task, PAPER, 1.0), decode(braitenberg(task.feeds, Layout()), Layout())
+    made, nets = Simulation(task, PAPER, engine="cuda"), decode(braitenberg(task.feeds, Layout()), Layout())
 
     def fail(*_given: Any) -> None:
         raise RuntimeError(why)
@@ -164,7 +161,7 @@ def test_too_little_memory_is_told(monkeypatch, way):
         ("[2] Call to cuLaunchKernel results in CUDA_ERROR_OUT_OF_MEMORY", UsageError),
         ("", RuntimeError),
     ):
-        with pytest.raises(error, match="with memory for its threads" if why else "^$"):
+        with pytest.raises(error, match="with memory for 2 GB of trials" if why else "^$"):
             getattr(made, way)(nets, batch_streams(1, 2)[np.newaxis])
 
 
@@ -184,7 +181,7 @@ def test_network_and_random_numbers_have_the_processors_bits():
 
 def exact_parts() -> tuple[Any, tuple[Any, ...]]:
     """A kernel of the integer network and the random numbers, and what it is given."""
-    draw, drive = cuda_kernels.device(calls.draw), cuda_kernels.device(calls.drive)
+    draw, drive = engine.device(calls.draw), engine.device(calls.drive)
 
     def both(given: Any) -> None:
         nets, work, inputs, commands, raw, uniforms, whole = given
@@ -201,7 +198,7 @@ def exact_parts() -> tuple[Any, tuple[Any, ...]]:
 
 
 @HERE
-@pytest.mark.skipif(not cuda_code.SIMULATED, reason="on a GPU other scores may lead elsewhere")
+@pytest.mark.skipif(not engine.SIMULATED, reason="on a GPU other scores may lead elsewhere")
 def test_runs_side_by_side_are_the_study_of_the_cores(tmp_path):
     """Every table, genotype and checkpoint of six runs, one of which goes on from a checkpoint."""
     asked = small(runs=3)
@@ -221,10 +218,10 @@ def test_a_users_score_is_taken_by_the_processor(tmp_path):
     mine, wrong = (load_task(tmp_path / f"{name}.py").of(robot) for name in ("mine", "wrong"))
     nets = decode(braitenberg(mine.feeds, Layout()), Layout())
     streams = batch_streams(4, 6)[np.newaxis]
-    found = engine.Cuda(mine, robot, 1.0).scores(nets, streams)
-    assert np.allclose(found, Cores(mine, robot, 1.0).scores(nets, streams), rtol=1e-6)
+    found = Simulation(mine, robot, engine="cuda").scores(nets, streams)
+    assert np.allclose(found, Simulation(mine, robot, 1.0).scores(nets, streams), rtol=1e-6)
     with pytest.raises(TaskError, match=r"wrong\.py, line \d+: the score fails with IndexError"):
-        engine.Cuda(wrong, robot, 1.0).scores(nets, streams)
+        Simulation(wrong, robot, engine="cuda").scores(nets, streams)
 
 
 def test_without_a_gpu_one_message_says_the_cure(monkeypatch, tmp_path):
@@ -241,7 +238,7 @@ def test_without_a_gpu_one_message_says_the_cure(monkeypatch, tmp_path):
         Simulation("obstacle-avoidance", PAPER, engine="cuda")
 
 
-@pytest.mark.skipif(cuda_code.SIMULATED, reason="the simulator needs less of NumPy")
+@pytest.mark.skipif(engine.SIMULATED, reason="the simulator needs less of NumPy")
 def test_a_numpy_that_is_too_new_is_named(monkeypatch):
     """numba-cuda ends in an AttributeError with it."""
     monkeypatch.setattr(np, "__version__", "2.5.2")
@@ -259,40 +256,10 @@ def test_all_of_it_holds_in_the_simulator():
     assert done.returncode == 0 and re.search(r"\d\d passed", done.stdout), done.stdout[-3000:]
 
 
-def test_threads_share_what_there_is_room_for():
-    """Blocks of whole warps, smaller for more sensors; none where not even a warp has room."""
-    assert cuda_kernels.block_for(8, 16, False) == cuda_kernels.block_for(0, 16, True) == 128
-    for sensors in (1, 11, 16, 40, 80):
-        block = cuda_kernels.block_for(sensors, 16, True)
-        used = block // 32 * cuda_kernels.room_of(sensors, 16, True)
-        assert block in (32, 64, 128) and used + cuda_kernels.LEAST <= cuda_kernels.ROOM
-    assert cuda_kernels.block_for(110, 16, True) == 0
-
-
-@pytest.mark.parametrize("profile", ["paper", "khepera", "enki-epuck"])
-def test_a_kernel_has_room_for_what_its_threads_share(profile):
-    """What lies near leaves the sensors their room; measured robots have most."""
-    robot = load_profile(profile)
-    task = replace(load_task("avoidance"), sensors=()).of(robot)
-    plan = cuda_kernels.plan_for(Cores(task, robot, 1.0), quiet())
-    near = sum(int(np.prod(shape)) * np.dtype(kind).itemsize for part in plan.near for _, shape, kind in part)
-    drawn = next(shape[0] for name, shape, _ in plan.own if name == "noise")
-    assert near + plan.block // 32 * cuda_kernels.room_of(plan.sensors, drawn, plan.lit) <= cuda_kernels.ROOM
-    assert plan.sensors == len(robot.infrared.sensors) and near > 1000
-
-
-@pytest.mark.skipif(cuda_code.SIMULATED, reason="a simulated GPU has one multiprocessor")
-def test_a_warp_has_more_trials_where_there_are_many(monkeypatch):
-    """Powers of two: one each until all multiprocessors are busy, 32 at most."""
-    monkeypatch.setattr(cuda, "get_current_device", lambda: SimpleNamespace(MULTIPROCESSOR_COUNT=132))
-    counts = (1, 528, 529, 1056, 1057, 4096, 10_000, 10**6)
-    assert [engine.each_of(count) for count in counts] == [1, 1, 2, 2, 4, 8, 32, 32]
-
-
 @pytest.fixture
 def compiler(monkeypatch):
     """numba-cuda's compiler for the oldest GPU, whatever is here."""
-    if cuda_code.SIMULATED:
+    if engine.SIMULATED:
         pytest.skip("the simulator does not compile")
     if np.lib.NumpyVersion(np.__version__) >= engine.TOO_NEW:
         pytest.skip(f"numba-cuda cannot be loaded with NumPy {np.__version__}")
@@ -315,23 +282,16 @@ def compiler(monkeypatch):
     return compiled
 
 
-def test_trials_compile_for_a_gpu(monkeypatch, compiler):
-    """A kernel becomes a GPU's assembler: it allocates nothing and fuses nothing, and threads vote."""
-    monkeypatch.setattr(engine, "require_gpu", lambda: None)
-    monkeypatch.setattr(engine, "_placed", lambda value: value)
-    made = engine.Cuda(load_task("obstacle-avoidance").of(PAPER), PAPER, 1.0)
-    nets, paths = quiet(), np.zeros((128, 6, made.cores.trial.steps))
-    batch = engine.Batch(np.zeros(128, np.int64), np.zeros(128, np.uint64), paths, np.zeros((128, 2)), 32)
-    judge = cuda_kernels.scoring(made.cores.score.compiled).made.py_func
-    kernel, work = made._trials(nets)
-    with cuda_code.compiling(kernel.steps, kernel.rolled):
-        trial = compiler(kernel.made.py_func, made.cores.world, nets, work, batch)
-    with cuda_code.compiling(steps=False):
-        score = compiler(judge, made.cores.room, batch)
-        parts = compiler(*exact_parts())
-    for text in (trial, score, parts):
-        assert ".entry" in text
-        assert "NRT_" not in text and "malloc" not in text and "fma." not in text
-    assert "nounroll" in trial and "vote.sync.ballot" in trial and "bar.warp.sync" in trial
-    fused = compiler(judge, made.cores.room, batch)
-    assert "fma." in fused
+@pytest.mark.parametrize("name", EngineContract.tasks)
+def test_trials_compile_for_a_gpu(monkeypatch, compiler, name):
+    """A trial and its score become a GPU's assembler, which allocates nothing."""
+    monkeypatch.setattr(engine.Cuda, "_placed", lambda self, value: value)
+    made = engine.Cuda(Simulation(name, PAPER))
+    nets = quiet()
+    work = made._work(new_work(made.simulation.robot, made.simulation.trial, nets), nets, 64)
+    paths = np.zeros((64, 6, made.simulation.trial.steps))
+    batch = engine.Batch(np.zeros(64, np.int64), np.zeros(64, np.uint64), paths, np.zeros((64, 2)))
+    trial = compiler(engine.trials().py_func, made.simulation.world, nets, work, batch)
+    score = compiler(engine.scoring(made.simulation.score.compiled).py_func, made.simulation.room, batch)
+    for text in (trial, score, compiler(*exact_parts())):
+        assert ".entry" in text and "NRT_" not in text and "malloc" not in text

@@ -8,11 +8,9 @@ import pytest
 import realitygap
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.params import Networks, Path
-from realitygap.simulation.engine import Cores
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.testing import EngineContract
-from realitygap.world.profile import load_profile
 
 
 class OneByOne:
@@ -31,22 +29,20 @@ class OneByOne:
         return found
 
     def tracks(self, networks, streams):
-        self.simulation.engine.named(networks, streams)
+        self.simulation.checked(networks, streams)
         found = np.zeros((len(Path._fields), *streams.shape, self.task.steps))
         for k, t in np.ndindex(*streams.shape):
             one = Networks(*(array[k : k + 1] for array in networks))
-            found[:, k, t] = np.array(self.simulation.engine.tracks(one, streams[k : k + 1, t : t + 1]))[
-                :, 0, 0
-            ]
+            found[:, k, t] = np.array(self.simulation.tracks(one, streams[k : k + 1, t : t + 1]))[:, 0, 0]
         return Path(*found)
 
     def compile(self):
         self.simulation.compile()
 
 
-class TestCores(EngineContract):
+class TestSimulation(EngineContract):
     def made(self, task, profile, noise):
-        return Cores(task, profile, noise)
+        return Simulation(task, profile, noise)
 
 
 class TestOneByOne(EngineContract):
@@ -66,47 +62,17 @@ def test_a_simulation_takes_another_engine():
     assert made == [("light-seeking", "paper", 2.0)] and isinstance(simulation.engine, OneByOne)
 
 
-def _refused(answer, spoiled, says):
-    """An engine whose `answer` (`scores` or `tracks`) comes out `spoiled` is refused in words that match."""
+@pytest.mark.parametrize("spoiled", [lambda scores: scores[:, 0], lambda scores: scores * np.nan])
+def test_scores_of_another_form_are_refused(spoiled):
+    """Evolution would select by them."""
 
-    def spoil(self, networks, streams):
-        return spoiled(getattr(OneByOne, answer)(self, networks, streams))
+    def scores(self, networks, streams):
+        return spoiled(OneByOne.scores(self, networks, streams))
 
-    simulation = Simulation("light", "paper", engine=type("Mine", (OneByOne,), {answer: spoil}))
+    simulation = Simulation("light", "paper", engine=type("Mine", (OneByOne,), {"scores": scores}))
     networks, streams = EngineContract()._networks(), np.arange(10, dtype=np.uint64).reshape(5, 2)
-    with pytest.raises(UsageError, match=f"^engine Mine: .*{says}"):
-        getattr(simulation, answer)(networks, streams)
-
-
-@pytest.mark.parametrize(
-    ("spoiled", "came"),
-    [
-        (lambda scores: scores[:, 0], r"float64\[5\]"),
-        (lambda scores: scores.T, r"float64\[2, 5\]"),
-        (lambda scores: scores.astype(np.float32), r"float32\[5, 2\]"),
-        (lambda scores: scores.tolist(), "list"),
-        (lambda scores: scores * np.nan, "some that are not"),
-    ],
-)
-def test_scores_of_another_form_are_refused(spoiled, came):
-    """No engine of one's own is taken at its word."""
-    _refused("scores", spoiled, rf"expected finite scores float64\[5, 2\].*, got {came}")
-
-
-@pytest.mark.parametrize(
-    ("spoiled", "says"),
-    [
-        (lambda tracks: tracks[:2], r"expected tracks as a Path, got tuple"),
-        (
-            lambda tracks: tracks._replace(y=tracks.y[:, :, :3]),
-            r"tracks' y float64\[5, 2, 200\].*float64\[5, 2, 3\]",
-        ),
-        (lambda tracks: tracks._replace(left=tracks.left * np.nan), r"tracks' left .* got some that are not"),
-    ],
-)
-def test_tracks_of_another_form_are_refused(spoiled, says):
-    """Nor where it says that the robots were."""
-    _refused("tracks", spoiled, says)
+    with pytest.raises(UsageError, match=r"^engine Mine: expected finite scores float64\[5, 2\]"):
+        simulation.scores(networks, streams)
 
 
 def test_a_score_that_stops_in_a_batch_is_told_by_its_line(tmp_path):
@@ -121,10 +87,10 @@ def test_a_score_that_stops_in_a_batch_is_told_by_its_line(tmp_path):
         "            start=Start(x_cm=25, y_cm=25), score=score)\n"
     )
     task = load_task(file)
-    cores = Cores(task, load_profile("paper"), 1.0)
+    simulation = Simulation(task, "paper")
     networks = EngineContract()._networks()
     with pytest.raises(TaskError, match=r"touchy.py, line 9: the score fails with IndexError"):
-        cores.scores(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))
+        simulation.scores(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))
 
 
 @pytest.mark.parametrize("engine", [None, 3, ["cores"]])

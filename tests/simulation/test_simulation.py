@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from realitygap.controller.handmade import braitenberg, constant
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController, decode
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Layout, braitenberg, constant
+from realitygap.control.network import NetworkController, decode
+from realitygap.control.operators import Variation
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.kernels.reference import sensors as reference
 from tests.kernels.scenes import random_pose, random_profile
 
@@ -254,3 +255,19 @@ def test_threads_share_one():
     with ThreadPoolExecutor(4) as pool:
         for scores in pool.map(lambda _: simulation.scores(found, streams), range(8)):
             assert (scores == expected).all()
+
+
+def test_threads_leave_no_scratch_behind():
+    """What a thread wrote into goes with it; each has its own, and the scores of one."""
+    simulation, (_, nets), left = Simulation(AVOIDANCE, PAPER), networks(2), []
+    streams = np.arange(4, dtype=np.uint64).reshape(2, 2)
+
+    def score() -> np.ndarray:
+        left.append(weakref.ref(simulation.scratch(nets).pose))
+        return simulation.scores(nets, streams)
+
+    with ThreadPoolExecutor(3) as pool:
+        found = [one.result() for one in [pool.submit(score) for _ in range(6)]]
+    assert all(np.array_equal(one, simulation.scores(nets, streams)) for one in found)
+    gc.collect()
+    assert not any(one() is not None for one in left)

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from realitygap import NetworkController, SimulatedBody, Simulation, decode, drive_simulated, load_task
-from realitygap.controller.handmade import braitenberg
-from realitygap.controller.layout import Layout
+from realitygap.control.genotype import Layout, braitenberg
 from realitygap.errors import ConfigError
-from realitygap.simulation.spread import drawn
+from realitygap.simulation.simulation import drawn
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
 from realitygap.study.parts import Condition
 from realitygap.study.runner import run_study
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
 TASK = replace(load_task("avoidance"), seconds=5.0)

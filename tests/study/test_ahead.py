@@ -9,8 +9,7 @@ import pytest
 
 from realitygap.kernels.jit import SHELF
 from realitygap.study import ahead
-from realitygap.work.pool import Here
-from realitygap.work.processes import Processes
+from realitygap.work.pool import Here, Processes
 from tests.kernels.child import compiled_into
 
 

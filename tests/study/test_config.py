@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from realitygap.controller.operators import Variation
+from realitygap.control.operators import Variation
 from realitygap.errors import ConfigError
 from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather
 from realitygap.study.parts import Condition, Evolution
 from realitygap.study.settings import difference
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 TASKS = ("obstacle-avoidance", "light-seeking")
 PAPER = StudyConfig.reproduction()

@@ -6,11 +6,10 @@ import threading
 
 import pytest
 
-from realitygap.controller.operators import Variation
+from realitygap.control.operators import Variation
 from realitygap.errors import StudyInterruptedError
 from realitygap.simulation import simulation
-from realitygap.simulation.engine import Cores
-from realitygap.study import fleet
+from realitygap.study import fleet, jobs
 from realitygap.study.folder import open_folder
 from realitygap.study.jobs import Advanced, Job, Workshop
 from realitygap.study.materials import gather
@@ -18,7 +17,7 @@ from realitygap.study.reader import DATABASE
 from realitygap.study.run import Bench
 from realitygap.study.runner import run_study
 from realitygap.study.store import Store
-from realitygap.work import progress, threads
+from realitygap.work import progress
 from tests.study.helpers import content, small
 
 
@@ -63,8 +62,8 @@ def test_interrupted_side_by_side_it_goes_on(tmp_path, monkeypatch):
     """By Ctrl-C here, and by an error in a condition's thread: what was kept goes on to the study of the
     cores, and no thread is left."""
     run_study(tmp_path / "cores", small(runs=2), workers=1)
-    monkeypatch.setattr(simulation, "engine_named", lambda name: Cores)
-    monkeypatch.setattr(threads, "MOST", 2)
+    monkeypatch.setattr(simulation, "engine_named", lambda name: None)
+    monkeypatch.setattr(jobs, "MOST", 2)
     monkeypatch.setattr(progress, "EVERY_S", 0.0)
     before = threading.active_count()
 

@@ -13,7 +13,7 @@ from realitygap.study.materials import gather, own
 from realitygap.study.parts import Condition
 from realitygap.study.plan import plans, run_stream, trial_streams
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 TASK = """
 from realitygap import Start, Task

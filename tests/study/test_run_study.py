@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.controller.layout import check_genes
-from realitygap.controller.network import decode
+from realitygap.control.genotype import check_genes
+from realitygap.control.network import decode
 from realitygap.errors import ConfigError, StudyError, StudyInterruptedError, TaskError, UsageError
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation

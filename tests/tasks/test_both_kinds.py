@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController, decode
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Layout
+from realitygap.control.network import NetworkController, decode
+from realitygap.control.operators import Variation
 from realitygap.errors import TaskError
 from realitygap.report.network import network_drawing
 from realitygap.report.player import _sensors
@@ -20,7 +20,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import Task, load_task
 from realitygap.transfer.rig import Rig
 from realitygap.values import fed
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "seek_in_two_rooms.py"
 PAPER = load_profile("paper")

@@ -9,7 +9,7 @@ import pytest
 from realitygap.errors import TaskError
 from realitygap.tasks import TASKS, Start, Task, load_task
 from realitygap.world.arena import Cylinder, load_arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from realitygap.world.sensors import UNLIT
 
 

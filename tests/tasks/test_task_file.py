@@ -10,10 +10,11 @@ import numba
 import pytest
 
 from realitygap.errors import TaskError
-from realitygap.tasks import copy_task, load_task, trying
-from realitygap.tasks.scoring import CompiledScore, example
+from realitygap.tasks import copy_task, load_task
+from realitygap.tasks import score as trying
+from realitygap.tasks.score import CompiledScore, example
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 HEAD = "from realitygap import Start, Task\n"
@@ -199,7 +200,7 @@ def test_the_example_robot():
         ),
         ("    return path.x[-201]", "line 3: the score fails with IndexError"),
         ("    return room.lamps[1, 0]", "line 3: the score fails with IndexError"),
-        ("    return 1.0 + BIG[int(path.x[0]) - 1]", "line 3: the score fails with IndexError"),
+        ("    return 1.0 + BIG[int(path.x.max()) - 1]", "line 3: the score fails with IndexError"),
         ("    print(1)\n    return path.x[0]", "line 3: a score is called a thousand times: remove `print`"),
         ("    return random.random()", "line 3: a score draws nothing at random: remove `random`"),
         ("    return np.random.rand() + path.x[0]", "line 3: a score draws nothing at random"),
@@ -264,7 +265,7 @@ def test_a_score_without_end_can_be_stopped(monkeypatch):
 def test_an_index_out_of_range_is_never_read(mine):
     """An index that no example reaches is refused where it happens: a shorter trial, a rare value."""
     from realitygap import Simulation, constant, decode
-    from realitygap.controller.layout import Layout
+    from realitygap.control.genotype import Layout
 
     text = "def score(path, room):\n    return path.x[150]\n"
     simulation = Simulation(load_task(mine(text + HEAD + TAIL)), "paper")

@@ -8,7 +8,7 @@ import pytest
 
 from realitygap.kernels.params import Path, Room
 from realitygap.tasks import TASKS, load_task
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
 

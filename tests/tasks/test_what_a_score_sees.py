@@ -6,7 +6,7 @@ from pathlib import Path as File
 import numpy as np
 
 from realitygap import Layout, Simulation, Task, decode, load_task
-from realitygap.controller.handmade import constant
+from realitygap.control.genotype import constant
 from realitygap.kernels.params import Path, Room
 from realitygap.study.config import StudyConfig
 
@@ -54,6 +54,6 @@ def test_a_task_goes_wherever_its_name_goes():
 
 
 def _steady():
-    from realitygap.controller.own import own_controller
+    from realitygap.control.network import own_controller
 
     return own_controller(lambda inputs: (3, 2))

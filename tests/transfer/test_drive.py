@@ -14,8 +14,7 @@ from click.testing import CliRunner
 
 from realitygap import NetworkController, Pose, SimulatedBody, Simulation, decode, drive, drive_simulated
 from realitygap.cli import realitygap
-from realitygap.controller.handmade import braitenberg, load_network
-from realitygap.controller.layout import Layout
+from realitygap.control.genotype import Layout, braitenberg, load_network
 from realitygap.errors import UsageError
 from realitygap.robots.body import Channel, Odometry
 from realitygap.values import Command, Readings

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.recorder.camera import plate_of
-from realitygap.controller.handmade import braitenberg
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController
+from realitygap.control.genotype import Layout, braitenberg
+from realitygap.control.network import NetworkController
 from realitygap.errors import RobotError, UsageError
 from realitygap.film.disk import load_disk
 from realitygap.film.marker import Tag
@@ -27,7 +26,7 @@ from realitygap.transfer.rig import Rig, _refuse_elsewhere
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.drawing import WHOLE
 from realitygap.values import Pose
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 TASK, PAPER, LAYOUT = load_task("avoidance"), load_profile("paper"), Layout()
 DRIVER = NetworkController(braitenberg(TASK.feeds, LAYOUT), LAYOUT)

@@ -16,16 +16,16 @@ from click.testing import CliRunner
 
 from realitygap.cli import realitygap
 from realitygap.errors import TrackError
+from realitygap.files import to_toml
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
-from realitygap.toml import to_toml
 from realitygap.track import Track
 from realitygap.transfer import score_row as module
 from realitygap.transfer.packed import Packed
 from realitygap.transfer.score_rows import MARKS, marks_of
 from realitygap.work.pool import messages_of
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 from tests.study.helpers import small
 
 SECONDS, STARTS = 8, 3

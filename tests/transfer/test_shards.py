@@ -13,10 +13,10 @@ from types import SimpleNamespace
 import pytest
 
 from realitygap.errors import StudyError
+from realitygap.files import to_toml
 from realitygap.robots.address import Address
 from realitygap.study.load import load_study
 from realitygap.study.merge import all_shards
-from realitygap.toml import to_toml
 from realitygap.transfer.load import load_transfers
 from realitygap.transfer.merge import _copy_cameras, merge_trials
 from realitygap.transfer.options import Transfer

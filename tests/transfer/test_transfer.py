@@ -86,7 +86,7 @@ def test_a_trial_begins_where_its_simulation_does(made, finished):
 
 def test_the_simulated_trial_is_the_runs_own(made, finished):
     """The paired trial is a trial of the run: its task, its noise, a score of its own."""
-    from realitygap.controller.network import decode
+    from realitygap.control.network import decode
 
     one = made[0]
     run = finished.run(one.run)
@@ -206,7 +206,7 @@ def test_a_watched_trial_is_seen_ten_times_a_second(made, watched, tmp_path):
 
 def test_a_robot_that_pushes_a_wall_is_seen_to_stand(watched, monkeypatch):
     """The counters leave the arena where wheels slip against a wall; the camera does not."""
-    from realitygap.controller.handmade import constant
+    from realitygap.control.genotype import constant
 
     task = watched.task("obstacle-avoidance")
     genes = constant(8, 8, watched.layout(task.name))

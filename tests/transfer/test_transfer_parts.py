@@ -11,9 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from realitygap.controller.handmade import braitenberg
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout, braitenberg
+from realitygap.control.network import decode
 from realitygap.errors import StudyError
 from realitygap.kernels.trial import scale_input
 from realitygap.report.gather import chosen, parts_of
@@ -25,15 +24,11 @@ from realitygap.transfer import film
 from realitygap.transfer.chosen import shown_runs
 from realitygap.transfer.film import Watcher, known_poses
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.paths import (
-    of_counters,
-    of_track,
-    score,
-)
+from realitygap.transfer.paths import of_counters, of_track, score
 from realitygap.transfer.work import _in_order
 from realitygap.values import Pose
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import logging
 import os
@@ -13,14 +12,11 @@ import subprocess
 import sys
 import threading
 import time
-import weakref
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("distributed", reason="needs the extra: pip install 'realitygap[cluster]'")
-
-import distributed
 
 from realitygap.cli.kinds import NumberOrPool
 from realitygap.errors import ConfigError, StudyError
@@ -153,37 +149,12 @@ def test_what_is_no_cluster_is_refused(address, monkeypatch):
             named_pool(f"dask:{wrong}")
     other = {**cluster.versions(), "numba": "0.1"}
     monkeypatch.setattr(cluster, "versions", lambda: other)
+    pool = Dask(address)
     with pytest.raises(
         StudyError, match=r"the Dask worker on .* has numba \S+, this process 0\.1: .*the same"
     ):
-        Dask(address)
-
-
-def test_a_suspended_worker_is_not_waited_for(address, monkeypatch):
-    """Nor is it asked for its versions: each job asks again, and the scheduler gives up such a worker."""
-    pool = Dask(address)
-    worker = min(pool._client.run(os.getpid).values())
+        pool.work(Setup(Bench), [[1]], [].append)
     pool.close()
-    monkeypatch.setattr(cluster, "WAIT_S", 1.0)
-    waker = threading.Timer(15.0, os.kill, (worker, signal.SIGCONT))
-    os.kill(worker, signal.SIGSTOP)
-    waker.start()
-    try:
-        Dask(address).close()
-        assert waker.is_alive()
-    finally:
-        waker.cancel()
-        os.kill(worker, signal.SIGCONT)
-
-
-def test_a_worker_lost_while_it_is_asked_is_no_other_version():
-    """It may be killed at any time; one that lacks the package is refused."""
-    pool = object.__new__(Dask)
-    pool._client = Client(answer=OSError("the stream is closed"))
-    pool._check_workers()
-    pool._client = Client(answer=ModuleNotFoundError("no realitygap"))
-    with pytest.raises(StudyError, match=r"cannot run a job .*: no realitygap\)\. Install"):
-        pool._check_workers()
 
 
 def test_what_listens_but_never_answers_is_no_scheduler(monkeypatch):
@@ -191,7 +162,7 @@ def test_what_listens_but_never_answers_is_no_scheduler(monkeypatch):
     monkeypatch.setattr("realitygap.work.cluster.WAIT_S", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         port = mute.getsockname()[1]
-        with pytest.raises(ConfigError, match=rf"no Dask scheduler answers .*{port}.*what listens"):
+        with pytest.raises(ConfigError, match=rf"no Dask scheduler answers .*{port}"):
             Dask(f"tcp://127.0.0.1:{port}")
 
 
@@ -199,33 +170,6 @@ def test_what_goes_wrong_is_told_once(address):
     """A lost scheduler is the message's to name: the client, which has a level of its own, logs nothing."""
     Dask(address).close()
     assert not logging.getLogger("distributed.client").isEnabledFor(logging.ERROR)
-
-
-def test_a_failed_client_is_gone_before_another_starts(address, monkeypatch):
-    """Collected in the thread that another client starts, it would wait for that start for ever."""
-    made, left = [], []
-
-    class Watched(distributed.Client):
-        def __init__(self, *args, **settings):
-            left.append([one() for one in made if one() is not None])
-            made.append(weakref.ref(self))
-            super().__init__(*args, **settings)
-
-    async def unasked(address):
-        """The scheduler is lost after its first words."""
-
-    monkeypatch.setattr(distributed, "Client", Watched)
-    monkeypatch.setattr(cluster, "_greeted", unasked)
-    monkeypatch.setattr(cluster, "WAIT_S", 0.5)
-    gc.disable()
-    try:
-        with pytest.raises(ConfigError, match="no Dask scheduler answers"):
-            Dask("tcp://127.0.0.1:9")
-        assert made[0]() is not None  # nothing but a collection ends it
-        Dask(address).close()
-    finally:
-        gc.enable()
-    assert left == [[], []]
 
 
 class Future:
@@ -250,9 +194,9 @@ class Client:
 
     status = "running"
 
-    def __init__(self, losses=0, threads=1, *, ends=True, gone=False, mute=False, answer=None) -> None:
+    def __init__(self, losses=0, threads=1, *, ends=True, gone=False, mute=False) -> None:
         self.losses, self.threads, self.ends, self.gone = losses, threads, ends, gone
-        self.mute, self.answer = mute, answer
+        self.mute = mute
         self.lost: dict[int, int] = {}
 
     def submit(self, carry_out, setup, job, theirs, *, pure):
@@ -262,9 +206,6 @@ class Client:
         if self.lost[job[0]] <= self.losses:
             return Future(OSError("the worker is gone"))
         return Future(carry_out(setup, job, theirs))
-
-    def run(self, call, *words, on_error):
-        return {"worker": self.answer}
 
     def sync(self, call, *words, callback_timeout, **more):
         if self.mute:
@@ -327,7 +268,7 @@ def test_no_wait_for_a_cluster_is_without_end(monkeypatch):
         worked(lost)
     monkeypatch.setattr(cluster, "WAIT_S", 0.01)
     monkeypatch.setattr(cluster, "PATIENCE_S", 0.05)
-    with pytest.raises(StudyError, match=r"no Dask worker for 0\.05 s\. .*start workers .*and resume"):
+    with pytest.raises(StudyError, match=r"no Dask worker for 0\.05 s\. .*resume.* with `dask worker`"):
         worked(Client(threads=0, ends=False))
     with pytest.raises(StudyError, match=r"scheduler no longer answers \(no route to host\)\. .*resume"):
         worked(Client(gone=True))

@@ -15,8 +15,7 @@ from realitygap.study.materials import gather
 from realitygap.study.reader import Reader
 from realitygap.study.runner import workshop_of
 from realitygap.testing import PoolContract
-from realitygap.work.pool import Counted, Here, Setup
-from realitygap.work.processes import Processes
+from realitygap.work.pool import Counted, Here, Processes, Setup
 from realitygap.work.workers import named_pool, opened
 from tests.study.helpers import small
 

@@ -92,7 +92,7 @@ def test_round_trip(tmp_path):
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"size_cm": (0, 40)}, r"size_cm\[0\]: expected more than 0, got 0\.0"),
+        ({"size_cm": (1.1, 0.7)}, r"size_cm: expected sides of 5 cm or more, got \[1\.1, 0\.7\]"),
         ({"size_cm": 50}, r"size_cm: expected a list in square brackets, got 50"),
         ({"walls": [[0, 0, 70, 0]]}, r"walls\[0\]: expected both ends inside the room \(60 by 40 cm\)"),
         ({"walls": [[3, 3, 3, 3]]}, r"walls\[0\]: expected two different ends"),
@@ -108,7 +108,7 @@ def test_round_trip(tmp_path):
             r"cylinders\[0\]\.radius_cm: expected more",
         ),
         ({"cylinders": [{"x_cm": 9, "y_cm": 20}]}, r"cylinders\[0\]\.radius_cm: missing"),
-        ({"lamps": [{"x_cm": 61, "y_cm": 20}]}, r"lamps\[0\]: expected a place inside the room"),
+        ({"lamps": [{"x_cm": 61, "y_cm": 20}]}, r"lamps\[0\]: expected all five points inside"),
         (
             {"lamps": [{"x_cm": 60, "y_cm": 20, "line_deg": 0}]},
             r"lamps\[0\]: expected all five points inside",

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from realitygap.kernels.near import cell_at, from_segment
-from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.nearest import MANY
+from realitygap.world.arena import MANY, Arena, Cylinder
 from tests.kernels.scenes import full_room
 
 FROM_SEGMENT = getattr(from_segment, "py_func", from_segment)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from realitygap.errors import ConfigError
-from realitygap.world.noise import noise_level, noise_name
+from realitygap.world.robot import noise_level, noise_name
 
 
 def test_the_papers_levels_have_names():

@@ -10,8 +10,7 @@ import pytest
 from realitygap.errors import ConfigError
 from realitygap.kernels import params
 from realitygap.kernels.params import EYES
-from realitygap.world.body import Body
-from realitygap.world.profile import Profile, largest_pole, load_profile, profile_names
+from realitygap.world.robot import Body, Profile, largest_pole, load_profile, profile_names
 from realitygap.world.sensors import UNLIT
 
 
@@ -136,8 +135,8 @@ def test_everything_is_shown(paper):
     ("old", "new", "told"),
     [
         ("radius_cm = 2.9", "radus_cm = 2.9", "body.radus_cm: unknown key. Did you mean 'radius_cm'?"),
-        ("radius_cm = 2.9", "", "body.radius_cm: expected more than 0, got 0.0. Or give outline_cm."),
-        ("radius_cm = 2.9", "radius_cm = -2.9", "body.radius_cm: expected more than 0, got -2.9."),
+        ("radius_cm = 2.9", "", "body.radius_cm: expected 0.2 to 100 cm, got 0.0. Or give outline_cm."),
+        ("radius_cm = 2.9", "radius_cm = 0.029", "body.radius_cm: expected 0.2 to 100 cm, got 0.029."),
         ("radius_cm = 2.9", "radius_cm = nan", "body.radius_cm: expected a finite number, got nan."),
         ("radius_cm = 2.9", "radius_cm = true", "body.radius_cm: expected a number, got True."),
         ("kp = 3800.0", 'kp = "fast"', "wheels.kp: expected a number, got 'fast'."),
@@ -155,7 +154,7 @@ def test_everything_is_shown(paper):
         ("x_cm = 0.95", "x_cm = 2.95", "infrared.sensors[0]: expected a place inside the body"),
         ("offset_cm = 0.0", "offset_cm = -0.5", "infrared.sensors[0].offset_cm: expected more than -0.41"),
         ("a = 3515.0", "a = 0", "infrared.sensors[0].a: expected more than 0, got 0.0."),
-        ("bands = [0.0, 1023.0]", "bands = [5, 5]", "infrared.bands: expected two different readings"),
+        ("bands = [0.0, 1023.0]", "bands = [5, 5]", "infrared.bands: expected the reading far"),
         ("bands = [0.0, 1023.0]", "bands = [1023, 0]", "infrared.bands: expected the reading far"),
         ("bands = [0.0, 1023.0]", "bands = [0, 4095]", "infrared.bands: expected readings up to top (1023)"),
         ("bands = [484.0, 55.0]", "bands = [55, 484]", "ambient.bands: expected the reading in"),
@@ -186,18 +185,6 @@ def test_lengths_beyond_a_computer_are_refused():
             replace(law, **{key: value})
 
 
-@pytest.mark.parametrize("part", ["infrared", "ambient"])
-def test_directions_in_radians_are_refused(paper, part):
-    """Sensors that would look where they sit if their directions were radians."""
-    law = getattr(paper, part)
-    wrong = tuple(replace(s, direction_deg=math.radians(s.direction_deg)) for s in law.sensors)
-    with pytest.raises(ConfigError, match=r"sensors\[0\].direction_deg: expected degrees, .* radians"):
-        replace(law, sensors=wrong)
-    ahead = zip(law.sensors, [1, -2, 0, 0, 3, -1, 2, 1], strict=True)
-    forwards = tuple(replace(s, direction_deg=d) for s, d in ahead)
-    assert replace(law, sensors=forwards).sensors[1].direction_deg == -2
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -205,7 +192,7 @@ def test_directions_in_radians_are_refused(paper, part):
             ([1] * 8, "infrared", (0,)),
             "feeds: expected 'proximity' or 'ambient' or 'proximity.ambient', got 'infrared'. The",
         ),
-        (([1] * 7, "proximity", (0,)), r"readings: expected one of each proximity sensor \(8\), got 7"),
+        (([1] * 7, "proximity", (0,)), r"readings: expected one of each proximity sensor \(8\), got \[1"),
         (([1] * 8, "ambient", (8,)), "sensors: expected numbers from 0 to 7"),
         (([1] * 8, "ambient", (-1,)), "sensors: expected numbers from 0 to 7"),
     ],
@@ -271,11 +258,11 @@ SQUARE = "outline_cm = [[-2, -2], [3, -2], [3, 2], [-2, 2]]"
         ("outline_cm = [[0, 1], [1, 0]]", "three corners or more"),
         (
             "outline_cm = [[-2, 2], [3, 2], [3, -2], [-2, -2]]",
-            "clockwise, got [-2.0, 2.0]. Turn their",
+            "clockwise, got [[-2.0, 2.0], [3.0, 2.0], [3.0, -2.0], [-2.0, -2.0]]. Turn their",
         ),
         (
             "outline_cm = [[-2, -2], [3, -2], [1, 0], [3, 2], [-2, 2]]",
-            "outline_cm[2]: expected a corner",
+            "outline_cm: expected corners of a convex polygon",
         ),
         ("outline_cm = [[1, -2], [3, -2], [3, 2], [1, 2]]", "the axle's middle (0, 0) inside"),
         ("outline_cm = [[-8, -0.5], [8, -0.5], [8, 0.5], [-8, 0.5]]", "a body at least 2 cm wide"),
@@ -289,15 +276,6 @@ def test_outlines_that_are_none_are_refused(refused, outline, told):
     """Too few corners, the wrong way round, a dent, the axle outside, a needle, another radius."""
     message = refused("radius_cm = 2.9", outline)
     assert message.startswith("body.") and told in message
-
-
-def test_a_track_in_millimetres_is_refused_beside_an_outline():
-    """Of a Thymio 94 mm is less than fifteen of the radius of the circle about its corners."""
-    thymio = load_profile("thymio")
-    told = r"wheels.track_cm: expected at most 22 cm between the wheels of a body 11 cm wide, got 94.0"
-    with pytest.raises(ConfigError, match=told):
-        replace(thymio, wheels=replace(thymio.wheels, track_cm=94.0))
-    assert replace(thymio, wheels=replace(thymio.wheels, track_cm=12.0)).wheels.track_cm == 12.0
 
 
 def test_an_outline_gives_the_radius_and_reads_back(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from realitygap.kernels.params import EYES, RAYS
-from realitygap.world.rays import fan, ray_angles, ray_weights, side_by_side
+from realitygap.world.sensors import fan, ray_angles, ray_weights, side_by_side
 
 
 @pytest.mark.parametrize("number", [RAYS, 27, 50])

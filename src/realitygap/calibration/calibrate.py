@@ -24,12 +24,11 @@ from realitygap.calibration.recordings.recording import (
 from realitygap.calibration.rows import REFLECTANCE
 from realitygap.calibration.wheels.fit import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError
+from realitygap.files import must_be
 from realitygap.lazy import above
-from realitygap.text import must_be
-from realitygap.work.algebra import one_thread
+from realitygap.work.pool import one_thread
 from realitygap.work.workers import Workers, opened
-from realitygap.world.profile import Profile, load_profile
-from realitygap.world.provenance import FittedChannel, Provenance, SourceFile
+from realitygap.world.robot import FittedChannel, Profile, Provenance, SourceFile, load_profile
 
 __all__ = ["FORMS", "Calibration", "base_of", "calibrate", "joined"]
 

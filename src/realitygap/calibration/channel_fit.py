@@ -9,7 +9,7 @@ from realitygap.calibration.misfit import LIMITS, Misfit, lit_ratio, without
 from realitygap.calibration.noise import NoiseEstimate
 from realitygap.calibration.solve import Fit
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["LOOKUP", "MEASURED", "UNLIT", "ChannelFit", "doubts", "unmeasured"]
 

@@ -25,8 +25,8 @@ from realitygap.calibration.solve import Fit, value_of
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.values import Floats
 from realitygap.work.pool import Pool
-from realitygap.world.look_up import LookUp
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
+from realitygap.world.sensors import LookUp
 
 __all__ = ["AUTO", "agreed", "contradicted", "fit_infrared", "fit_light", "rivals", "ticks"]
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from realitygap.calibration.recordings.recording import Recording, SensorRecording, count_unit
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
-from realitygap.world.sensor_checks import Sensor
+from realitygap.world.robot import Profile
+from realitygap.world.sensors import Sensor
 
 __all__ = [
     "dead_sensors", "recorded", "refuse_few", "refuse_mixed", "refuse_nonsense", "refuse_other_kind",

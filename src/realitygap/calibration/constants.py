@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.values import Floats
-from realitygap.world.provenance import Constant
+from realitygap.world.robot import Constant
 
 __all__ = ["SIGMAS", "blind_pairs", "bounded", "filling", "moved"]
 

@@ -13,9 +13,8 @@ from realitygap.calibration.search import DRAWS, search
 from realitygap.calibration.solve import Fit, Free, Measured, Model, Values, solve
 from realitygap.values import Floats
 from realitygap.world.arena import WHITEST
-from realitygap.world.profile import MEASURED, Profile
-from realitygap.world.sensor_checks import Sensor
-from realitygap.world.sensors import Ambient, Infrared
+from realitygap.world.robot import MEASURED, Profile
+from realitygap.world.sensors import Ambient, Infrared, Sensor
 
 __all__ = [
     "FINE_DEG", "Problem", "Tick", "by_a_law", "columns_of", "fit_forms", "free_directions",

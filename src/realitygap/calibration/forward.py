@@ -19,7 +19,7 @@ from realitygap.kernels.params import Robot
 from realitygap.kernels.work import Work, new_work, quiet, unfed
 from realitygap.values import Floats
 from realitygap.world.arena import Arena, Cylinder, Lamp
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = [
     "Scene", "illumination", "light_readings", "lit_places", "lit_readings", "proximity", "received",

@@ -13,7 +13,7 @@ from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values, value_of
 from realitygap.values import Floats
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["INFRARED_FORMS", "infrared_problems", "with_infrared"]
 

@@ -22,8 +22,8 @@ from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
 from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
-from realitygap.work.algebra import one_thread
-from realitygap.world.profile import Profile
+from realitygap.work.pool import one_thread
+from realitygap.world.robot import Profile
 
 __all__ = ["LIMITS", "Judgement", "judge"]
 

@@ -25,7 +25,7 @@ from realitygap.calibration.solve import Free, Values, value_of
 from realitygap.kernels.params import Robot
 from realitygap.kernels.work import Work
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["LIGHT_FORMS", "as_bright_as_the_paper", "light_frees", "light_model", "with_light"]
 

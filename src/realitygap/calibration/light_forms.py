@@ -12,7 +12,7 @@ from realitygap.calibration.light import LIGHT_FORMS, LightMemory, light_frees, 
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Values
 from realitygap.values import Floats
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 from realitygap.world.sensors import RAY_NUMBERS, Ambient
 
 __all__ = ["LightCurves", "light_problems"]

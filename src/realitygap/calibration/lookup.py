@@ -15,8 +15,8 @@ from realitygap.calibration.rows import LIT_SHARE, Rows, dead_zone
 from realitygap.calibration.solve import Fit
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
-from realitygap.world.look_up import LookUp
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
+from realitygap.world.sensors import LookUp
 
 __all__ = ["Ring", "fit_lookup", "rings", "without"]
 

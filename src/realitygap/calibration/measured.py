@@ -21,8 +21,7 @@ from realitygap.calibration.optics import SHARES, Optics
 from realitygap.calibration.rows import Rows, dead_zone, means, repeated_noise, saturation
 from realitygap.calibration.solve import Fit, Values
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
-from realitygap.world.provenance import Constant
+from realitygap.world.robot import Constant, Profile
 
 __all__ = ["Measured", "read_unseen"]
 

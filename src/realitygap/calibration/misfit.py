@@ -8,11 +8,16 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.forward import Scene, proximity, table_at
 from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
-from realitygap.calibration.recordings.recording import CHANNELS, FIRST_NOISE, SensorRecording, count_unit
+from realitygap.calibration.recordings.recording import (
+    CHANNELS,
+    FIRST_NOISE,
+    SensorRecording,
+    count_unit,
+)
 from realitygap.calibration.rows import Rows, at_places, places_of
 from realitygap.calibration.solve import Values, value_of
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = [
     "LIMITS", "Misfit", "Yardstick", "contradiction", "displaced", "explained", "lit_ratio", "measure_noise",

@@ -18,7 +18,7 @@ from realitygap.calibration.solve import Values, value_of
 from realitygap.kernels.params import Robot
 from realitygap.kernels.work import Work
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["SHARES", "Optics", "about_rig", "background_of", "backgrounds", "gain_of", "in_mean", "shift_of"]
 

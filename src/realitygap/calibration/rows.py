@@ -15,7 +15,7 @@ from realitygap.calibration.recordings.recording import FIRST_NOISE, SensorRecor
 from realitygap.calibration.solve import Measured
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = [
     "FOLDS", "REFLECTANCE", "Rows", "at_places", "dead_zone", "means", "places_of", "repeated_noise",

@@ -9,9 +9,8 @@ from realitygap.calibration.measured import Measured, read_unseen
 from realitygap.calibration.rows import FOLDS, Rows
 from realitygap.calibration.solve import Fit
 from realitygap.values import Floats
-from realitygap.work.algebra import one_thread
-from realitygap.work.pool import Here, Pool, Setup, Tell
-from realitygap.world.profile import Profile
+from realitygap.work.pool import Here, Pool, Setup, Tell, one_thread
+from realitygap.world.robot import Profile
 
 __all__ = ["Found", "searched"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from realitygap.calibration.calibrate import Calibration, calibrate
 from realitygap.calibration.recordings.recording import Recording, SensorRecording
 from realitygap.errors import CalibrationError
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["calibrate_share", "thinned"]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.constants import blind_pairs, bounded, filling
 from realitygap.values import Floats
-from realitygap.world.provenance import Constant
+from realitygap.world.robot import Constant
 
 __all__ = ["ROBUST_AT", "Fit", "Free", "Measured", "Values", "solve", "value_of"]
 

@@ -14,7 +14,6 @@ from contextlib import AbstractContextManager, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from realitygap import whole
 from realitygap.calibration.unit_folder import (
     MEASURING,
     PARTS,
@@ -29,13 +28,12 @@ from realitygap.calibration.unit_folder import (
     settings_of,
 )
 from realitygap.errors import UsageError
+from realitygap.files import as_path, atomic_write, move_whole, written_together
 from realitygap.robots.address import Address, as_scale
-from realitygap.text import as_path
 from realitygap.values import as_stream
-from realitygap.work.pool import Pool, Setup, Tell
-from realitygap.work.processes import Processes
+from realitygap.work.pool import Pool, Processes, Setup, Tell
 from realitygap.work.workers import Workers, opened, size_of
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -205,7 +203,7 @@ def _calibrated(
         pool.work(Setup(Bench, (str(folder),)), jobs, heard)
         if shared:
             fits.append(fitted(folder, shared, workers=pool, on_progress=searching))
-    whole.write(folder / PROFILE, _profile(folder, fits))
+    atomic_write(folder / PROFILE, _profile(folder, fits))
     return folder / PROFILE
 
 
@@ -258,9 +256,9 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
         plan=plan, object=thing, seed=known["seed"], base=base, bearings=known.get("bearings"),
         distances_cm=distances,
     )  # fmt: skip
-    with whole.together(unfinished), closing(address.open(noise=known.get("twin_noise", 1.0))) as body:
+    with written_together(unfinished), closing(address.open(noise=known.get("twin_noise", 1.0))) as body:
         record(wanted, unfinished, body, on_progress=report)
-    whole.move(unfinished, finished)
+    move_whole(unfinished, finished)
 
 
 def fitted(folder: Path, names: Sequence[str], **how: Any) -> Calibration:

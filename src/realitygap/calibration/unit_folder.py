@@ -4,12 +4,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from realitygap import whole
 from realitygap.calibration.recorder.journal import STUDY
 from realitygap.calibration.recordings.checks import FACTS
 from realitygap.errors import CalibrationError
-from realitygap.text import refuse_unknown
-from realitygap.toml import read_toml, to_toml
+from realitygap.files import atomic_write, read_toml, refuse_unknown, to_toml
 
 __all__ = [
     "MEASURING", "PARTS", "PROFILE", "RECORDINGS", "SETTINGS", "claim", "form_of", "is_recorded",
@@ -78,7 +76,7 @@ def claim(folder: Path, settings: dict[str, Any]) -> None:
                 "Choose another folder."
             )
         folder.mkdir(parents=True, exist_ok=True)
-        whole.write(path, to_toml(settings))
+        atomic_write(path, to_toml(settings))
         return
     there = read_toml(path, CalibrationError, CURE, broken=CURE)
     refuse_unknown(there, settings, CalibrationError, where=str(path))

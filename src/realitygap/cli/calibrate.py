@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from realitygap import whole
 from realitygap.cli import option
 from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.output import Figure, print_json, table, warn
-from realitygap.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from realitygap.calibration.calibrate import Calibration
     from realitygap.calibration.channel_fit import ChannelFit
     from realitygap.calibration.judge import Judgement
-    from realitygap.calibration.recordings.recording import Recording
     from realitygap.work.workers import Workers
 
-__all__ = ["calibrate", "load_all", "write_profile"]
+__all__ = ["calibrate"]
 
 FORMS = ("paper", "individual", "extended", "measured", "lookup", "auto")
 LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
@@ -92,17 +86,10 @@ def calibrate(
         return
     if out is None:
         raise click.UsageError("--out: missing: say where to write the profile, as in --out robot.toml.")
-    from realitygap.calibration.calibrate import base_of
-    from realitygap.calibration.calibrate import calibrate as fit
-    from realitygap.world.profile import load_profile
+    from realitygap import api
 
     page = None if no_report else page or _beside(out)
-    read = load_all(recordings, objects)
-    start = load_profile(base or base_of(read))
-    with ProgressLine() as line:
-        report = partial(line.calibrating, "fit")
-        made = fit(read, start, form=form, light=light, workers=workers, on_progress=report).named(out.stem)
-    write_profile(made, out)
+    made = api.calibrate(recordings, base, objects=objects, form=form, light=light, out=out, workers=workers)
     if page is not None:
         from realitygap.report.calibration import write_calibration_page
 
@@ -122,35 +109,6 @@ def _beside(out: Path) -> Path:
             f"--out: {str(page)!r}, where its report would go, is a folder. Name another file with --report."
         )
     return page
-
-
-def load_all(paths: Iterable[str], objects: Sequence[str] = ()) -> list[Recording]:
-    """Every recording at some places; `objects` as in --object."""
-    from realitygap.calibration.recordings.files import find_recordings, load_recording
-    from realitygap.errors import CalibrationError
-
-    found = [place for path in paths for place in find_recordings(path)]
-    if len(objects) not in (0, 1, len(found)):
-        raise CalibrationError(
-            f"--object: expected one for all or one for each of {len(found)} recordings, got {len(objects)}."
-        )
-    said = [None] * len(found) if not objects else list(objects) * (len(found) if len(objects) == 1 else 1)
-    return [load_recording(place, object=name) for place, name in zip(found, said, strict=True)]
-
-
-def write_profile(made: Calibration, target: Path) -> None:
-    """Write a calibration's profile, under lines that say where it comes from."""
-    whole.write(target, _header(made) + made.profile.to_toml())
-
-
-def _header(made: Calibration) -> str:
-    where = made.profile.provenance
-    files = ", ".join(f.file for f in where.files)
-    return (
-        f"# Calibrated {where.date} by realitygap {where.version} from {files}.\n"
-        "# Lengths cm, speeds cm/s, angles degrees, readings counts; the end of the file says where each "
-        "comes from.\n"
-    )
 
 
 def _facts(made: Calibration) -> dict[str, object]:
@@ -247,9 +205,10 @@ def _refuse_unused() -> None:
 
 
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
+    from realitygap.api import load_recordings
     from realitygap.calibration.checks import refuse_twice
     from realitygap.calibration.judge import judge
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     if len(words) < 2:
         raise click.UsageError("--check: expected recordings and, as the last argument, a profile.")
@@ -258,7 +217,7 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
             f"--check: expected recordings first and a profile as the last argument, got the recording "
             f"{words[-1]!r} last. Swap them."
         )
-    profile, read = load_profile(words[-1]), load_all(words[:-1], objects)
+    profile, read = load_profile(words[-1]), load_recordings(words[:-1], objects)
     refuse_twice(read)
     found = [judge(recording, profile) for recording in read]
     warnings = list(dict.fromkeys(warning for one in found for warning in one.warnings))

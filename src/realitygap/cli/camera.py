@@ -11,7 +11,7 @@ import click
 from realitygap.cli import option
 from realitygap.cli.kinds import PICTURE, FileToWrite, Finite
 from realitygap.cli.output import Figure, table, tell, warn
-from realitygap.cli.progress import FILM_AFTER_S, ProgressLine
+from realitygap.work.progress import FILM_AFTER_S, ProgressLine
 
 if TYPE_CHECKING:
     from realitygap.film.calibrate import Calibration

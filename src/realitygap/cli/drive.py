@@ -56,7 +56,7 @@ def drive(
         realitygap drive avoidance --controller my.py:decide --robot twin:1 --starts 3 --out out/mine
         realitygap score out/mine
     """
-    from realitygap.controller.own import named_controller
+    from realitygap.control.network import named_controller
     from realitygap.simulation.simulation import Simulation
     from realitygap.transfer.drive import pairs
 

@@ -12,8 +12,8 @@ from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
 from realitygap.cli.notes import note_new
 from realitygap.cli.output import table, tell
-from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import show_shard
+from realitygap.work.progress import ProgressLine, counts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -108,7 +108,8 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output
     from realitygap.report.experiment import NoiseData, build_noise_page, noise_summary, noise_table
 
     with ProgressLine() as progress:
-        page = build_noise_page(out, on_progress=progress.report)
+        drawn = counts(progress.show, "making the report", "figures")
+        page = build_noise_page(out, on_progress=drawn)
     data = NoiseData.read(out)
     rows = noise_table(data)
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)

@@ -115,10 +115,9 @@ def _use(run: str | None, kind: str | None, language: str | None) -> str:
 def _log(
     run: Run, kind: str, out: Path, which: tuple[str, str | None, int | None], json_output: bool
 ) -> None:
-    from realitygap.export.logs import write_log
-    from realitygap.export.trial import lived
+    from realitygap.export.logs import trial_log, write_log
 
-    one = lived(run, *which)
+    one = trial_log(run, *which)
     path = write_log(one, kind, out)
     facts = {
         "study": str(run.study.folder), "run": run.id, "format": kind, "file": str(path), "trial": one.name,
@@ -139,8 +138,7 @@ def _source(
     study: Study, run: str, language: str, out: Path, individual: str, name: str, json_output: bool
 ) -> None:
     from realitygap.cli.replay import the_individual
-    from realitygap.export.onboard import on_board
-    from realitygap.export.source import sizes, write_source
+    from realitygap.export.onboard import on_board, sizes, write_source
 
     one = study.run(run)
     who, genes = the_individual(one, individual)

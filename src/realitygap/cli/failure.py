@@ -25,7 +25,7 @@ DEBUG = "REALITYGAP_DEBUG"
 STOPPED = 130
 """Exit code after Ctrl-C."""
 
-LONGEST = 2000
+LONGEST = 1300
 """Most characters of a message."""
 
 _FULL = {errno.ENOSPC, errno.EDQUOT}
@@ -100,7 +100,7 @@ def explain(failure: Exception) -> int:
         return 1
     line, code = _describe(failure)
     line = " ".join(line.splitlines())
-    said = line if len(line) <= LONGEST else f"{line[:LONGEST]}…"  # of a damaged file, say
+    said = line if len(line) <= LONGEST else f"{line[:800]}…{line[-400:]}"  # of a damaged file, say
     for stream, text in ((sys.stderr, said), (sys.stdout, "")):
         try:
             click.echo(text, stream, nl=bool(text))

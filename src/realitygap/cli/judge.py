@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap import whole
 from realitygap.cli import option
 from realitygap.cli.kinds import SEED, FileToWrite
 from realitygap.cli.output import tell, warn
@@ -57,11 +56,12 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
     from realitygap.correspondence.judging import blind_pairs
     from realitygap.correspondence.judging import page as page_of
     from realitygap.correspondence.reading import doubts_of
+    from realitygap.files import atomic_write
 
     found, setting = _pairs(Path(pairs), task)
     data, rows = blind_pairs(found, setting, seed=seed)
-    whole.write(out, page_of(data))
-    whole.write(key, json.dumps(rows, indent=1) + "\n")
+    atomic_write(out, page_of(data))
+    atomic_write(key, json.dumps(rows, indent=1) + "\n")
     warn(doubts_of(trial for pair in found for trial in (*pair.a, *pair.b)))
     click.echo(f"{len(found)} pairs: open {out} in a browser; keep {key} from the judges")
 

@@ -13,9 +13,9 @@ from realitygap.cli.experiment import show_noise
 from realitygap.cli.failure import resumable
 from realitygap.cli.notes import ask_trust, note_versions
 from realitygap.cli.output import tell, warn
-from realitygap.cli.progress import ProgressLine
-from realitygap.cli.studies import reported, show_study
+from realitygap.cli.studies import show_study
 from realitygap.cli.transfer import told_transfers
+from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,6 +46,7 @@ def merge(
         realitygap evolve avoidance --runs 9 --out out/nine --shard 1/3   # and 2/3, 3/3, anywhere
         realitygap merge out/nine-shard-*-of-3
     """
+    from realitygap.api import reported
     from realitygap.experiments.noise import CONFIG, NoiseConfig
     from realitygap.experiments.noise_run import merge_noise, noise_experiment
     from realitygap.study.load import load_study
@@ -77,9 +78,8 @@ def merge(
     with resumable(target, f"realitygap report {shlex.quote(str(target))}", DATABASE):
         study = merge_runs(found, target)
         note_versions([study.versions()])
-        with ProgressLine() as progress:
-            carried = reported(target, study, workers, progress, told)
-    show_study(carried, json_output=json_output)
+        carried = reported(target, study, workers=workers)
+    show_study(carried, told, json_output=json_output)
 
 
 def _merge_transfer(shards: Mapping[Shard, Path], study: Path, *, json_output: bool) -> None:

@@ -32,13 +32,10 @@ def note_new(folder: Path, *files: str) -> None:
 
 def note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
     """Note what differed between the machines that made shards: bits may differ too."""
-    seen: dict[str, dict[str, None]] = {}
-    for one in found:
-        for name, values in one.items():
-            seen.setdefault(name, {}).update(dict.fromkeys(values))
-    for name, values in seen.items():
-        if len(values) > 1 and name != "platform":
-            note(f"the shards were made with different {name}: {', '.join(map(str, values))}")
+    from realitygap.api import different_versions
+
+    for said in different_versions(found):
+        note(said)
 
 
 def note_few(evaluations: int, population: int = 64) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from realitygap.robots.address import Address
     from realitygap.values import Pose
     from realitygap.world.arena import Arena
-    from realitygap.world.profile import Profile
+    from realitygap.world.robot import Profile
 
 __all__ = [
     "Numbers", "arena", "as_json", "base", "baud", "check_baud", "checked_pose", "controller", "disk",

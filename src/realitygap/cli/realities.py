@@ -12,7 +12,7 @@ from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
 from realitygap.cli.notes import note_new
 from realitygap.cli.output import print_json, table, warn
-from realitygap.cli.progress import ProgressLine
+from realitygap.work.progress import ProgressLine, counts
 
 if TYPE_CHECKING:
     from realitygap.experiments.realities import Realities
@@ -72,7 +72,8 @@ def realities(
     with resumable(out, asked.resuming(out), asked.FILE), ProgressLine() as progress:
         places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
         few = asked.runs < FEW
-        page = build_realities_page(out, places, few=few, on_progress=progress.report)
+        drawn = counts(progress.show, "making the report", "figures")
+        page = build_realities_page(out, places, few=few, on_progress=drawn)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
     if json_output:
         robots = [

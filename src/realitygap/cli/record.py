@@ -13,7 +13,7 @@ from realitygap.cli import option
 from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import DISTANCES, ROBOT, Reflectance, Whole
 from realitygap.cli.output import print_json
-from realitygap.cli.progress import ProgressLine
+from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
     from realitygap.calibration.recorder.record import Made, Progress, Wanted
@@ -89,7 +89,7 @@ def record(
         realitygap record --robot my_robot.py:MyRobot --base my_robot.toml --plan all --out mine
     """
     from realitygap.calibration.recorder.record import Wanted
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     option.check_baud(robot)
     plan, base = words["plan"], words.pop("base")

@@ -15,7 +15,7 @@ from realitygap.cli.scene import facts, path_table
 from realitygap.errors import StudyError
 
 if TYPE_CHECKING:
-    from realitygap.controller.layout import Genes
+    from realitygap.control.genotype import Genes
     from realitygap.study.load import Run
 
 __all__ = ["replay", "the_individual"]
@@ -61,7 +61,7 @@ def replay(
     """
     from realitygap.simulation.simulation import Simulation
     from realitygap.study.load import load_study
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     ask_trust(study, trust)
     loaded = load_study(study)

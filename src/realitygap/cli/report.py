@@ -7,7 +7,6 @@ import click
 from realitygap.cli import option
 from realitygap.cli.notes import ask_trust
 from realitygap.cli.output import tell
-from realitygap.cli.progress import ProgressLine
 
 __all__ = ["report"]
 
@@ -26,11 +25,9 @@ def report(study: str, trust: bool, json_output: bool) -> None:
     Example:
         realitygap report out/reproduce
     """
+    from realitygap.api import reported
     from realitygap.experiments.noise import CONFIG
-    from realitygap.report.build import build_report
-    from realitygap.report.scores import study_tables
     from realitygap.study.load import load_study
-    from realitygap.transfer.score_rows import marks_of
     from realitygap.work.workers import opened
 
     if (Path(study) / CONFIG).is_file():
@@ -40,9 +37,7 @@ def report(study: str, trust: bool, json_output: bool) -> None:
         show_noise(Path(study), Path(study) / RESULTS, {}, json_output=json_output)
         return
     ask_trust(study, trust)
-    with ProgressLine() as progress, opened(None, one_thread=True) as pool:
-        loaded = load_study(study)
-        marks = marks_of(loaded, workers=pool, on_progress=progress.marks)
-        page = build_report(study, workers=pool, on_progress=progress.report)
-        tables = study_tables(loaded, marks)
-    tell(json_output, {"report": str(page), "tables": [t.to_dict() for t in tables]}, f"report {page}")
+    with opened(None, one_thread=True) as pool:
+        done = reported(Path(study), load_study(study), workers=pool)
+    tables = [table.to_dict() for table in done.tables]
+    tell(json_output, {"report": str(done.page), "tables": tables}, f"report {done.page}")

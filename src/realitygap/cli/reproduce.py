@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
-from dataclasses import replace
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from realitygap.cli import option
+from realitygap.cli.failure import resumable
 from realitygap.cli.kinds import Whole
 from realitygap.cli.notes import note_few, note_new
-from realitygap.cli.studies import Carried, carry_out, show_study
+from realitygap.cli.studies import show_study
+from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from realitygap.cli.progress import ProgressLine
-    from realitygap.experiments.reproduction import Reproduction
-    from realitygap.study.config import StudyConfig
-    from realitygap.study.load import Study
     from realitygap.work.workers import Workers
 
-__all__ = ["carried_out", "reproduce", "requested_by"]
-
-"""Two tasks at three levels of noise."""
+__all__ = ["reproduce"]
 
 
 @click.command()
@@ -65,53 +60,21 @@ def reproduce(
     Example:
         realitygap reproduce --out out/reproduce
     """
+    from realitygap.api import carry_out, reproduction
     from realitygap.experiments.reproduction import ASKED
     from realitygap.study.reader import DATABASE
 
-    requested = requested_by(out, resume, options)
+    requested = reproduction(out, resume, options)
     if not resume:
         note_few(requested.evaluations)
     else:
         note_new(out, DATABASE, ASKED)
-    carried = carried_out(
-        out, requested, transfer=not no_transfer, workers=workers, engine=engine, resume=resume, watch=watch
-    )
+    again = f"reproduce{' --no-transfer' * no_transfer}{option.unusual(engine)} --out {shlex.quote(str(out))}"
+    with resumable(out, f"realitygap {again} --resume", DATABASE, ASKED), ProgressLine() as progress:
+        carried = carry_out(
+            out, requested, workers=workers, engine=engine, resume=resume, watch=watch,
+            transfer=not no_transfer, on_progress=progress.show,
+        )  # fmt: skip
+        took = progress.took()
     show_study(carried, json_output=json_output)
-    click.echo(carried.took, err=True)
-
-
-def requested_by(out: Path, resume: bool, options: dict[str, Any]) -> Reproduction:
-    """The settings: those given, and for the rest the saved or the usual ones."""
-    from realitygap.experiments.reproduction import Reproduction, begun
-
-    return replace((begun(out) if resume else None) or Reproduction(), **option.given(options))
-
-
-def carried_out(
-    out: Path,
-    requested: Reproduction,
-    *,
-    transfer: bool,
-    workers: Workers,
-    engine: str,
-    resume: bool,
-    watch: bool = False,
-) -> Carried:
-    """Calibrate, evolve, let the champions drive the twin if `transfer` is set, report; other arguments as of
-    `studies.carry_out`."""
-    from realitygap.experiments.reproduction import configured, transferred
-    from realitygap.work.workers import opened
-
-    def prepare(progress: ProgressLine) -> StudyConfig:
-        return configured(out, requested, resume=resume, workers=pool, on_progress=progress.calibrating)
-
-    def then(study: Study, progress: ProgressLine) -> dict[str, Any]:
-        made = transferred(study, starts=requested.starts, workers=pool, on_progress=progress.show)
-        return {"transfers": [one.to_dict() for one in made]}
-
-    words, last = ("reproduce", then) if transfer else ("reproduce --no-transfer", None)
-    words += option.unusual(engine)
-    # One pool for all phases: its processes load and compile once. A single worker is this process.
-    with nullcontext(1) if workers == 1 else opened(workers, one_thread=True) as pool:
-        return carry_out(out, prepare, words=words, workers=pool, engine=engine, resume=resume, then=last,
-                         watch=watch)  # fmt: skip
+    click.echo(took, err=True)

@@ -82,7 +82,7 @@ def check(
     from realitygap.robots.signals import Stopping
     from realitygap.transfer.plan import check_fit
     from realitygap.values import Pose
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     option.check_baud(where)
     settings = {"baud": baud, "clock_channel": clock_channel}

@@ -35,7 +35,7 @@ def placed(
     from realitygap.simulation.simulation import Simulation
     from realitygap.tasks import Start, load_task
     from realitygap.world.arena import load_arena
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     loaded, robot = load_task(task), load_profile(profile)
     room = loaded.arena if arena is None else load_arena(arena)

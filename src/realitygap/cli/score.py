@@ -79,9 +79,9 @@ def _task_of(folder: Path, trials: Path) -> Task | None:
     """The task of a transfer in its study, whose arena it is; None for trials that left their study, and
     where the task is a program that nobody agreed to run."""
     from realitygap.correspondence.reading import TRANSFER
+    from realitygap.files import read_toml
     from realitygap.study.load import load_study
     from realitygap.study.reader import DATABASE
-    from realitygap.toml import read_toml
 
     above = next((one for one in folder.resolve().parents if (one / DATABASE).is_file()), None)
     with suppress(RealityGapError):

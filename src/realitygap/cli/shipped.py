@@ -12,7 +12,7 @@ __all__ = ["arena", "profile"]
 
 def _show(folder: str, name: str, loaded: Any, json_output: bool) -> None:
     """A shipped file as it is, with its comments, or a user's as it was read."""
-    from realitygap.world.files import shipped_text
+    from realitygap.world.toml import shipped_text
 
     tell(json_output, loaded.to_dict(), (shipped_text(folder, name) or loaded.to_toml()).rstrip())
 
@@ -68,6 +68,6 @@ def show_profile(name: str, json_output: bool) -> None:
     Example: a robot of your own
         realitygap profile show paper > mine.toml
     """
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     _show("profiles", name, load_profile(name), json_output)

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap import whole
 from realitygap.cli import option
 from realitygap.cli.kinds import PICTURE
 from realitygap.cli.output import print_json, shown, table
 
 if TYPE_CHECKING:
-    from realitygap.controller.layout import Genes
+    from realitygap.control.genotype import Genes
     from realitygap.study.load import Run, Study
 
 __all__ = ["describe", "print_runs", "show"]
@@ -105,6 +104,7 @@ def _print_run(study: Study, run: Run) -> None:
 
 def _draw(study: Study, run: Run, picture: Path) -> None:
     """The network of a run's champion (of the fittest while there is none), as a picture."""
+    from realitygap.files import atomic_path
     from realitygap.report.network import network_figure
     from realitygap.report.style import styled
 
@@ -115,12 +115,12 @@ def _draw(study: Study, run: Run, picture: Path) -> None:
     sensing = {"feeds": facts["feeds"], "sensors": facts["sensors"]}
     with styled():
         figure = network_figure(slots, study.profile, title=run.name, **sensing)
-        with whole.new(picture) as spare:
+        with atomic_path(picture) as spare:
             figure.savefig(spare, dpi=200)
 
 
 def _text(study: Study, run: Run, genes: Genes | None) -> str | None:
     """A genotype's text form; None where there is none yet."""
-    from realitygap.controller.genotype import to_text
+    from realitygap.control.genotype import to_text
 
     return None if genes is None else to_text(*study.slots(run.task, genes))

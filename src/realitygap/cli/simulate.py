@@ -36,7 +36,7 @@ def simulate(
     Example:
         realitygap simulate avoidance --controller constant:5,-3 --pose 25 25 90 --json
     """
-    from realitygap.controller.own import named_controller
+    from realitygap.control.network import named_controller
     from realitygap.simulation.body import drive_simulated
 
     simulation, pose = placed(**where)

@@ -12,8 +12,8 @@ import click
 from realitygap.cli import option
 from realitygap.cli.kinds import FileToWrite
 from realitygap.cli.output import print_json, warn
-from realitygap.cli.progress import FILM_AFTER_S, ProgressLine
 from realitygap.errors import TrackError
+from realitygap.work.progress import FILM_AFTER_S, ProgressLine
 
 if TYPE_CHECKING:
     from realitygap.film.tracker import Tracked

@@ -15,9 +15,9 @@ from realitygap.cli.failure import StoppedError
 from realitygap.cli.kinds import Whole
 from realitygap.cli.notes import ask_trust
 from realitygap.cli.output import shown, table, tell
-from realitygap.cli.progress import ProgressLine
 from realitygap.cli.studies import show_shard
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
+from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -53,7 +53,7 @@ def serve(
     import signal
 
     from realitygap.twin.server import Server, Settings
-    from realitygap.world.profile import load_profile
+    from realitygap.world.robot import load_profile
 
     arena, start = _arena(arena_name)
     if pose is not None:

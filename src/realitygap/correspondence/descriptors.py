@@ -11,14 +11,14 @@ from realitygap.correspondence.catalogue import FOR_LARGE, FOR_NAMES, Descriptor
 from realitygap.correspondence.setting import Around, around, fits
 from realitygap.correspondence.trials import STEP_S, Trial, resampled
 from realitygap.errors import TrackError, UsageError
+from realitygap.files import must_be
 from realitygap.kernels.params import Path
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
-from realitygap.text import must_be
 from realitygap.track import Track
 from realitygap.values import Floats, shown
 from realitygap.world.arena import Arena
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["describe", "describe_all", "in_units", "jitter"]
 

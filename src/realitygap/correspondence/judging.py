@@ -14,7 +14,7 @@ from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.statistics import Correlation, correlation
 from realitygap.correspondence.trials import Trial
 from realitygap.errors import TrackError
-from realitygap.table import read_table
+from realitygap.files import read_table
 from realitygap.world.arena import Arena
 
 __all__ = ["Agreement", "Pair", "agreement", "blind_pairs", "page", "read_marks"]

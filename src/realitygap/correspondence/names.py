@@ -27,8 +27,8 @@ from realitygap.correspondence.evidence import tells
 from realitygap.correspondence.setting import Setting
 from realitygap.correspondence.trials import RADIUS_CM, Trial, require_trials
 from realitygap.errors import TrackError
+from realitygap.files import must_be
 from realitygap.tasks.load import load_task
-from realitygap.text import must_be
 from realitygap.values import Floats
 from realitygap.world.arena import Arena
 

@@ -16,11 +16,10 @@ import numpy as np
 
 from realitygap.correspondence.trials import RADIUS_CM, Trial, resampled
 from realitygap.errors import ConfigError, TrackError
-from realitygap.text import as_path
-from realitygap.toml import read_toml
+from realitygap.files import as_path, read_toml
 from realitygap.track import COLUMNS, Track, read_tracks
 from realitygap.values import Floats
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 __all__ = ["agreement", "doubt_of_disk", "doubts_of", "read_transfer", "read_trials"]
 

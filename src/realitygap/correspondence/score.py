@@ -11,13 +11,18 @@ from numpy.typing import NDArray
 from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.scale import PARTS, Scale, scale_of
 from realitygap.correspondence.setting import Setting
-from realitygap.correspondence.statistics import parting_s, resampled_weights, transferability, two_sample_p
+from realitygap.correspondence.statistics import (
+    parting_s,
+    resampled_weights,
+    transferability,
+    two_sample_p,
+)
 from realitygap.correspondence.trials import SHORTEST_S, STEP_S, Trial, require_trials
 from realitygap.correspondence.words import differences, signed
 from realitygap.errors import TrackError, UsageError
+from realitygap.files import must_be
 from realitygap.tasks.task import Task
-from realitygap.text import must_be
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["Comparison", "behaviour_score", "comparable", "compare", "ends_of"]
 

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from realitygap.errors import TrackError
-from realitygap.text import must_be
+from realitygap.files import must_be
 from realitygap.track import Track, Trajectory
 from realitygap.values import Floats, shown
 

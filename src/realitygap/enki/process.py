@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap import whole
 from realitygap.enki.unit import draw_unit
 from realitygap.errors import RobotError, UsageError
+from realitygap.files import atomic_path
 from realitygap.work import child
 
 __all__ = ["STEP_S", "EnkiProcess", "Moment", "program"]
@@ -75,7 +75,7 @@ def _compile(text: bytes, library: Path, path: Path) -> None:
     compiler = shutil.which(COMPILER[0])
     if compiler is None:
         raise UsageError(f"enki: expected a compiler, {COMPILER[0]}, to use the simulator Enki. {CURE}")
-    with whole.new(path) as spare:
+    with atomic_path(path) as spare:
         order = [compiler, *COMPILER[1:], "-x", "c++", "-", "-x", "none", str(library), "-o", str(spare)]
         try:
             made = subprocess.run(order, input=text, capture_output=True, timeout=LONGEST_S)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
-from realitygap.tasks.scoring import CompiledScore
+from realitygap.tasks.score import CompiledScore
 
 __all__ = ["Rewards"]
 

@@ -23,7 +23,7 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.values import Floats, Pose, as_count, as_stream
 from realitygap.world.arena import Arena, load_arena
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["RobotVectorEnv"]
 
@@ -83,16 +83,16 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
 
     def _settle(self, simulation: Simulation) -> None:
         """Room for robots of a simulation, none of which has begun."""
-        self.simulation, cores, robots = simulation, simulation._cores, self.num_envs
+        self.simulation, robots = simulation, self.num_envs
         self._worlds: dict[int, tuple[World, slice]] = {}
-        self._work = new_work(cores.robot, cores.trial, self._nobody)
-        steps, sensors = cores.trial.steps, len(self._work.readings)
+        self._work = new_work(simulation.robot, simulation.trial, self._nobody)
+        steps, sensors = simulation.trial.steps, len(self._work.readings)
         self._crowd = crowd.Crowd(
             pose=np.zeros((robots, 3)), wheel=np.zeros((robots, *self._work.wheel.shape)),
             step=np.zeros(robots, np.int64), stream=np.zeros(robots, np.uint64),
             path=np.zeros((robots, len(Path._fields), steps)), readings=np.zeros((robots, sensors)),
         )  # fmt: skip
-        self._rewards = Rewards(cores.score, cores.room, robots, steps)
+        self._rewards = Rewards(simulation.score, simulation.room, robots, steps)
         self._over = np.ones(robots, bool)
 
     def reset(
@@ -209,13 +209,13 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         streams = np.array([substream(self._seeds[i], np.uint64(self._trial[i])) for i in which], np.uint64)
         starts = np.empty((len(which), 3))
         if pose is None:
-            batch.draw_starts(self.simulation._cores.trial, streams, starts)
+            batch.draw_starts(self.simulation.trial, streams, starts)
         else:
             starts[:] = pose.x, pose.y, pose.heading
         self._crowd.stream[which] = streams
         self._trial[which] += 1
         if self.simulation.task.spread:
-            self._worlds.update(zip(which, self.simulation._cores.worlds(streams), strict=True))
+            self._worlds.update(zip(which, self.simulation.worlds(streams), strict=True))
         self._go_on(which, starts, STILL)
         self._rewards.begin(which)
         self._over[which] = False
@@ -223,7 +223,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
     def _go_on(self, which: NDArray[np.int64], starts: Floats, commands: NDArray[np.int64]) -> None:
         """As of `crowd.go_on`: all robots at once, or each with the constants of its trial."""
         if not self.simulation.task.spread:
-            world = self.simulation._cores.world
+            world = self.simulation.world
             crowd.go_on(world, self._nobody, self._crowd, which, starts, commands, self._work)
             return
         for i, r in enumerate(which):

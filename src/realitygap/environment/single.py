@@ -28,7 +28,7 @@ from realitygap.transfer.paths import of_counters, of_poses, score
 from realitygap.transfer.plan import check_fit
 from realitygap.values import Command, Pose, as_stream, fed
 from realitygap.world.arena import Arena, load_arena
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["RobotEnv"]
 

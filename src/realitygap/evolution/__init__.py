@@ -4,9 +4,8 @@ from typing import Any
 
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Algorithm, Batch, State, Variation
-from realitygap.evolution.cellular import DistributedGA, Panmictic, RandomSearch
-from realitygap.evolution.population import Population
-from realitygap.user_code import made, place_of
+from realitygap.evolution.ga import DistributedGA, Panmictic, Population, RandomSearch
+from realitygap.plugins import made, place_of
 from realitygap.values import as_count
 
 __all__ = [
@@ -34,12 +33,12 @@ def make_algorithm(name: str, encoding: Any, **params: Any) -> Algorithm[Any]:
     Raises:
         UsageError: an unknown name or parameter, or a value out of range.
     """
-    if isinstance(name, str) and place_of(name):
+    if place_of(name):
         ways = ("cells", "init", "ask", "tell", "from_bytes")
         own: Algorithm[Any] = made(name, "algorithm", ways, params, encoding=encoding)
         as_count(own.cells, f"{name}: cells")
         return own
-    if not isinstance(name, str) or name not in ALGORITHMS:
+    if name not in ALGORITHMS:
         raise UsageError(
             f"the algorithm: expected one of {', '.join(ALGORITHMS)}, or FILE.py:NAME, got {name!r}."
         )
@@ -50,7 +49,6 @@ def make_algorithm(name: str, encoding: Any, **params: Any) -> Algorithm[Any]:
             f"such as a Variation, got {encoding!r}"
         )
     known = [key for key in ALGORITHMS[name].__dataclass_fields__ if key != "encoding"]
-    for key in params:
-        if key not in known:
-            raise UsageError(f"the algorithm {name!r} has {', '.join(known)}; no {key!r}")
+    if unknown := set(params) - set(known):
+        raise UsageError(f"the algorithm {name!r} has {', '.join(known)}; no {min(unknown)!r}")
     return ALGORITHMS[name](encoding=encoding, **params)

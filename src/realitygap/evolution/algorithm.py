@@ -14,16 +14,8 @@ from realitygap.errors import UsageError
 from realitygap.values import shown
 
 __all__ = [
-    "NOBODY",
-    "Algorithm",
-    "Batch",
-    "Genes",
-    "State",
-    "Variation",
-    "check_batch",
-    "check_state",
-    "same",
-]
+    "NOBODY", "Algorithm", "Batch", "Genes", "State", "Variation", "check_batch", "check_state",
+]  # fmt: skip
 
 Genes = NDArray[Any]
 """Individuals of any type and shape: [n, ...], or one, [...]."""
@@ -120,76 +112,51 @@ class Variation(Protocol):
         """A new individual from two, which stay as they are."""
 
 
-def check_batch(batch: object, state: State, n: int, one: Genes) -> int:
-    """Refuse what is not an answer to `ask(state, n)`, of individuals like `one`; return how many there are.
+def check_batch(batch: object, state: State, n: int, one: Genes) -> None:
+    """Refuse what is not an answer to `ask(state, n)`, of individuals like `one`.
 
     Args:
-        batch: the answer.
-        state: that was asked about.
-        n: as many as were asked for.
-        one: an individual, of the type and shape of all.
+        batch: what the algorithm answered.
+        state: what it was asked in.
+        n: how many it was asked for.
+        one: genes of one individual.
 
     Raises:
         UsageError: says what was expected of the algorithm and what came.
     """
     if not isinstance(batch, Batch):
         raise UsageError(f"ask: expected a Batch, got {type(batch).__name__}.")
-    genes, count = batch.genes, len(np.atleast_1d(batch.genes))
-    if not isinstance(genes, np.ndarray) or (genes.dtype, genes.shape[1:]) != (one.dtype, one.shape):
-        expected = f"{one.dtype}[n{''.join(f', {k}' for k in one.shape)}]"
-        raise UsageError(f"ask: expected genes {expected}, got {shown(genes)}.")
-    if genes.dtype.kind == "f" and not np.isfinite(genes).all():
+    count = len(batch.genes)
+    _check_array("ask: expected genes", batch.genes, one.dtype, (count, *one.shape))
+    _check_array("ask: expected parents", batch.parents, np.int64, (count, 2))
+    _check_array("ask: expected cells", batch.cells, np.int64, (count,))
+    if one.dtype.kind == "f" and not np.isfinite(batch.genes).all():
         raise UsageError("ask: expected genes that are finite numbers, got NaN or infinity among them.")
     if not 1 <= count <= n or batch.number != state.evaluations:
         there = f"{count} from number {batch.number}"
         raise UsageError(f"ask: expected 1 to {n} individuals from number {state.evaluations}, got {there}.")
-    for name, array, shape in (("parents", batch.parents, (count, 2)), ("cells", batch.cells, (count,))):
-        if not _is_whole(array, shape):
-            raise UsageError(f"ask: expected {name} int64{list(shape)}, got {shown(array)}.")
-    return count
 
 
-def check_state(state: State, cells: int, batch: Batch, fitness: NDArray[np.float64]) -> None:
-    """Refuse a state with `cells` cells that does not match the evaluations that it was told of.
+def check_state(state: State, cells: int, fitness: NDArray[np.float64], one: Genes) -> None:
+    """Refuse a state that is not one after individuals like `one` had this fitness.
 
     Args:
-        state: after them.
-        cells: of its algorithm.
-        batch: all evaluations since the last checked state.
-        fitness: of them, [n].
+        state: what the algorithm answered.
+        cells: how many individuals it must hold.
+        fitness: what the algorithm was told, [n].
+        one: genes of one individual.
 
     Raises:
         UsageError: says what was expected of the algorithm and what came.
     """
-    first, told, kind = batch.number, state.evaluations, batch.genes.dtype
-    late = batch.parents[(batch.parents < NOBODY) | (batch.parents >= np.arange(first, told)[:, np.newaxis])]
-    if len(late):
-        raise UsageError(f"ask: expected parents that were evaluated before, or {NOBODY}, got {late[0]}.")
-    far = batch.cells[(batch.cells < 0) | (batch.cells >= cells)]
-    if len(far):
-        raise UsageError(f"ask: expected cells from 0 to {cells - 1}, got {far[0]}.")
-    numbers, genes = state.numbers, state.genes
-    if not _is_whole(numbers, (cells,)) or not ((numbers >= NOBODY) & (numbers < told)).all():
-        expected = f"int64[{cells}], the evaluation in each cell or {NOBODY}"
-        raise UsageError(f"tell: expected numbers {expected}, got {shown(numbers)} {numbers!s:.60}.")
-    shape = (cells, *batch.genes.shape[1:])
-    if not isinstance(genes, np.ndarray) or (genes.dtype, genes.shape) != (kind, shape):
-        raise UsageError(f"tell: expected genes {kind}{list(shape)}, a cell each, got {shown(genes)}.")
-    best, top, high = state.best_number, state.best_fitness, float(np.max(fitness))
-    known = isinstance(best, int | np.integer) and 0 <= best < told
-    its = float(fitness[best - first]) if known and best >= first else max(high, top)
-    if not known or its < high or not math.isclose(its, top, rel_tol=1e-6):
-        expected = "the highest fitness ever told (best_fitness) and its evaluation (best_number)"
-        raise UsageError(f"tell: expected {expected}, got {top} of evaluation {best}.")
-    for one, number in [*zip(genes, numbers, strict=True), (state.best_genes, best)]:
-        if number >= first and not np.array_equal(one, batch.genes[number - first]):
-            raise UsageError(f"tell: expected the genes of evaluation {number} with its number, got others.")
+    _check_array("tell: expected genes", state.genes, one.dtype, (cells, *one.shape))
+    _check_array("tell: expected numbers", state.numbers, np.int64, (cells,))
+    _check_array("tell: expected best_genes", state.best_genes, one.dtype, one.shape)
+    best, high = state.best_fitness, float(fitness.max())
+    if not (best >= high or math.isclose(best, high, rel_tol=1e-6)):  # perhaps kept in single precision
+        raise UsageError(f"tell: expected the highest fitness ever told, {high} or more, got {best}.")
 
 
-def _is_whole(array: object, shape: tuple[int, ...]) -> bool:
-    return isinstance(array, np.ndarray) and array.dtype.kind == "i" and array.shape == shape
-
-
-def same(one: Batch, other: Batch) -> bool:
-    """Whether two batches are equal."""
-    return all(np.array_equal(np.asarray(a), np.asarray(b)) for a, b in zip(one, other, strict=True))
+def _check_array(expected: str, array: object, kind: Any, shape: tuple[int, ...]) -> None:
+    if not isinstance(array, np.ndarray) or (array.dtype, array.shape) != (kind, shape):
+        raise UsageError(f"{expected} {np.dtype(kind)}{list(shape)}, got {shown(array)}.")

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
 
-from realitygap import whole
 from realitygap.errors import ConfigError, StudyError, StudyInterruptedError
+from realitygap.files import atomic_write, read_toml, to_csv, to_toml
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import exists
 from realitygap.study.load import Study
@@ -25,13 +25,11 @@ from realitygap.study.runner import COMPILING, FINISHED, run_study
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference, refuse_edited_settings
 from realitygap.study.versions import versions
-from realitygap.text import to_csv
-from realitygap.toml import read_toml, to_toml
 from realitygap.work.pool import Pool, Setup
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import MARK
 from realitygap.work.workers import Workers, opened
-from realitygap.world.files import Value, build
+from realitygap.world.toml import Value, build
 
 __all__ = [
     "RESULTS", "Made", "Phase", "Phases", "Recorded", "Seconds", "Settings", "kept", "missing", "open_folder",
@@ -124,8 +122,8 @@ def open_folder(folder: Path, kind: type[S], requested: S | None, *, resume: boo
         header = f"# {kind.WHAT.capitalize()}: all that its results depend on.\n"
         again = f"# To continue it: {requested.resuming('THIS_FOLDER')}\n"
         with told(folder):
-            whole.write(copy, text)
-            whole.write(file, f"{header}{again}\n{text}")
+            atomic_write(copy, text)
+            atomic_write(file, f"{header}{again}\n{text}")
         return requested
     there = kind.from_folder(folder)
     made = kind._built(read_toml(copy, StudyError, "", broken="Restore it from a copy."))
@@ -191,13 +189,13 @@ class Seconds:
         """Add to a phase's duration."""
         table = self.read()
         table[phase] = round(table.get(phase, 0.0) + seconds, 1)
-        whole.write(self._file, json.dumps(table, indent=1) + "\n")
+        atomic_write(self._file, json.dumps(table, indent=1) + "\n")
 
 
 def write_table(file: Path, rows: Sequence[Mapping[str, object]], head: Sequence[str] = ()) -> None:
     """Write a CSV file with five digits; unknown values are empty. `head` is needed if there are no rows."""
     head = head or list(rows[0])
-    whole.write(file, to_csv([head, *([_text(row[key]) for key in head] for row in rows)]))
+    atomic_write(file, to_csv([head, *([_text(row[key]) for key in head] for row in rows)]))
 
 
 def _text(value: object) -> str:
@@ -313,7 +311,7 @@ class Phases:
                 with told(self._folder):
                     file = self._folder / message.file
                     file.parent.mkdir(parents=True, exist_ok=True)
-                    whole.write(file, message.content)
+                    atomic_write(file, message.content)
                 self._reporter.add(0.0, done=1)
             else:
                 self._reporter.add(phase.cost * message)

@@ -20,9 +20,8 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap import whole
 from realitygap.calibration.unit_folder import PROFILE
-from realitygap.controller.encoding import Encoding, controller_of
+from realitygap.control.encoding import Encoding, controller_of
 from realitygap.correspondence.names import common_name, namer
 from realitygap.correspondence.scale import Scale, exemplar_scale
 from realitygap.correspondence.score import compare
@@ -30,14 +29,10 @@ from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.errors import LineError, StudyError, TrackError
 from realitygap.evolution.algorithm import Genes
-from realitygap.experiments.experiment import (
-    RESULTS,
-    Seconds,
-    Settings,
-    kept,
-    write_table,
-)
+from realitygap.experiments.experiment import RESULTS, Seconds, Settings, kept, write_table
+from realitygap.files import atomic_write, read_toml, to_toml
 from realitygap.kernels.params import Networks
+from realitygap.plugins import place_of, placed
 from realitygap.robots.address import Address
 from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
@@ -52,16 +47,13 @@ from realitygap.study.settings import whole as whole_number
 from realitygap.study.versions import versions
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.tasks.task import Task
-from realitygap.toml import read_toml, to_toml
 from realitygap.track import Track, settled
 from realitygap.transfer.paths import score
 from realitygap.transfer.rig import Rig
-from realitygap.user_code import place_of, placed
 from realitygap.values import Floats, Pose
 from realitygap.world.arena import load_arena
-from realitygap.world.files import require
-from realitygap.world.noise import noise_level
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile, noise_level
+from realitygap.world.toml import require
 
 __all__ = [
     "CONFIG", "FIGURES", "Controller", "Driven", "NoiseConfig", "NoiseExperiment", "Pair",
@@ -695,7 +687,7 @@ class NoiseExperiment:
             "versions": versions(),
             "versions_at_start": read_toml(self.folder / config.FILE, StudyError, "").get("versions", {}),
         }
-        whole.write(folder / config.FACTS, to_toml(facts))
+        atomic_write(folder / config.FACTS, to_toml(facts))
         return folder
 
     def who(self, one: Controller) -> dict[str, object]:

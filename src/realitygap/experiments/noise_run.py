@@ -47,7 +47,7 @@ from realitygap.work.progress import OnProgress
 from realitygap.work.shard import MARK, Mark, Shard, marked
 from realitygap.work.workers import Workers, far, near
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
 
 __all__ = ["WORK", "check_robot", "merge_noise", "noise_experiment"]
 

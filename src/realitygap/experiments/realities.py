@@ -15,7 +15,7 @@ from realitygap.robots.address import Address
 from realitygap.study.lock import lock
 from realitygap.work.progress import OnProgress, Progress
 from realitygap.work.workers import Workers, opened
-from realitygap.world.files import require
+from realitygap.world.toml import require
 
 __all__ = ["ASKED", "AT_HAND", "Place", "Realities", "carry_out"]
 

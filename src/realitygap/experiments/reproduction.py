@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from realitygap.errors import ConfigError, StudyError
+from realitygap.files import atomic_write, read_toml, to_toml
 from realitygap.study.ahead import compile_ahead
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import exists, open_to_begin, own_config
@@ -17,16 +18,14 @@ from realitygap.study.lock import lock
 from realitygap.study.schema import told
 from realitygap.study.settings import LARGEST, refuse_difference, whole
 from realitygap.tasks import load_task
-from realitygap.toml import read_toml, to_toml
 from realitygap.transfer.chosen import shown_runs
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.run import run_transfer
-from realitygap.whole import write
 from realitygap.work.progress import OnProgress
 from realitygap.work.workers import Workers, near
-from realitygap.world.files import Value, build, shipped
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile
+from realitygap.world.toml import Value, build, shipped
 
 __all__ = ["STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "meanwhile", "transferred"]
 
@@ -189,7 +188,7 @@ def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:
     if not path.is_file():
         open_to_begin(folder)
         with told(path):
-            write(path, HEADER + to_toml(requested.to_dict()))
+            atomic_write(path, HEADER + to_toml(requested.to_dict()))
         return
     if not resume:
         raise StudyError(

@@ -3,9 +3,7 @@
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
-    "trial": "Lived lived",
-    "logs": "write_log",
-    "onboard": "OnBoard on_board",
-    "source": "LANGUAGES sizes write_source",
+    "logs": "TrialLog trial_log write_log",
+    "onboard": "LANGUAGES OnBoard on_board sizes write_source",
     "tables": "TABLES table write_tables",
 })  # fmt: skip

@@ -1,27 +1,158 @@
-"""A transferred trial as a log: Rerun's (.rrd) or MCAP (for Foxglove), both robots on one time line.
-
-docs/tables-and-logs.md names what is in them.
-"""
+"""A trial as a log for Rerun or Foxglove."""
 
 import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap import whole
-from realitygap.errors import UsageError
-from realitygap.export.trial import Lived, Side
+from realitygap.control.genotype import Genes
+from realitygap.errors import StudyError, UsageError
+from realitygap.files import as_path, atomic_path, must_be
 from realitygap.film.video import FilmReader
 from realitygap.lazy import needed
-from realitygap.text import as_path
+from realitygap.report.arenas import rays_of
+from realitygap.report.network import network_drawing
+from realitygap.report.player_tracks import activity, decided
+from realitygap.report.robots import front
+from realitygap.robots.recording import Recording
+from realitygap.study.load import Run
+from realitygap.tasks.task import Task
+from realitygap.track import Track, Trajectory, read_track
+from realitygap.transfer.load import Transferred, load_transfers, read_trial
+from realitygap.transfer.packed import placed
+from realitygap.transfer.replay import Replays
+from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
 from realitygap.values import Floats
 from realitygap.world.arena import Arena
+from realitygap.world.robot import Profile
 
-__all__ = ["FORMATS", "write_log"]
+__all__ = ["FORMATS", "Side", "TrialLog", "trial_log", "write_log"]
+
+
+class Side(NamedTuple):
+    """One of the two robots.
+
+    Attributes:
+        name: "simulated" or "situated".
+        track: [n + 1] poses; NaN where it was lost.
+        inside: what is known of each step, [n, k] by name: proximity, ambient (counts), inputs, commands
+            (−10 to 10), and outputs of the network's neurons, in the order of the drawing's.
+        rays: [n + 1, rays, 2 ends, 2] cm; NaN where it was lost.
+    """
+
+    name: str
+    track: Track
+    inside: Mapping[str, NDArray[Any]]
+    rays: Floats
+
+
+class TrialLog(NamedTuple):
+    """A trial: where, who, both robots, and the film of the situated one (None: none was kept).
+
+    Attributes:
+        trial: what its file says.
+        task: with the arena.
+        outlines: [2] lines [points, 2] in cm in the robot's own frame: its body, and a line ahead.
+        network: the drawing that the page's player has, None where it is not known who drove.
+        sides: simulated, situated.
+        film: its file; lead_s: how long before the trial it begins.
+    """
+
+    trial: Transferred
+    task: Task
+    outlines: tuple[Floats, Floats]
+    network: Mapping[str, Any] | None
+    sides: tuple[Side, Side]
+    film: Path | None
+    lead_s: float
+
+    @property
+    def name(self) -> str:
+        """For its file and for people."""
+        return f"{self.trial.name.replace('/', '-')}-{self.trial.robot}-start-{self.trial.start}"
+
+
+def trial_log(
+    run: Run, individual: str = "champion", robot: str | None = None, start: int | None = None
+) -> TrialLog:
+    """A trial of a run on a robot, simulated again beside it; the first that fits.
+
+    What is not known is left out: see `transfer/replay.py`.
+
+    Args:
+        run: whose.
+        individual: "champion" or "fittest".
+        robot: the trial's folder, such as "twin-1"; any if None.
+        start: its number; any if None.
+
+    Raises:
+        StudyError: there is no such trial; names those that there are.
+    """
+    must_be(run, Run, "run", "study.run(1) is one.")
+    there = [one for one in load_transfers(run.study.folder) if one.run == run.id]
+    wanted = {"individual": individual, "robot": robot, "start": start}
+    asked = {key: value for key, value in wanted.items() if value is not None}
+    fits = [one for one in there if all(getattr(one, key) == value for key, value in asked.items())]
+    if not fits:
+        known = [f"{one.individual} on {one.robot} from start {one.start}" for one in there]
+        got = ", ".join(f"{key} {value}" for key, value in asked.items())
+        told = (
+            f"expected a trial of run {run.id} on a robot, got {got}; there are: {', '.join(known) or 'none'}"
+        )
+        raise StudyError(f"{run.study.folder}: {told}. Make one with `realitygap transfer`.")
+    trial, task, profile = fits[0], run.study.task(run.task), run.study.profile
+    replay = Replays(run.study).of(trial.folder)
+    drawing, slots = (None, []) if replay.genes is None else network_drawing(replay.genes, task, profile)
+    with placed(trial.folder) as here:
+        paths = [read_track(here / name) for name in (SIMULATED, SITUATED)]
+    if replay.simulated is not None:
+        paths[0] = replay.simulated.track
+    sides = [
+        _side(name, path, kept, (replay.genes, slots), (task, profile))
+        for name, path, kept in zip(("simulated", "situated"), paths, replay[1:], strict=True)
+    ]
+    return TrialLog(
+        trial=trial, task=task, outlines=_outlines(profile), network=drawing, sides=(sides[0], sides[1]),
+        film=trial.folder / "film.mp4" if trial.filmed else None,
+        lead_s=float(read_trial(trial.folder / TRIAL).get("film_lead_s", 0.0)),
+    )  # fmt: skip
+
+
+def _side(
+    name: str,
+    track: Track,
+    kept: Trajectory | Recording | None,
+    drove: tuple[Genes | None, list[int]],
+    where: tuple[Task, Profile],
+) -> Side:
+    """One robot on its path, with what was `kept` of it; `drove` is the genotype and its neurons' slots."""
+    task, profile = where
+    robot, arena, steps = profile.to_kernel(), task.arena.to_kernel(), len(track) - 1
+    rays = np.stack([
+        rays_of(robot, arena, task.feeds, pose) for pose in zip(track.x, track.y, track.heading, strict=True)
+    ])  # fmt: skip
+    rays[~track.found] = np.nan
+    inside: dict[str, NDArray[Any]] = {}
+    if kept is not None:
+        inside = {key: getattr(kept, key) for key in ("proximity", "ambient", "inputs")}
+        inside["commands"] = decided(kept, profile)
+        outputs = None if drove[0] is None else activity(drove[0], kept.inputs, inside["commands"], drove[1])
+        inside |= {} if outputs is None else {"outputs": outputs}
+    return Side(name, track, {k: v for k, v in inside.items() if v.shape[0] == steps and v.shape[1]}, rays)
+
+
+def _outlines(profile: Profile) -> tuple[Floats, Floats]:
+    robot = profile.to_kernel()
+    turn = np.linspace(0.0, 2.0 * np.pi, 33)
+    circle = robot.radius * np.stack([np.cos(turn), np.sin(turn)], 1)
+    corners = robot.outline[:, :2]
+    body = np.concatenate([corners, corners[:1]]) if len(corners) else circle
+    return body, np.array([[0.0, 0.0], [front(robot), 0.0]])
+
 
 FORMATS = {"rerun": ".rrd", "mcap": ".mcap"}
 """Formats of a log, and their file endings."""
@@ -33,7 +164,7 @@ WIDE = 60
 JPEG_QUALITY = 80
 
 
-def write_log(one: Lived, kind: str, folder: str | Path) -> Path:
+def write_log(one: TrialLog, kind: str, folder: str | Path) -> Path:
     """Write a trial's log into a folder, which is made if needed; return the file.
 
     Args:
@@ -51,21 +182,20 @@ def write_log(one: Lived, kind: str, folder: str | Path) -> Path:
     folder = as_path(folder, "folder")
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{one.name}{FORMATS[kind]}"
-    with whole.new(path) as new:
+    with atomic_path(path) as new:
         (_rerun if kind == "rerun" else _mcap)(library, one, new)
     return path
 
 
-def _rerun(rr: Any, one: Lived, path: Path) -> None:
+def _rerun(rr: Any, one: TrialLog, path: Path) -> None:
     """Places in cm, z up; a row a step, in columns."""
     stream = rr.RecordingStream("realitygap", recording_id=one.name)
     made = stream.memory_recording()  # its own writer hangs on a full disk, or says nothing of what is lost
     stream.send_blueprint(_blueprint(one), make_active=False)
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for name, lines, colour in _room(one.task.arena):
-        stream.log(
-            f"arena/{name}", rr.LineStrips3D([_up(line) for line in lines], colors=colour), static=True
-        )
+        strips = rr.LineStrips3D([_up(line) for line in lines], colors=colour)
+        stream.log(f"arena/{name}", strips, static=True)
     facts = json.dumps({**one.trial.to_dict(), "folder": one.trial.folder.name}, indent=1)
     stream.log("about", rr.TextDocument(f"```\n{facts}\n```", media_type="text/markdown"), static=True)
     for side in one.sides:
@@ -80,7 +210,7 @@ def _rerun(rr: Any, one: Lived, path: Path) -> None:
     path.write_bytes(made.drain_as_bytes())
 
 
-def _rerun_side(rr: Any, stream: Any, one: Lived, side: Side) -> None:
+def _rerun_side(rr: Any, stream: Any, one: TrialLog, side: Side) -> None:
     found, colour = side.track.found, COLOURS[side.name]
     when = rr.TimeColumn(TIMELINE, duration=side.track.t)
     seen = rr.TimeColumn(TIMELINE, duration=side.track.t[found])
@@ -92,12 +222,8 @@ def _rerun_side(rr: Any, stream: Any, one: Lived, side: Side) -> None:
     bodies = [_up(line) for lines in _bodies(one, side) for line in lines]
     columns("body", rr.LineStrips3D.columns(strips=bodies), 2, seen)
     rays = side.rays[found]
-    columns(
-        "rays",
-        rr.LineStrips3D.columns(strips=[_up(ray) for step in rays for ray in step]),
-        rays.shape[1],
-        seen,
-    )
+    strips = [_up(ray) for step in rays for ray in step]
+    columns("rays", rr.LineStrips3D.columns(strips=strips), rays.shape[1], seen)
     for name, look in (("body", colour), ("rays", RAY)):
         stream.log(f"{side.name}/{name}", rr.LineStrips3D.from_fields(colors=look), static=True)
     path = _up(np.stack([side.track.x[found], side.track.y[found]], 1))
@@ -137,26 +263,22 @@ def _rerun_network(rr: Any, stream: Any, network: Mapping[str, Any], side: Side)
         stream.send_columns(f"{side.name}/network", indexes=[when], columns=columns)
 
 
-def _blueprint(one: Lived) -> Any:
+def _blueprint(one: TrialLog) -> Any:
     """Both robots side by side, the film; below what they read, decided, and their networks."""
     import rerun.blueprint as rrb
 
     names = [side.name for side in one.sides]
     parts = ("body", "rays", "path")
-    views = [
-        rrb.Spatial3DView(name=name, contents=["/arena/**", *(f"/{name}/{part}" for part in parts)])
-        for name in names
-    ]
+    drawn = {name: ["/arena/**", *(f"/{name}/{part}" for part in parts)] for name in names}
+    views = [rrb.Spatial3DView(name=name, contents=contents) for name, contents in drawn.items()]
     views += [rrb.Spatial2DView(name="film", origin="/situated/film")] if one.film is not None else []
-    series = [
-        rrb.TimeSeriesView(name=f"{name}: {part}", origin=f"/{name}/{part}")
-        for name in names for part in ("inputs", "commands")
-    ]  # fmt: skip
+    read = [(name, part) for name in names for part in ("inputs", "commands")]
+    series = [rrb.TimeSeriesView(name=f"{name}: {part}", origin=f"/{name}/{part}") for name, part in read]
     graphs = [rrb.GraphView(name=f"{name}: network", origin=f"/{name}/network") for name in names]
     return rrb.Blueprint(rrb.Vertical(rrb.Horizontal(*views), rrb.Horizontal(*series, *graphs)))
 
 
-def _mcap(writer: Any, one: Lived, path: Path) -> None:
+def _mcap(writer: Any, one: TrialLog, path: Path) -> None:
     """JSON messages from the trial's start on; scenes (in metres) and pictures by Foxglove's schemas."""
     with path.open("wb") as file:
         log = writer.Writer(file)
@@ -187,7 +309,7 @@ def _mcap(writer: Any, one: Lived, path: Path) -> None:
         log.finish()
 
 
-def _steps(one: Lived, side: Side) -> Iterator[tuple[float, dict[str, Any], dict[str, Any] | None]]:
+def _steps(one: TrialLog, side: Side) -> Iterator[tuple[float, dict[str, Any], dict[str, Any] | None]]:
     """Each step's time, its numbers (null where the robot was lost), and its scene (None there)."""
     track = side.track
     bodies = iter(_bodies(one, side))
@@ -218,16 +340,13 @@ def _scene(name: str, t_s: float, lines: Sequence[tuple[Floats, Sequence[int], f
         for line, colour, thick in lines
     ]  # fmt: skip
     entity = {
-        "timestamp": _stamp(t_s),
-        "frame_id": "arena",
-        "id": name,
-        "lines": drawn,
-        "frame_locked": False,
-    }
-    return {"deletions": [], "entities": [{**entity, "lifetime": {"sec": 0, "nsec": 0}, "metadata": []}]}
+        "timestamp": _stamp(t_s), "frame_id": "arena", "id": name, "lines": drawn, "frame_locked": False,
+        "lifetime": {"sec": 0, "nsec": 0}, "metadata": [],
+    }  # fmt: skip
+    return {"deletions": [], "entities": [entity]}
 
 
-def _pictures(one: Lived) -> Iterator[tuple[float, dict[str, Any]]]:
+def _pictures(one: TrialLog) -> Iterator[tuple[float, dict[str, Any]]]:
     """The film's frames from the trial's start on, as JPEG."""
     import base64
 
@@ -246,7 +365,7 @@ def _pictures(one: Lived) -> Iterator[tuple[float, dict[str, Any]]]:
             yield t_s, {"timestamp": _stamp(t_s), "frame_id": "film", "format": "jpeg", "data": data}
 
 
-def _bodies(one: Lived, side: Side) -> list[tuple[Floats, Floats]]:
+def _bodies(one: TrialLog, side: Side) -> list[tuple[Floats, Floats]]:
     """The robot's outlines in the arena at each step at which it was seen."""
     found, track = side.track.found, side.track
     out = []
@@ -270,7 +389,7 @@ def _room(arena: Arena) -> list[tuple[str, list[Floats], tuple[int, int, int, in
     return [part for part in (*parts, ("lamps", lamps, LAMP)) if part[1]]
 
 
-def _names(one: Lived, kind: str, count: int) -> list[str]:
+def _names(one: TrialLog, kind: str, count: int) -> list[str]:
     if kind == "commands":
         return ["left", "right"]
     if kind == "outputs" and one.network is not None:

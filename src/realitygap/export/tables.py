@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from realitygap import whole
 from realitygap.errors import UsageError
+from realitygap.files import as_path, atomic_path, atomic_write, to_csv
 from realitygap.lazy import needed
 from realitygap.study.load import Study, as_study
 from realitygap.study.reader import Table
-from realitygap.text import as_path, to_csv
 from realitygap.transfer.load import load_transfers
 from realitygap.transfer.score_rows import ScoreRow, kind_of, marks_of
 
@@ -29,19 +28,10 @@ OF_TRIAL = (
     "situated_from", "filmed", "late_steps", "missed_steps", "lost_steps",
 )  # fmt: skip
 OF_SCORES = ("type", "situated_type", "behaviour", "correspondence", "low", "high", "differences")
-TEXTS = (
-    "name",
-    "task",
-    "individual",
-    "robot",
-    "situated_from",
-    "folder",
-    "kind",
-    "why",
-    "type",
-    "situated_type",
+TEXTS = {
+    "name", "task", "individual", "robot", "situated_from", "folder", "kind", "why", "type", "situated_type",
     "differences",
-)
+}  # fmt: skip
 """Columns that stay texts even when empty."""
 
 
@@ -91,9 +81,9 @@ def write_tables(study: Study, kind: str, folder: str | Path) -> dict[Path, int]
     for name in TABLES:
         path, columns = folder / f"{name}.{kind}", table(study, name)
         if arrow is None:
-            whole.write(path, _csv(columns))
+            atomic_write(path, _csv(columns))
         else:
-            with whole.new(path) as new:
+            with atomic_path(path) as new:
                 arrow.write_table(_arrow(columns), new)
         made[path] = len(next(iter(columns.values())))
     return made

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
+from realitygap.files import read_table
 from realitygap.film.camera import CameraModel
 from realitygap.film.finder import Finder, first_look
 from realitygap.film.fit import USUAL_DEG, field_deg, fit_camera, lens_place
 from realitygap.film.marker import Marker, Tag, on_floor
 from realitygap.film.pattern import Grey
 from realitygap.film.tag import BELIEVED, TagFinder, finder_of, seen_in, why_not
-from realitygap.table import read_table
 from realitygap.values import Pose
 
 __all__ = ["Calibration", "KnownFrame", "Residual", "calibrate_camera", "read_frames"]

@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from realitygap import whole
 from realitygap.errors import FilmError
-from realitygap.text import read_json, refuse_unknown
+from realitygap.files import atomic_write, read_json, refuse_unknown
 from realitygap.values import Floats
 
 __all__ = ["OUTSIDE", "CameraModel", "load_camera", "turning_point"]
@@ -178,7 +177,7 @@ class CameraModel:
 
     def save(self, path: str | Path) -> None:
         """Write the camera as JSON."""
-        whole.write(path, json.dumps(self.to_dict(), indent=2) + "\n")
+        atomic_write(path, json.dumps(self.to_dict(), indent=2) + "\n")
 
     def _moved(
         self, sides: tuple[Floats, Floats], from_cm: float | None, to_cm: float | None

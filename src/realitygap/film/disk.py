@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from realitygap.errors import FilmError
-from realitygap.text import refuse_unknown
-from realitygap.toml import read_toml
+from realitygap.files import read_toml, refuse_unknown
 from realitygap.values import Floats, Pose
 
 __all__ = ["Disk", "load_disk"]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
+from realitygap.files import refuse_unknown
 from realitygap.film.disk import Disk, load_disk
-from realitygap.text import refuse_unknown
 from realitygap.values import Floats, Pose
 
 __all__ = ["Marker", "Tag", "load_marker", "on_floor"]

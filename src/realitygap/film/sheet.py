@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from realitygap import whole
 from realitygap.errors import FilmError
+from realitygap.files import atomic_path, atomic_write
 from realitygap.film.disk import Disk
 from realitygap.film.marker import Marker
 
@@ -46,7 +46,7 @@ def save_sheet(path: Path, marker: Marker) -> None:
         FilmError: a marker larger than the page.
     """
     if path.suffix.lower() == ".svg":
-        whole.write(path, sheet(marker))
+        atomic_write(path, sheet(marker))
         return
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Rectangle
@@ -73,7 +73,7 @@ def save_sheet(path: Path, marker: Marker) -> None:
     for y, words in ((-127, drawn.words), (-120, "The line points to the robot's front"), (129, RULER)):
         axes.text(0, y, words, ha="center", fontsize=4 * 72 / MM_PER_INCH)
     stamp = {".pdf": "CreationDate", ".png": "Software"}[path.suffix.lower()]
-    with whole.new(path) as spare:
+    with atomic_path(path) as spare:
         figure.savefig(spare, format=path.suffix[1:].lower(), dpi=DPI, metadata={stamp: None})
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from realitygap import whole
 from realitygap.errors import FilmError
+from realitygap.files import atomic_write
 from realitygap.film.camera import CameraModel
 from realitygap.film.marker import Marker
 from realitygap.film.video import Image
@@ -68,7 +68,7 @@ def save_tails(path: str | Path, picture: Image) -> None:
     done, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
     if not done:
         raise FilmError(f"{path}: cannot be made into a picture.")
-    whole.write(path, data.tobytes())
+    atomic_write(path, data.tobytes())
 
 
 def _strokes(track: Track, camera: CameraModel, marker: Marker) -> Floats:

@@ -14,8 +14,8 @@ from av.error import EOFError as EndOfFilm
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from realitygap import whole
 from realitygap.errors import FilmError
+from realitygap.files import move_whole
 from realitygap.values import Closing
 
 __all__ = ["FilmReader", "FilmWriter", "Frame", "Image"]
@@ -223,7 +223,7 @@ class FilmWriter:
             if kind is not None:
                 self._part.unlink(missing_ok=True)
         if kind is None:
-            whole.move(self._part, self.path)
+            move_whole(self._part, self.path)
 
     def add(self, picture: Image, t_s: float | None = None) -> None:
         """Append a picture, [height, width] grey or [height, width, 3] red, green and blue, 8 bits.

@@ -29,7 +29,7 @@ if numba.config.CPU_FEATURES is None and numba.config.ENABLE_AVX:
 def _text() -> bytes:
     """The compiled rooms' own text, so that no stale machine code is ever loaded."""
     package = Path(__file__).parent.parent
-    rooms = ("kernels", "controller", "evolution")
+    rooms = ("kernels", "control", "evolution")
     sources = [source for room in rooms for source in sorted((package / room).glob("*.py"))]
     return b"".join(source.read_bytes() for source in (*sources, package / "streams.py"))
 

@@ -11,8 +11,8 @@ import numpy as np
 from realitygap.errors import UsageError
 from realitygap.kernels import policy
 from realitygap.kernels.network import LIMIT
-from realitygap.tasks.scoring import reason
-from realitygap.user_code import blamed_on, named_object, place_of
+from realitygap.plugins import blamed_on, named_object, place_of
+from realitygap.tasks.score import reason
 from realitygap.values import Command, Floats, as_count
 
 __all__ = ["Form", "WeightedController", "form_of", "stopped"]

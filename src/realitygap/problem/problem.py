@@ -4,7 +4,6 @@ problem = Problem("obstacle-avoidance", controller="feed-forward:8")
 batch = problem.evaluate(X, seed=generation)        # maximise batch.fitness
 """
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from os import PathLike
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import (
+from realitygap.control.genotype import (
     DELAY,
     EXPRESSED,
     FIRST_LINK,
@@ -26,19 +25,19 @@ from realitygap.controller.layout import (
     WEIGHT,
     Layout,
 )
-from realitygap.controller.network import NetworkController, decode
-from realitygap.controller.operators import Variation
+from realitygap.control.network import NetworkController, decode
+from realitygap.control.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.params import Networks, Path, World
 from realitygap.kernels.work import Work, new_work, quiet
 from realitygap.problem.controllers import WeightedController, form_of, stopped
-from realitygap.simulation.engine import Streams
-from realitygap.simulation.simulation import Simulation, batch_streams
+from realitygap.simulation.simulation import Simulation, Streams, batch_streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.values import Floats, as_count, as_stream
+from realitygap.work.workers import cores
 from realitygap.world.arena import Arena
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["Batch", "Problem"]
 
@@ -106,10 +105,8 @@ class Problem:
         workers: int | None = None,
     ) -> None:
         self.simulation = Simulation(load_task(task).under(spread), profile, noise, arena)
-        threads = (os.cpu_count() or 1) if workers is None else workers
-        self.workers = as_count(threads, "workers", most=MOST_THREADS)
-        self._cores = self.simulation._cores
-        inputs = len(self._cores.trial.channels)
+        self.workers = as_count(cores() if workers is None else workers, "workers", most=MOST_THREADS)
+        inputs = len(self.simulation.trial.channels)
         self.layout = Layout(inputs=inputs) if str(controller) == "delay-network" else None
         if self.layout is not None:
             self.bounds = _gene_bounds(self.layout)
@@ -172,13 +169,13 @@ class Problem:
         count = as_count(wanted, "trials", most=MOST_TRIALS)
         streams = batch_streams(int(as_stream(seed, "seed")), count)
         made = decode(decoded, self.layout) if self.layout is not None else decoded
-        worlds = self._cores.worlds(streams)
+        worlds = self.simulation.worlds(streams)
         jobs = [part for part in np.array_split(np.arange(len(decoded)), 4 * self.workers) if len(part)]
-        _ = self._cores.score, self._cores.room  # made once, before threads ask
+        _ = self.simulation.score, self.simulation.room  # made once, before threads ask
         with ThreadPoolExecutor(self.workers) as pool:
             parts = list(pool.map(lambda part: self._part(made, part, streams, worlds), jobs))
         scores, measures = (np.concatenate(one) for one in zip(*parts, strict=True))
-        self._cores.require_finite(scores)
+        self.simulation.require_finite(scores)
         return Batch(scores.mean(1), measures, {"scores": scores, "sd": scores.std(1)})
 
     def retest(self, solutions: Any, trials: int = 100, seed: int = 0) -> Batch:
@@ -201,21 +198,21 @@ class Problem:
         self, made: Any, part: NDArray[np.int64], streams: Streams, worlds: Sequence[Any]
     ) -> tuple[Floats, Floats]:
         """Scores [b, trials] and measures [b, 2] of some solutions, one after the other, in one thread."""
-        cores, trials = self._cores, len(streams)
+        simulation, trials = self.simulation, len(streams)
         nobody = made if isinstance(made, Networks) else quiet()
-        work = new_work(cores.robot, cores.trial, nobody)
-        paths = np.zeros((trials, len(Path._fields), cores.trial.steps))
+        work = new_work(simulation.robot, simulation.trial, nobody)
+        paths = np.zeros((trials, len(Path._fields), simulation.trial.steps))
         scores, measures = np.empty((len(part), trials)), np.empty((len(part), 2))
         own = self._scratch(work)
         for i, one in enumerate(part):
             which = np.full(trials, one)
             for world, some in worlds:
                 self._run(world, made, (which[some], streams[some], paths[some], work), own)
-            scores[i] = cores.score.over(paths, cores.room)
+            scores[i] = simulation.score.over(paths, simulation.room)
             speed, apart = paths[:, 3:5].mean(0).mean(1)
             measures[i] = (speed + apart) / 2, (apart - speed) / 2
-        cores.require_finite_path(paths)
-        return scores, np.clip(measures / cores.room.top_speed, -1.0, 1.0)
+        simulation.require_finite_path(paths)
+        return scores, np.clip(measures / simulation.room.top_speed, -1.0, 1.0)
 
     def _scratch(self, work: Work) -> tuple[Floats, ...]:
         """What a controller with weights writes into: its weights, memory, inputs, outputs."""

@@ -14,8 +14,8 @@ from realitygap.report import style
 from realitygap.report.robots import F, draw_robot
 from realitygap.report.style import COLUMN, new_figure
 from realitygap.world import arena as world
-from realitygap.world.profile import Profile
-from realitygap.world.rays import RAY_ANGLES_DEG
+from realitygap.world.robot import Profile
+from realitygap.world.sensors import RAY_ANGLES_DEG
 
 __all__ = ["arena_figure", "cast", "draw_arena", "draw_start", "rays_of", "sensor_rays"]
 

@@ -17,7 +17,7 @@ from realitygap.report.lead import twin_unit
 from realitygap.report.page import Figures, Words
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
 from realitygap.study.load import Study
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["calibrated_part"]
 

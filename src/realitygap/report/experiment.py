@@ -24,19 +24,24 @@ from realitygap.errors import StudyError
 from realitygap.experiments.experiment import RESULTS
 from realitygap.experiments.noise import FIGURES, calibration_folder
 from realitygap.experiments.realities import ASKED, Place
+from realitygap.files import read_table, read_toml, to_csv
 from realitygap.report import style
 from realitygap.report.calibration import REAL
-from realitygap.report.page import Figures, OnProgress, Steps, Words, noise_key, report_folder, write_page
+from realitygap.report.page import (
+    Figures,
+    OnProgress,
+    Steps,
+    Words,
+    noise_key,
+    report_folder,
+    write_page,
+)
 from realitygap.report.scores import PAPER_ROWS
 from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_styles
 from realitygap.robots.address import Address
-from realitygap.table import read_table
 from realitygap.tasks import load_task
-from realitygap.text import to_csv
-from realitygap.toml import read_toml
 from realitygap.values import Floats
-from realitygap.world.noise import noise_name
-from realitygap.world.profile import load_profile
+from realitygap.world.robot import load_profile, noise_name
 
 __all__ = ["NoiseData", "build_noise_page", "build_realities_page", "matrix", "noise_summary", "noise_table"]
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from realitygap.controller.layout import Genes, Layout
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Genes, Layout
+from realitygap.control.network import decode
 from realitygap.kernels.rng import substream
 from realitygap.report.paths import PathPanel
 from realitygap.report.statistics import mean_of, running_best
@@ -15,7 +15,7 @@ from realitygap.streams import PICTURES
 from realitygap.study.load import Run, Study
 from realitygap.tasks.task import Task
 from realitygap.transfer.chosen import median_run
-from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
+from realitygap.world.robot import NOISE_LEVELS, noise_level, noise_name
 
 __all__ = ["PER_CONDITION", "Paths", "best_so_far", "chosen", "individual", "parts_of", "path_of"]
 

@@ -8,9 +8,8 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
 from realitygap.study.parts import Encoding, Evolution
 from realitygap.tasks import load_task
-from realitygap.world.files import shipped
-from realitygap.world.noise import NOISE_LEVELS, noise_name
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import NOISE_LEVELS, Profile, load_profile, noise_name
+from realitygap.world.toml import shipped
 
 __all__ = ["departures", "is_paper", "lead", "made_of", "twin_unit"]
 

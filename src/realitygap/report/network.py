@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 
-from realitygap.controller.layout import Genes
+from realitygap.control.genotype import Genes
 from realitygap.kernels.params import Robot
 from realitygap.report import style
 from realitygap.report.robots import draw_robot
@@ -28,7 +28,7 @@ from realitygap.report.wiring import (
     width_inches,
 )
 from realitygap.tasks.task import Task
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["draw_network", "network_drawing", "network_figure"]
 
@@ -47,7 +47,7 @@ def draw_network(
 
     Args:
         ax: where to draw; its axes become cm.
-        genes: [slots, 2 + 4 · links] as in `realitygap.controller.genotype`.
+        genes: [slots, 2 + 4 · links] as in `realitygap.control.genotype`.
         profile: the robot.
         feeds: "proximity", "ambient" or "proximity+ambient".
         sensors: which of their readings feeds each input.

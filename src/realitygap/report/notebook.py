@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from realitygap import temporary, whole
-from realitygap.controller.network import NetworkController
+from realitygap import temporary
+from realitygap.control.network import NetworkController
 from realitygap.errors import StudyError
+from realitygap.files import atomic_write
 from realitygap.report.arenas import draw_arena
 from realitygap.report.build import figures_of, scripts
 from realitygap.report.calibration import calibration_figures, write_calibration_page
@@ -30,7 +31,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Run, Study
 from realitygap.values import Pose
 from realitygap.world.arena import Arena
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
@@ -61,7 +62,7 @@ class Shown:
         Raises:
             OSError: it cannot be written.
         """
-        whole.write(path, self.html)
+        atomic_write(path, self.html)
 
     def _repr_html_(self) -> str:
         style = f"width: 100%; height: {self.height}px; border: 0; resize: vertical; overflow: auto"

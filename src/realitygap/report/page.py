@@ -10,7 +10,7 @@ from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from realitygap import whole
+from realitygap.files import atomic_write
 from realitygap.report.style import inline_svg, noise_styles, save_figure, styled
 from realitygap.study.sources import refuse_links
 from realitygap.work.pool import Bench, Setup, Tell
@@ -160,11 +160,11 @@ def write_page(
         OSError: something cannot be written.
     """
     for name, text in (tables or {}).items():
-        whole.write(target.parent / "tables" / f"{name}.csv", text)
+        atomic_write(target.parent / "tables" / f"{name}.csv", text)
     drawn = draw_all(figures, None if tables is None else target.parent / "figures", step)
     svgs = {name: Markup(inline_svg(drawn[name], name, one.words.alt)) for name, one in figures.items()}
     spoken = facts() if callable(facts) else facts
-    whole.write(target, rendered(template, {**spoken, "svgs": svgs}))
+    atomic_write(target, rendered(template, {**spoken, "svgs": svgs}))
     step(target.name)
     return target
 

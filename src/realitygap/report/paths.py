@@ -18,7 +18,7 @@ from realitygap.report.robots import draw_robot, front
 from realitygap.report.style import PAGE, SIMULATED, Look, new_figure, noise_styles
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["PathPanel", "Scene", "draw_path", "pairs_figure", "panels_figure", "sheet_figure", "tail"]
 

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
-from realitygap import whole
 from realitygap.errors import UsageError
+from realitygap.files import atomic_path
 from realitygap.report import style
 from realitygap.report.arenas import draw_arena
 from realitygap.report.paths import Scene, draw_path, tail
@@ -22,7 +22,7 @@ from realitygap.report.style import new_figure, styled
 from realitygap.tasks.task import Task
 from realitygap.track import Trajectory
 from realitygap.values import fed
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["FILMS", "PICTURES", "checked_ending", "frames", "save_animation", "save_picture"]
 
@@ -73,7 +73,7 @@ def save_picture(
         ax = figure.add_subplot()
         draw_path(ax, scene, trajectory)
         ax.set_title(title, loc="left")
-        with whole.new(path) as spare:
+        with atomic_path(path) as spare:
             figure.savefig(spare, dpi=200, metadata={STAMPS[path.suffix.lower()]: None})
     return path
 
@@ -103,7 +103,7 @@ def save_animation(
     if not speed > 0:
         raise UsageError(f"speed: expected more than 0 (1 = real time), got {speed!r}.")
     pictures = frames(task, profile, trajectory, title)
-    with whole.new(path) as spare:
+    with atomic_path(path) as spare:
         if path.suffix.lower() == ".gif":
             _save_gif(spare, pictures, profile.period_s / speed)
         else:

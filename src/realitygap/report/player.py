@@ -11,7 +11,7 @@ from itertools import islice
 
 import numpy as np
 
-from realitygap.controller.layout import Genes
+from realitygap.control.genotype import Genes
 from realitygap.report.gather import PER_CONDITION, Paths, chosen, individual
 from realitygap.report.network import network_drawing
 from realitygap.report.player_tracks import activity, decided, poses_of, track
@@ -27,10 +27,8 @@ from realitygap.track import Track, Trajectory
 from realitygap.transfer.replay import Replays
 from realitygap.values import fed
 from realitygap.world.arena import Arena
-from realitygap.world.noise import noise_name
-from realitygap.world.profile import Profile
-from realitygap.world.rays import RAY_ANGLES_DEG
-from realitygap.world.sensors import AmbientSensor, ProximitySensor
+from realitygap.world.robot import Profile, noise_name
+from realitygap.world.sensors import RAY_ANGLES_DEG, AmbientSensor, ProximitySensor
 
 __all__ = ["MOST_RUNS", "MOST_TRIALS", "player_data", "player_json", "replay_data"]
 

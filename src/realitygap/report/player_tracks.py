@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from realitygap.controller.layout import Genes, Layout
-from realitygap.controller.network import NetworkController
+from realitygap.control.genotype import Genes, Layout
+from realitygap.control.network import NetworkController
 from realitygap.robots.recording import Recording
 from realitygap.track import Track, Trajectory
 from realitygap.values import Floats
-from realitygap.world.profile import TOP_INPUT, Profile
+from realitygap.world.robot import TOP_INPUT, Profile
 
 __all__ = ["LOST", "activity", "decided", "pack", "poses_of", "track"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from realitygap.kernels.params import Robot
 from realitygap.report import style
 from realitygap.report.style import SIMULATED, Look, new_figure
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["WHEEL_CM", "draw_robot", "front", "robot_figure", "shown_sensors"]
 

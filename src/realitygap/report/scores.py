@@ -8,12 +8,12 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
+from realitygap.files import to_csv
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
-from realitygap.text import to_csv
 from realitygap.transfer.score_rows import ScoreRow, marks_of
-from realitygap.world.noise import noise_level, noise_name
+from realitygap.world.robot import noise_level, noise_name
 
 __all__ = [
     "PAPER_AVERAGES", "PAPER_ROWS", "PaperRow", "ScoreClass", "ScoreTable", "score_tables", "scores_csv",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from realitygap import whole
+from realitygap.files import atomic_path
 from realitygap.report import transfers
 from realitygap.report.gather import PER_CONDITION, chosen
 from realitygap.report.page import Figures, Picture
@@ -156,7 +156,7 @@ def _film(part: TaskPart, pair: Pair, report: Path) -> dict[str, object] | None:
     if film.is_file():
         link = f"films/{pair.folder.parent.name}-{pair.robot}-{pair.folder.name}.mp4"
         (report / link).parent.mkdir(parents=True, exist_ok=True)
-        with whole.new(report / link) as spare:
+        with atomic_path(report / link) as spare:
             shutil.copyfile(film, spare)
     head = f"{part.names[pair.level]}, #{pair.index}"
     alt = f"Last frame of the film of {head} on {pair.where}, from above, with its tail in white."

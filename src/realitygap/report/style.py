@@ -18,7 +18,7 @@ import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from realitygap import whole
+from realitygap.files import atomic_path, atomic_write, written_together
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType, RcKeyType
@@ -147,13 +147,13 @@ def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 20
     """
     buffer = io.StringIO()
     if folder is not None:  # figures can be drawn again: the disk is not waited for
-        with whole.together(folder), whole.new(folder / f"{name}.png") as new:
+        with written_together(folder), atomic_path(folder / f"{name}.png") as new:
             figure.savefig(new, dpi=dpi, metadata={"Software": None}, pil_kwargs={"compress_level": 4})
     figure.savefig(buffer, format="svg", dpi=dpi, metadata={"Date": None, "Creator": "realitygap"})
     svg = buffer.getvalue()
     if folder is not None:
-        with whole.together(folder):
-            whole.write(folder / f"{name}.svg", svg)
+        with written_together(folder):
+            atomic_write(folder / f"{name}.svg", svg)
     return svg
 
 

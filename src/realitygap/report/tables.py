@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from realitygap.files import to_csv
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.study.load import Run
 from realitygap.tasks.task import Task
-from realitygap.text import to_csv
 
 __all__ = ["WHO", "NoiseClass", "Row", "TaskPart", "counted", "decimals", "number", "table_csv"]
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from realitygap.files import to_csv
 from realitygap.report.gather import chosen
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.report.tables import NoiseClass, TaskPart
 from realitygap.robots.address import ROBOT, StandIn
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
-from realitygap.text import to_csv
 from realitygap.track import Track
 from realitygap.transfer.load import Transferred, load_transfers
 

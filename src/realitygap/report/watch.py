@@ -12,8 +12,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from realitygap import whole
 from realitygap.errors import RealityGapError
+from realitygap.files import atomic_write
 from realitygap.report.gather import best_so_far, parts_of
 from realitygap.report.page import noise_key, rendered
 from realitygap.report.tables import TaskPart
@@ -71,7 +71,7 @@ class Watch:
             facts = {"words": words, "ended": ended, "every_s": round(EVERY_S), "parts": parts}
             report = self._folder / "report" / "index.html"
             facts |= {"title": self._folder.resolve().name, "report": ended and report.exists()}
-            whole.write(self.page, rendered("watch.html.j2", facts))
+            atomic_write(self.page, rendered("watch.html.j2", facts))
 
     def _part(self, study: Study, part: TaskPart) -> dict[str, Any]:
         """A task's curves and its best robot."""

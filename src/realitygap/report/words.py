@@ -13,7 +13,7 @@ from realitygap.report.robots import shown_sensors
 from realitygap.report.tables import TaskPart, counted
 from realitygap.report.transfers import Pair
 from realitygap.report.wiring import read_wiring
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = [
     "about", "arena_words", "curve_words", "network_words", "pair_words", "path_words", "robot_words",

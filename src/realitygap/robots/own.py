@@ -9,8 +9,8 @@ from typing import Any, Self, cast
 import numpy as np
 
 from realitygap.errors import UsageError
+from realitygap.plugins import blamed_on, named_object
 from realitygap.robots.body import KINDS, Body, Channel, Odometry
-from realitygap.user_code import blamed_on, named_object
 from realitygap.values import Pose, Readings
 
 __all__ = ["OwnBody", "opened"]

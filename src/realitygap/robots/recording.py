@@ -14,11 +14,9 @@ from typing import IO, Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap import whole
 from realitygap.errors import UsageError
+from realitygap.files import atomic_write, naming_errors, read_text, read_toml, to_toml
 from realitygap.robots.body import Odometry
-from realitygap.text import read_text
-from realitygap.toml import read_toml, to_toml
 from realitygap.values import Command, Readings
 
 __all__ = ["KILLED", "LATE_S", "Recorder", "Recording", "Step"]
@@ -189,7 +187,7 @@ class Recorder:
             self.folder.mkdir(parents=True, exist_ok=True)
             if (self.folder / FACTS).exists():
                 raise UsageError(f"{str(self.folder)!r} already holds a recording; choose another folder")
-            whole.write(self.folder / FACTS, to_toml(self.facts))
+            atomic_write(self.folder / FACTS, to_toml(self.facts))
             self._file = (self.folder / STEPS).open("w", encoding="utf-8")
 
     def __len__(self) -> int:
@@ -223,7 +221,7 @@ class Recorder:
 
     def _write(self, words: Iterable[str]) -> None:
         if self._file is not None:
-            with whole.named(self._file.name):
+            with naming_errors(self._file.name):
                 self._file.write(",".join(words) + "\n")
                 self._file.flush()
 

@@ -4,6 +4,5 @@ from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
     "body": "SimulatedBody",
-    "engine": "Cores Engine",
-    "simulation": "Simulation",
+    "simulation": "Engine Simulation",
 })  # fmt: skip

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.controller.network import NetworkController, decode, neurons
-from realitygap.controller.own import as_controller
+from realitygap.control.network import NetworkController, as_controller, decode, neurons
 from realitygap.errors import UsageError
+from realitygap.files import must_be
 from realitygap.kernels import batch
 from realitygap.kernels.jit import entry_for
 from realitygap.kernels.work import new_aside, new_work, quiet
@@ -18,7 +18,6 @@ from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
 from realitygap.simulation.simulation import Simulation
-from realitygap.text import must_be
 from realitygap.track import Trajectory
 from realitygap.values import Command, Pose, Readings, as_stream, fed
 
@@ -66,7 +65,7 @@ class SimulatedBody:
         self.simulation = simulation
         self.stream = stream
         self.kinds = tuple(kind for kind in KINDS if kind in kinds)
-        robot, trial = simulation._cores.robot, simulation._cores.trial
+        robot, trial = simulation.robot, simulation.trial
         parts = ((kind, simulation.profile.channel(kind)) for kind in self.kinds)
         self.channels = tuple(
             Channel(name=kind, sensors=len(part.sensors), high=int(part.top))
@@ -147,7 +146,7 @@ class SimulatedBody:
         self._drawn_from = int(as_stream(self.stream))
         self.simulation._place(self._work, pose)
         batch.set_down(self._nobody, self._work)
-        self._world = self.simulation._cores.world_of(self._drawn_from)
+        self._world = self.simulation.world_of(self._drawn_from)
         self._k = 0
         self._find_entries()
         self._pulses = [0.0, 0.0]

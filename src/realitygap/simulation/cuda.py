@@ -1,60 +1,59 @@
-"""The engine of an NVIDIA GPU: batches of trials, side by side.
+"""The engine of an NVIDIA GPU: each thread carries out a trial, by the kernels' own steps.
 
-Extra `cuda` (`pip install "realitygap[cuda]"`). With NUMBA_ENABLE_CUDASIM=1 the launches are simulated.
+Extra `cuda` (`pip install "realitygap[cuda]"`). The steps are compiled from the same Python functions,
+without fast-math flags. With NUMBA_ENABLE_CUDASIM=1 launches are simulated, and call the processor's steps.
 """
 
 import importlib.util
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from functools import cached_property
-from threading import Lock
+from functools import cache, cached_property
+from threading import RLock
+from types import FunctionType
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numba import cuda
+from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import Layout, bare
-from realitygap.controller.network import decode
+from realitygap.control.genotype import Layout, bare
+from realitygap.control.network import decode
 from realitygap.errors import UsageError
+from realitygap.kernels import trial
+from realitygap.kernels.batch import run_trials
 from realitygap.kernels.params import Networks, Path
-from realitygap.kernels.work import new_work
-from realitygap.simulation.cuda_code import SIMULATED, Kernel, compiling
-from realitygap.simulation.cuda_kernels import plan_for, scoring, trials
-from realitygap.simulation.cuda_sensors import WARP
-from realitygap.simulation.engine import Cores, Streams
-from realitygap.tasks.task import Task
+from realitygap.kernels.work import Work, new_work
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
 
-__all__ = ["Batch", "Cuda", "require_gpu"]
+__all__ = ["SIMULATED", "Batch", "Cuda", "device", "require_gpu", "scoring", "trials"]
 
+SIMULATED = bool(numba.config.ENABLE_CUDASIM)
+BLOCK = 32
+"""Threads of a block: one warp, so that few trials spread over all of the GPU."""
 MOST_BYTES = 1 << 31
-"""Of paths at a time."""
-BUSY = 4
-"""Warps on each multiprocessor from which on a warp has more trials, not a GPU more warps."""
+"""Of paths and scratch at a time."""
 TOO_NEW = "2.5.0"
 """The first NumPy without what numba-cuda 0.30 imports of it."""
 INSTALL = 'Install it: pip install "realitygap[cuda]".'
 CURE = "Leave out --engine, which takes the processor's cores, or see docs/machines.md."
-_SIMULATOR: Any = Lock() if SIMULATED else nullcontext()
-"""While a thread simulates a launch, cuda_kernels.py has a stand-in for the module `cuda`."""
+_ONE_AT_A_TIME = RLock()
+"""Launches. A simulated one puts a stand-in for `cuda` into this module meanwhile."""
 
 
 class Batch(NamedTuple):
     """Trials of a launch: network and stream of each, paths [T, 6, steps], and score and sum of each path."""
 
     which: NDArray[np.int64]
-    streams: Streams
+    streams: NDArray[np.uint64]
     paths: Floats
     taken: Floats
-    each: int
-    """Trials of a warp."""
 
 
 class Cuda:
-    """Batches of trials on a GPU, side by side; use one in each thread.
+    """Batches of a simulation's trials on a GPU, side by side; use one in each thread.
 
     Scores of shipped tasks are taken there; a user's own on the processor, where their indices are checked.
 
@@ -63,8 +62,8 @@ class Cuda:
             sensors read by a look-up table.
     """
 
-    def __init__(self, task: Task, profile: Profile, noise: float) -> None:
-        require_gpu()
+    def __init__(self, simulation: Any) -> None:
+        task, profile = simulation.task, simulation.profile
         if task.spread:
             raise UsageError(
                 f"engine cuda: expected a task without a spread, whose trials share one robot, got "
@@ -75,122 +74,103 @@ class Cuda:
                 f"engine cuda: expected a profile without a look-up table, got {profile.name!r} with "
                 "infrared.table. Leave out --engine."
             )
-        self.cores = Cores(task, profile, noise)
-        self._kernels: dict[tuple[int, int], tuple[Kernel, Any]] = {}
-        self._rooms: dict[str, Any] = {}
+        self.simulation = simulation
+        self._scratch: dict[tuple[int, int], Any] = {}
 
-    def scores(self, networks: Networks, streams: Streams) -> Floats:
+    def scores(self, networks: Networks, streams: NDArray[np.uint64]) -> Floats:
         """As `Engine` has it."""
-        with _SIMULATOR, _enough():
-            scores = [self._taken(batch) for batch in self._launched(networks, streams)]
-        found = np.concatenate(scores) if scores else np.empty(0)
-        self.cores.require_finite(found)
+        with _memory_told():
+            scores = [self._scored(batch) for batch in self._launched(networks, streams)]
+        found = np.concatenate([np.empty(0), *scores])
+        self.simulation.require_finite(found)
         return found.reshape(streams.shape)
 
-    def tracks(self, networks: Networks, streams: Streams) -> Path:
+    def tracks(self, networks: Networks, streams: NDArray[np.uint64]) -> Path:
         """As `Engine` has it."""
-        with _SIMULATOR, _enough():
-            found = [
-                self._fetched(batch.paths)[: len(batch.which)] for batch in self._launched(networks, streams)
-            ]
-        paths = np.concatenate(found) if found else np.empty((0, len(Path._fields), self.cores.trial.steps))
-        self.cores.require_finite_path(paths)
-        return Path(*(paths[:, i].reshape(*streams.shape, -1) for i in range(len(Path._fields))))
+        with _memory_told():
+            found = [self._fetched(batch.paths) for batch in self._launched(networks, streams)]
+        none = np.empty((0, len(Path._fields), self.simulation.trial.steps))
+        paths = np.concatenate([none, *found])
+        self.simulation.require_finite_path(paths)
+        return Path(*(paths[:, i].reshape(*streams.shape, paths.shape[2]) for i in range(paths.shape[1])))
 
     def compile(self) -> None:
-        """Compile what evolution of the usual layout needs, or load it; the first time takes some 20 s."""
-        inputs = len(self.cores.trial.channels)
+        """Compile what evolution needs, in each process anew."""
+        inputs = len(self.simulation.trial.channels)
         layout = Layout(inputs=inputs, slots=max(Layout.slots, inputs + Layout.outputs))
         self.scores(decode(bare(layout), layout), np.zeros((1, 1), np.uint64))
 
     @cached_property
     def _world(self) -> Any:
-        return _placed(self.cores.world)
+        return self._placed(self.simulation.world)
 
     @cached_property
     def _room(self) -> Any:
-        return _placed(self.cores.room)
+        return self._placed(self.simulation.room)
 
     @cached_property
     def _stream(self) -> Any:
-        """Of launches: those of engines in other threads do not wait for each other."""
         return 0 if SIMULATED else cuda.stream()
 
-    def _trials(self, networks: Networks) -> tuple[Kernel, Any]:
-        """The kernel for networks of such a size, and what of the scratch its threads do not make."""
-        size = networks.thresholds.shape[1], networks.links.shape[1]
-        if size not in self._kernels:
-            plan = plan_for(self.cores, networks)
-            work = new_work(self.cores.robot, self.cores.trial, networks)
-            if not SIMULATED:
-                theirs: dict[str, Any] = dict.fromkeys([name for name, _, _ in plan.own], ())
-                work = _placed(work._replace(**theirs | {"bounds": ()}))
-            self._kernels[size] = trials(plan), work
-        return self._kernels[size]
-
-    def _launched(self, networks: Networks, streams: Streams) -> Iterator[Batch]:
-        """Trials as they are carried out, so many at a time as there is room for."""
-        which, flat = self.cores.named(networks, streams)
-        made = self._trials(networks)
-        most = max(WARP, MOST_BYTES // (8 * len(Path._fields) * self.cores.trial.steps))
-        nets = Networks(*(self._there(name, array) for name, array in networks._asdict().items()))
+    def _launched(self, networks: Networks, streams: NDArray[np.uint64]) -> Iterator[Batch]:
+        """Trials as they are carried out, as many at a time as there is memory for."""
+        which, flat = self.simulation.checked(networks, streams)
+        trial = self.simulation.trial
+        one = new_work(self.simulation.robot, trial, networks)
+        path = 8 * len(Path._fields) * trial.steps
+        most = max(BLOCK, MOST_BYTES // (path + sum(row.nbytes for row in one)))
+        nets, work = self._placed(networks), self._work(one, networks, min(most, len(flat)))
         for first in range(0, len(flat), most):
             some = slice(first, first + most)
-            yield self._run(made, nets, which[some], flat[some])
+            yield self._run(nets, work, which[some], flat[some])
 
-    def _run(self, made: tuple[Kernel, Any], nets: Any, which: NDArray[np.int64], streams: Streams) -> Batch:
-        """Carry out trials; their paths stay where they are until the next ones."""
-        (kernel, work), each = made, each_of(len(which))
-        whole = each * kernel.block // WARP
-        count = -(-len(which) // whole) * whole  # as many more as fill the last block
-        paths = self._room_for("paths", (count, len(Path._fields), self.cores.trial.steps))
-        taken = self._room_for("taken", (count, 2))
-        batch = Batch(self._there("which", which), self._there("streams", streams), paths, taken, each)
-        _launch(kernel, self._stream, count // each * WARP, self._world, nets, work, batch)
+    def _run(self, nets: Any, work: Any, which: NDArray[np.int64], streams: NDArray[np.uint64]) -> Batch:
+        """Carry out trials; their paths stay on the GPU."""
+        empty: Any = np.zeros if SIMULATED else cuda.device_array
+        paths = empty((len(which), len(Path._fields), self.simulation.trial.steps))
+        batch = Batch(self._placed(which), self._placed(streams), paths, empty((len(which), 2)))
+        _launch(trials(), self._stream, len(which), self._world, nets, work, batch)
         return batch
 
-    def _taken(self, batch: Batch) -> Floats:
-        if self.cores.task.source is not None:
-            paths = self._fetched(batch.paths)[: len(batch.which)]
-            self.cores.require_finite_path(paths)
-            return self.cores.score.over(paths, self.cores.room)
-        score = scoring(self.cores.score.compiled)
-        _launch(score, self._stream, len(batch.which), self._room, batch)
-        taken = self._fetched(batch.taken)[: len(batch.which)]
-        self.cores.require_finite_path(taken[:, 1])
+    def _work(self, one: Work, networks: Networks, count: int) -> Any:
+        """Scratch of at least so many trials, in an order in which threads side by side read side by side."""
+        size = networks.thresholds.shape[1], networks.links.shape[1]
+        kept = self._scratch.get(size)
+        if kept is None or len(kept.pose) < count:
+            order: Any = "C" if SIMULATED else "F"
+            rows = {
+                name: np.array(np.broadcast_to(array, (max(BLOCK, count), *array.shape)), order=order)
+                for name, array in one._asdict().items()
+            }
+            kept = self._scratch[size] = self._placed(Work(**rows))
+        return kept
+
+    def _scored(self, batch: Batch) -> Floats:
+        if self.simulation.task.source is not None:
+            paths = self._fetched(batch.paths)
+            self.simulation.require_finite_path(paths)
+            scores: Floats = self.simulation.score.over(paths, self.simulation.room)
+            return scores
+        _launch(scoring(self.simulation.score.compiled), self._stream, len(batch.which), self._room, batch)
+        taken = self._fetched(batch.taken)
+        self.simulation.require_finite_path(taken[:, 1])
         return taken[:, 0]
 
-    def _there(self, name: str, array: Any) -> Any:
-        """An array where the GPU finds it, in the place of the last one of that name if it has that size."""
+    def _placed(self, value: Any) -> Any:
+        """Arrays, however deep in tuples, where the GPU finds them."""
         if SIMULATED:
-            return array
-        kept = self._room_for(name, array.shape, array.dtype)
-        kept.copy_to_device(np.ascontiguousarray(array), stream=self._stream)
-        return kept
-
-    def _room_for(self, name: str, shape: tuple[int, ...], kind: Any = np.float64) -> Any:
-        """Room on the GPU for an array, the last one of that name if it has that size."""
-        if SIMULATED:
-            return np.zeros(shape, kind)
-        kept = self._rooms.get(name)
-        if kept is None or kept.shape != shape:
-            kept = self._rooms[name] = cuda.device_array(shape, kind, stream=self._stream)
-        return kept
+            return value
+        if isinstance(value, tuple):
+            parts = [self._placed(one) for one in value]
+            return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+        return cuda.to_device(value, stream=self._stream) if isinstance(value, np.ndarray) else value
 
     def _fetched(self, array: Any) -> Floats:
         """An array of the GPU's, here."""
-        if SIMULATED:
-            return array  # type: ignore[no-any-return]
-        self._stream.synchronize()  # a copy that waits would hold up the launches of other threads
-        found: Floats = array.copy_to_host(stream=self._stream)
-        self._stream.synchronize()
+        found: Floats = array if SIMULATED else array.copy_to_host(stream=self._stream)
+        if not SIMULATED:
+            self._stream.synchronize()
         return found
-
-
-def each_of(count: int) -> int:
-    """Trials of a warp, of so many: a power of two, up to 32."""
-    busy = BUSY * (1 if SIMULATED else cuda.get_current_device().MULTIPROCESSOR_COUNT)
-    return min(1 << max(0, -(-count // busy) - 1).bit_length(), WARP)
 
 
 def require_gpu() -> None:
@@ -202,10 +182,13 @@ def require_gpu() -> None:
     if importlib.util.find_spec("numba_cuda") is None:
         raise UsageError(f"engine cuda: expected the package numba-cuda, found none. {INSTALL} {CURE}")
     if not SIMULATED and np.lib.NumpyVersion(np.__version__) >= TOO_NEW:
-        found = f"found {np.__version__}, with which numba-cuda cannot be loaded"
-        raise UsageError(f"engine cuda: expected NumPy before {TOO_NEW}, {found}. {INSTALL} {CURE}")
-    if not cuda.is_available():
-        why = cuda.cuda_error()
+        raise UsageError(
+            f"engine cuda: expected NumPy before {TOO_NEW}, found {np.__version__}, with which numba-cuda "
+            f"cannot be loaded. {INSTALL} {CURE}"
+        )
+    with _ONE_AT_A_TIME:
+        found, why = cuda.is_available(), getattr(cuda, "cuda_error", lambda: None)()
+    if not found:
         if why is None:
             raise UsageError(f"engine cuda: expected NVIDIA's compiler NVVM, found none. {INSTALL} {CURE}")
         expected = "an NVIDIA GPU with its driver, as nvidia-smi shows it"
@@ -213,32 +196,95 @@ def require_gpu() -> None:
 
 
 @contextmanager
-def _enough() -> Iterator[None]:
-    """Tell of too little memory: threads' own arrays grow with a layout's slots and links."""
+def _memory_told() -> Iterator[None]:
+    """Say so where there is too little memory: a trial's scratch grows with a layout's slots and links."""
     try:
-        yield
+        with _ONE_AT_A_TIME if SIMULATED else nullcontext():
+            yield
     except Exception as error:
         if "OUT_OF_MEMORY" not in str(error):
             raise
         raise UsageError(
-            f"engine cuda: expected a GPU with memory for its threads' networks and {MOST_BYTES >> 30} GB of "
-            f"paths, got too little. Take fewer slots or links. {CURE}"
+            f"engine cuda: expected a GPU with memory for {MOST_BYTES >> 30} GB of trials at a time, got too "
+            f"little. Take fewer slots or links. {CURE}"
         ) from None
 
 
-_ONE_AT_A_TIME = Lock()
+@cache
+def device(made: Dispatcher) -> Any:
+    """A compiled function, and all that it calls, for the GPU: the same Python, without fast-math flags."""
+    if SIMULATED:
+        return made
+    plain = made.py_func
+    scope = {name: plain.__globals__[name] for name in plain.__code__.co_names if name in plain.__globals__}
+    scope = {name: device(one) if isinstance(one, Dispatcher) else one for name, one in scope.items()}
+    scope |= {name: plain.__globals__[name] for name in ("__name__", "__builtins__")}
+    copy = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__, plain.__closure__)
+    return cuda.jit(device=True)(copy)
 
 
-def _launch(kernel: Kernel, stream: Any, threads: int, *given: Any) -> None:
-    """Start a kernel with at least so many threads."""
-    with _ONE_AT_A_TIME, compiling(kernel.steps, kernel.rolled), warnings.catch_warnings():
+@cache
+def trials() -> Any:
+    """The kernel that carries out a trial in each thread."""
+    scratch_of, draw_start, run_trial = _scratch_of(), device(trial.draw_start), device(trial.run_trial)
+
+    def carry_out(world: Any, nets: Any, work: Any, batch: Any) -> None:
+        t = cuda.grid(1)
+        if t < batch.which.shape[0]:
+            mine, p = scratch_of(work, t), batch.paths[t]
+            draw_start(world.task, batch.streams[t], mine.start)
+            path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
+            run_trial(world, nets, batch.which[t], batch.streams[t], mine, path)
+
+    def simulate(world: Any, nets: Any, work: Any, batch: Any) -> None:
+        t = cuda.grid(1)
+        if t < batch.which.shape[0]:  # through the steps' way in from Python
+            one = (array[t : t + 1] for array in batch[:3])
+            run_trials(world, nets, *one, scratch_of(work, t))
+
+    return cuda.jit(simulate if SIMULATED else carry_out)
+
+
+@cache
+def scoring(score: Any) -> Any:
+    """The kernel that takes the score of each trial's path."""
+    score = device(score)
+
+    def take(room: Any, batch: Any) -> None:
+        t = cuda.grid(1)
+        if t < batch.taken.shape[0]:
+            p = batch.paths[t]
+            total = 0.0
+            for i in range(p.shape[0]):
+                for k in range(p.shape[1]):
+                    total += p[i, k]
+            batch.taken[t, 0] = score(Path(p[0], p[1], p[2], p[3], p[4], p[5]), room)
+            batch.taken[t, 1] = total
+
+    return cuda.jit(take)
+
+
+def _scratch_of() -> Callable[[Work, int], Work]:
+    """What gives a trial its scratch: rows of all trials'."""
+    parts = _parts_before(len(Work._fields))
+
+    def scratch_of(work: Any, t: int) -> Work:
+        return Work(*parts(work, t))
+
+    made: Callable[[Work, int], Work] = cuda.jit(device=True)(scratch_of)
+    return made
+
+
+def _parts_before(end: int) -> Any:
+    """What gives the first `end` of those: compiled code cannot loop over fields of several types."""
+    if end == 0:
+        return cuda.jit(device=True)(lambda work, t: ())
+    before, i = _parts_before(end - 1), end - 1
+    return cuda.jit(device=True)(lambda work, t: (*before(work, t), work[i][t]))
+
+
+def _launch(kernel: Any, stream: Any, count: int, *given: Any) -> None:
+    """A thread for each of so many trials."""
+    with _ONE_AT_A_TIME, warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*Grid size")  # one run's batches are small; it may be in bold
-        kernel.made[-(-threads // kernel.block), kernel.block, stream](*given)
-
-
-def _placed(value: Any) -> Any:
-    """Arrays, however deep in tuples, where the GPU finds them."""
-    if isinstance(value, tuple):
-        parts = [_placed(one) for one in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return cuda.to_device(value) if isinstance(value, np.ndarray) and not SIMULATED else value
+        kernel[(count + BLOCK - 1) // BLOCK, BLOCK, stream](*given)

@@ -1,19 +1,34 @@
-"""The simulated robot at a task: networks in, scores and trajectories out (§3.2)."""
+"""The simulated robot at a task: networks in, scores and trajectories out (§3.2).
+
+Batches of trials run on a core, or on an engine: whatever has `scores`, `tracks` and `compile` and is made of
+a task, a robot and a noise level. `realitygap.testing.EngineContract` tests one of a user's own.
+"""
 
 import math
+import threading
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from numbers import Real
 from os import PathLike
+from typing import Any, Protocol
 
+import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import check_networks
-from realitygap.errors import UsageError
+from realitygap.control.genotype import Layout
+from realitygap.control.network import check_networks
+from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch
-from realitygap.kernels.params import Networks, Path, World
-from realitygap.kernels.rng import substream
+from realitygap.kernels.infrared import infrared
+from realitygap.kernels.jit import routine
+from realitygap.kernels.light import ambient
+from realitygap.kernels.network import think
+from realitygap.kernels.params import Networks, Path, Robot, Room, Trial, World
+from realitygap.kernels.pointed import met
+from realitygap.kernels.rng import substream, uniform
+from realitygap.kernels.trial import move
 from realitygap.kernels.work import (
     Record,
     Work,
@@ -23,27 +38,55 @@ from realitygap.kernels.work import (
     quiet,
     unfed,
 )
-from realitygap.simulation.engine import Cores, Engine, Streams
+from realitygap.streams import CONSTANTS
 from realitygap.tasks.load import load_task
+from realitygap.tasks.score import CompiledScore
 from realitygap.tasks.task import MAX_INPUTS, Task
 from realitygap.track import Trajectory
 from realitygap.values import Floats, Pose, as_count, as_stream, shown
 from realitygap.world.arena import Arena, load_arena
-from realitygap.world.noise import noise_level
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile, noise_level
+from realitygap.world.sensors import looks
 
-__all__ = ["Simulation", "engine_named"]
+__all__ = ["Engine", "Simulation", "Streams", "batch_streams", "drawn", "engine_named"]
 
+CHUNK = 64
+"""Trials carried out before their scores are taken: bounds the memory of a batch."""
 LONGEST_S = 100_000
 MOST_READINGS = 10**6
 """Limits on a trajectory's length and on one probe's repetitions."""
 MOST_RAD = 1e6
 """Beyond, a heading has lost its digits."""
+Streams = NDArray[np.uint64]
+
+
+class Engine(Protocol):
+    """Batches of trials; each trial is a function of its network and its stream alone."""
+
+    def scores(self, networks: Networks, streams: Streams) -> Floats:
+        """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
+
+        Raises:
+            UsageError: networks of another task's layout, or streams that are not a row for each.
+            TaskError: a score was not a finite number.
+        """
+
+    def tracks(self, networks: Networks, streams: Streams) -> Path:
+        """What the scores are taken from: arrays [N, trials, steps] of where the robots were.
+
+        Raises:
+            UsageError: networks of another task's layout, or streams that are not a row for each.
+        """
+
+    def compile(self) -> None:
+        """Compile what evolution needs, or load it from the cache; the first time takes seconds."""
+
+
 MakeEngine = Callable[[Task, Profile, float], Engine]
 
 
-def engine_named(name: str | MakeEngine) -> MakeEngine:
-    """What makes the engine "cores" or "cuda", or one of one's own.
+def engine_named(name: str | MakeEngine) -> Any:
+    """What makes the engine "cuda" (of a simulation) or one of one's own; None for "cores".
 
     Raises:
         UsageError: another name, or there is no GPU that it could use.
@@ -53,7 +96,7 @@ def engine_named(name: str | MakeEngine) -> MakeEngine:
     if not isinstance(name, str) or name not in ("cores", "cuda"):
         raise UsageError(f"engine: expected cores or cuda, got {name!r}.")
     if name == "cores":
-        return Cores
+        return None
     from realitygap.simulation.cuda import Cuda, require_gpu
 
     require_gpu()
@@ -70,6 +113,9 @@ class Simulation:
         arena: another arena than the task's.
         engine: what carries out batches: "cores", "cuda" (an NVIDIA GPU; in each thread another), or whatever
             makes one of task, profile and noise.
+
+    Attributes:
+        robot, arena, trial, world, room, score: what the kernels are told, and the compiled score.
 
     Task, profile and arena may be given by name or file too.
 
@@ -91,10 +137,13 @@ class Simulation:
             task = task.of(self.profile)
         self.task = task if arena is None else replace(task, arena=load_arena(arena))
         self.noise = noise_level(noise)
-        self._cores = Cores(self.task, self.profile, self.noise)
-        make = engine_named(engine)
-        self.engine = self._cores if make is Cores else make(self.task, self.profile, self.noise)
-        lacking = [way for way in ("scores", "tracks", "compile") if not hasattr(self.engine, way)]
+        self.robot, self.arena = self.profile.to_kernel(), self.task.arena.to_kernel()
+        if self.profile.infrared.table:
+            self._refuse_what_no_table_knows()
+        self._scratch = _Scratch()
+        make, made_of = engine_named(engine), (self.task, self.profile, self.noise)
+        self.engine: Engine | None = make and (make(self) if engine == "cuda" else make(*made_of))
+        lacking = [way for way in ("scores", "tracks", "compile") if make and not hasattr(self.engine, way)]
         if lacking:
             raise UsageError(f"engine: got {shown(self.engine)}, which has no {', '.join(lacking)}.")
 
@@ -105,14 +154,46 @@ class Simulation:
             )
         super().__setattr__(name, value)
 
-    @property
+    @cached_property
+    def trial(self) -> Trial:
+        """The task's, without its score."""
+        return self.task.to_kernel(self.profile)
+
+    @cached_property
+    def world(self) -> World:
+        """All that trials happen in, with constants as the profile has them."""
+        return World(robot=self.robot, arena=self.arena, task=self.trial, level=self.noise)
+
+    @cached_property
+    def room(self) -> Room:
+        """What the score sees besides the path."""
+        return self.task.room(self.profile)
+
+    @cached_property
+    def score(self) -> CompiledScore:
+        """The task's, compiled."""
+        return self.task.compiled_score()
+
+    @cached_property
     def layout(self) -> Layout:
         """Of a genotype for the task and the robot.
 
         Raises:
             TaskError: the robot lacks what the task needs.
         """
-        return Layout(inputs=len(self._cores.trial.channels))
+        return Layout(inputs=len(self.trial.channels))
+
+    def world_of(self, stream: int) -> World:
+        """All that the trial on a stream happens in."""
+        if not self.task.spread:
+            return self.world
+        return self.world._replace(robot=drawn(self.robot, stream, self.task.spread, self.task.spread_wheels))
+
+    def worlds(self, streams: Streams) -> list[tuple[World, slice]]:
+        """Those that trials happen in, and of each world its trials."""
+        if not self.task.spread:
+            return [(self.world, slice(None))]
+        return [(world, slice(t, t + 1)) for t, world in enumerate(map(self.world_of, streams))]
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
@@ -124,9 +205,23 @@ class Simulation:
                 of one's own that answers with something else.
             TaskError: a score was not a finite number.
         """
-        found = self.engine.scores(networks, streams)
-        self._require("scores", found, streams.shape)
-        return found
+        if self.engine is not None:
+            scores = self.engine.scores(networks, streams)
+            if not (scores.shape == streams.shape and np.isfinite(scores).all()):
+                raise UsageError(
+                    f"engine {type(self.engine).__name__}: expected finite scores "
+                    f"float64{list(streams.shape)}, a row for each network, got {shown(scores)}."
+                )
+            return scores
+        which, flat = self.checked(networks, streams)
+        scores = np.empty(flat.shape[0])
+        for first in range(0, flat.shape[0], CHUNK):
+            some = slice(first, first + CHUNK)
+            paths = self._paths[: len(flat[some])]
+            self._run(networks, which[some], flat[some], paths)
+            scores[some] = self.score.over(paths, self.room)
+        self.require_finite(scores)
+        return scores.reshape(streams.shape)
 
     def tracks(self, networks: Networks, streams: Streams) -> Path:
         """What the scores of trials are taken from: streams [N, trials] → arrays [N, trials, steps].
@@ -134,23 +229,61 @@ class Simulation:
         Raises:
             UsageError: as of `scores`.
         """
-        found = self.engine.tracks(networks, streams)
-        if not isinstance(found, Path):
-            raise UsageError(
-                f"engine {type(self.engine).__name__}: expected tracks as a Path, got {shown(found)}."
-            )
-        for name, one in zip(Path._fields, found, strict=True):
-            self._require(f"tracks' {name}", one, (*streams.shape, self._cores.trial.steps))
-        return found
+        if self.engine is None:
+            which, flat = self.checked(networks, streams)
+            paths = np.zeros((flat.shape[0], len(Path._fields), self.trial.steps))
+            self._run(networks, which, flat, paths)
+            return Path(*(paths[:, i].reshape(*streams.shape, paths.shape[2]) for i in range(paths.shape[1])))
+        return self.engine.tracks(networks, streams)
 
-    def _require(self, what: str, found: object, shape: tuple[int, ...]) -> None:
-        """No engine of one's own is taken at its word."""
-        fits = isinstance(found, np.ndarray) and found.dtype == np.float64 and found.shape == shape
-        if not (fits and np.isfinite(found).all()):  # type: ignore[call-overload]
-            came = "some that are not" if fits else shown(found)
+    def checked(self, networks: Networks, streams: Streams) -> tuple[NDArray[np.int64], Streams]:
+        """Which network each trial of a batch is of, and its stream.
+
+        Raises:
+            UsageError: networks of another task's layout, or streams that are not a row for each.
+        """
+        count = check_networks(networks, self.trial.channels.shape[0])
+        fits = type(streams) is np.ndarray and streams.dtype == np.uint64 and streams.ndim == 2
+        if not fits or len(streams) != count:
+            expected = f"an array uint64[{count}, trials], a row for each network"
+            raise UsageError(f"streams: expected {expected}, got {shown(streams)}.")
+        return np.repeat(np.arange(count), streams.shape[1]), streams.reshape(-1)
+
+    def _run(self, networks: Networks, which: NDArray[np.int64], streams: Streams, paths: Floats) -> None:
+        work = self.scratch(networks)
+        for world, some in self.worlds(streams):
+            batch.run_trials(world, networks, which[some], streams[some], paths[some], work)
+        self.require_finite_path(paths[: len(streams)])
+
+    def scratch(self, networks: Networks) -> Work:
+        """This thread's scratch for networks of this size, kept for its next batch."""
+        size, kept = (networks.thresholds.shape[1], networks.links.shape[1]), self._scratch.kept
+        if size not in kept:
+            kept[size] = new_work(self.robot, self.trial, networks)
+        return kept[size]
+
+    @property
+    def _paths(self) -> Floats:
+        """This thread's, of a chunk of trials."""
+        if self._scratch.paths is None:
+            self._scratch.paths = np.zeros((CHUNK, len(Path._fields), self.trial.steps))
+        return self._scratch.paths
+
+    def require_finite_path(self, *arrays: Floats) -> None:
+        """Refuse a path or readings that are not finite."""
+        if not all(math.isfinite(array.sum()) for array in arrays):
             raise UsageError(
-                f"engine {type(self.engine).__name__}: expected finite {what} float64{list(shape)}, a row "
-                f"for each network, got {came}."
+                f"profile {self.profile.name!r} at noise {self.noise:g}: expected a finite path and finite "
+                "readings, got some that are not. Look for a constant beyond all measure, or lower the noise."
+            )
+
+    def require_finite(self, scores: Floats) -> None:
+        """Refuse scores that are not finite."""
+        if not np.isfinite(scores).all():
+            bad = scores[~np.isfinite(scores)][0]
+            raise TaskError(
+                f"task {self.task.name!r}: expected its score to be a finite number, got {bad}. "
+                "Look for a division by zero or a root of a negative number in the task's score."
             )
 
     def trajectory(
@@ -167,12 +300,12 @@ class Simulation:
         Raises:
             UsageError: more than one network, another task's, a pose that is not free, a wrong length.
         """
-        if check_networks(networks, self._cores.trial.channels.shape[0]) != 1:
+        if check_networks(networks, self.trial.channels.shape[0]) != 1:
             raise UsageError(f"networks: expected one, got {len(networks.neurons)}. Decode one genotype.")
         named = as_stream(stream)
-        steps = self._cores.trial.steps if seconds is None else self._steps(seconds)
-        world, record = self._cores.world_of(stream), self._blank(steps)
-        work = self._cores.scratch(networks)
+        steps = self.trial.steps if seconds is None else self._steps(seconds)
+        world, record = self.world_of(stream), self._blank(steps)
+        work = self.scratch(networks)
         self._place(work, self.start(stream) if pose is None else pose)
         world = world._replace(task=world.task._replace(steps=steps))
         batch.record_trial(world, networks, named, work, new_aside(world.robot, world.task), record)
@@ -190,9 +323,9 @@ class Simulation:
     def _lived(self, record: Record) -> tuple[Trajectory, float]:
         """What a record tells, and its score."""
         path = record.path
-        self._cores.require_finite_path(*path, record.proximity, record.ambient)
-        score = np.array([self._cores.score(path, self._cores.room)])
-        self._cores.require_finite(score)
+        self.require_finite_path(*path, record.proximity, record.ambient)
+        score = np.array([self.score(path, self.room)])
+        self.require_finite(score)
         trajectory = Trajectory(
             t=np.arange(record.pose.shape[0], dtype=np.float64) * self.profile.period_s,
             x=record.pose[:, 0],
@@ -211,7 +344,7 @@ class Simulation:
     def start(self, stream: int) -> Pose:
         """Where a trial on this stream starts."""
         starts = np.zeros((1, 3))
-        batch.draw_starts(self._cores.trial, np.array([as_stream(stream)]), starts)
+        batch.draw_starts(self.trial, np.array([as_stream(stream)]), starts)
         return Pose(x=float(starts[0, 0]), y=float(starts[0, 1]), heading=float(starts[0, 2]))
 
     def probe(self, pose: Pose, *, stream: int = 0, repeat: int = 1) -> tuple[Floats, Floats]:
@@ -224,18 +357,34 @@ class Simulation:
         """
         repeat = as_count(repeat, "repeat", most=MOST_READINGS)
         proximity_n, ambient_n = len(self.profile.infrared.sensors), len(self.profile.ambient.sensors)
-        world = World(robot=self._cores.robot, arena=self._cores.arena, task=unfed(), level=self.noise)
+        world = World(robot=self.robot, arena=self.arena, task=unfed(), level=self.noise)
         work = new_work(world.robot, world.task, quiet())
         self._place(work, pose)
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
         batch.probe(world, streams, work, new_noise(max(proximity_n, ambient_n)), proximity, ambient)
-        self._cores.require_finite_path(proximity, ambient)
+        self.require_finite_path(proximity, ambient)
         return proximity, ambient
 
     def compile(self) -> None:
         """Compile what evolution needs, or load it from the cache; the first time takes seconds."""
-        self.engine.compile()
+        if self.engine is not None:
+            self.engine.compile()
+            return
+        nobody, none = quiet(), (np.zeros(0, np.int64), np.zeros(0, np.uint64))
+        batch.run_trials(self.world, nobody, *none, self._paths, self.scratch(nobody))
+        self.score.over(self._paths[:1], self.room)
+
+    def compile_part(self, name: str) -> None:
+        """Compile a part of the kernels alone: "light", or "near", all else but what encloses them."""
+        robot, arena, nobody = self.robot, self.arena, quiet()
+        work = self.scratch(nobody)
+        sensing = (robot, arena, work, work.readings[:])
+        calls: list[tuple[Any, tuple[object, ...]]] = [(ambient, sensing)]
+        if name == "near":
+            calls = [(infrared, sensing), (move, (robot, arena, work)), (think, (nobody, 0, work))]
+        for part, arguments in calls:
+            part.compile(tuple(met(numba.typeof(one)) for one in arguments))
 
     def _steps(self, seconds: float) -> int:
         number = isinstance(seconds, int | float) and 0 < seconds <= LONGEST_S
@@ -264,7 +413,7 @@ class Simulation:
             raise UsageError(
                 f"pose: expected a heading in radians, got {place[2]:g}. Pose.from_degrees takes degrees."
             )
-        if not batch.is_clear(self._cores.robot, self._cores.arena, *place):
+        if not batch.is_clear(self.robot, self.arena, *place):
             radius = self.profile.body.radius_cm
             arena = self.task.arena
             where = arena.obstacle_at(pose.x, pose.y, radius) or "an obstacle"
@@ -275,6 +424,20 @@ class Simulation:
             )
         return pose
 
+    def _refuse_what_no_table_knows(self) -> None:
+        """A look-up table has no constants to draw, and knows the surfaces that were recorded only."""
+        where = f"profile {self.profile.name!r} has a look-up table (infrared.table); task {self.task.name!r}"
+        if self.task.spread:
+            raise TaskError(
+                f"{where}: spread: expected 0, for a table has no constants to draw anew, got "
+                f"{self.task.spread:g}. Leave the spread out, or calibrate in another form."
+            )
+        if len(self.arena.reflectance):
+            raise TaskError(
+                f"{where}: expected an arena without reflectances, for a table holds the surfaces that were "
+                "recorded. Leave them out, or calibrate in another form."
+            )
+
     def _place(self, work: Work, pose: object) -> None:
         free = self.require_free(pose)
         work.start[:] = free.x, free.y, free.heading
@@ -284,3 +447,67 @@ def batch_streams(stream: int, count: int) -> Streams:
     """`count` streams under one: substream(stream, 0), substream(stream, 1), …"""
     named = as_stream(stream)
     return np.array([substream(named, i) for i in range(count)], np.uint64)
+
+
+class _Scratch(threading.local):
+    """Arrays of one thread, by the size of its networks; they go with the thread."""
+
+    def __init__(self) -> None:
+        self.kept: dict[tuple[int, int], Work] = {}
+        self.paths: Floats | None = None
+
+    def __reduce__(self) -> tuple[type, tuple[()]]:
+        return _Scratch, ()
+
+
+def drawn(robot: Robot, stream: int, spread: float, wheels: float | None = None) -> Robot:
+    """The robot of one trial, its constants drawn anew within a spread (domain randomisation): a function of
+    the trial's stream.
+
+    Factors uniform in 1 ± spread, each drawn by itself: on what every proximity sensor gets back (its `a`),
+    on every ambient sensor's gain, on each wheel's speed a unit, and on the track.
+
+    Args:
+        robot: the profile's.
+        stream: the trial's.
+        spread: 0 to below 1.
+        wheels: that of wheels and track, if it is another.
+    """
+    near, light = len(robot.proximity_a), len(robot.ambient_gain)
+    under = np.uint64(substream(np.uint64(stream), np.uint64(CONSTANTS)))
+    draws = _draws(under, near + light + 3)
+    shares = np.repeat([spread, spread if wheels is None else wheels], [near + light, 3])
+    factors = 1.0 + shares * (2.0 * draws - 1.0)
+    a, gain, turns, track = np.split(factors, [near, near + light, near + light + 2])
+    return robot._replace(
+        proximity_a=robot.proximity_a * a,
+        **looks(
+            robot.proximity_place,
+            robot.proximity_facing,
+            _reach(robot, a),
+            robot.proximity_a * a,
+            robot.proximity_b,
+            robot.proximity_offset,
+        ),
+        ambient_gain=robot.ambient_gain * gain,
+        speed_per_unit=robot.speed_per_unit * turns,
+        track=robot.track * float(track[0]),
+    )
+
+
+@routine
+def _draws(stream: np.uint64, count: int) -> Floats:
+    """[count] uniform, 0 to 1."""
+    out = np.empty(count)
+    for i in range(count):
+        out[i] = uniform(stream, i)
+    return out
+
+
+def _reach(robot: Robot, factors: Floats) -> Floats:
+    """How far sensors notice anything once more or less comes back: the d of the same a / ((d + o)² + w²)."""
+    square = (robot.proximity_reach + robot.proximity_offset) ** 2 + robot.proximity_width2
+    far = np.sqrt(np.maximum(square * factors - robot.proximity_width2, 0.0)) - robot.proximity_offset
+    end = 1.0 / robot.proximity_least if robot.proximity_least else np.inf
+    reach: Floats = np.clip(far, 0.0, end)
+    return reach

@@ -6,13 +6,11 @@ from itertools import chain
 import numpy as np
 
 from realitygap.kernels.jit import SHELF
-from realitygap.simulation.engine import Cores
 from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather
 from realitygap.study.run import Bench
 from realitygap.values import Closing
-from realitygap.work.pool import Pool, Setup, Tell
-from realitygap.work.processes import Processes
+from realitygap.work.pool import Pool, Processes, Setup, Tell
 
 __all__ = ["Ahead", "compile_ahead", "compile_side_by_side"]
 
@@ -39,7 +37,7 @@ class Ahead(Closing):
             for one in self._benches:  # each task has a score
                 one.simulation(one.noise).compile()
         else:
-            Cores(bench.task, bench.profile, bench.noise).compile_part(job)
+            bench.simulation(bench.noise).compile_part(job)
 
 
 def compile_ahead() -> None:

@@ -10,19 +10,18 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Self
 
-from realitygap.controller.encoding import Encoding as Made
-from realitygap.controller.layout import Layout
-from realitygap.controller.operators import Variation
+from realitygap.control.encoding import Encoding as Made
+from realitygap.control.genotype import Layout
+from realitygap.control.operators import Variation
 from realitygap.errors import ConfigError
+from realitygap.files import as_path, read_toml
+from realitygap.plugins import place_of, placed
 from realitygap.study.parts import NAMED, Condition, Encoding, Evolution, TaskSettings, with_own
 from realitygap.study.settings import LARGEST, apply, whole
 from realitygap.tasks.load import reference
 from realitygap.tasks.task import Task
-from realitygap.text import as_path
-from realitygap.toml import read_toml
-from realitygap.user_code import place_of, placed
-from realitygap.world.files import Value, build, require
-from realitygap.world.noise import NOISE_LEVELS, noise_level
+from realitygap.world.robot import NOISE_LEVELS, noise_level
+from realitygap.world.toml import Value, build, require
 
 __all__ = ["Condition", "Encoding", "Evolution", "StudyConfig", "TaskSettings"]
 

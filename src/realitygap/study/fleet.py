@@ -1,26 +1,23 @@
 """Runs of one condition side by side as arrays: `advance` of run.py for all of them at once, with its bits.
 
-For the shipped algorithms with the shipped encoding, whose steps are compiled: through Python an evaluation
-takes ten times as long. Whatever is a user's own goes that way.
+For the shipped algorithms with the shipped encoding, whose operators are compiled: through Python an
+evaluation takes ten times as long. Whatever is a user's own goes that way.
 """
 
 # mypy: allow-untyped-defs, no-check-untyped-defs
 from collections.abc import Generator, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from itertools import repeat
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.breeding import crosses, offspring, random_genes
-from realitygap.controller.layout import FIRST_LINK, LINK_FIELDS
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import FIRST_LINK, LINK_FIELDS
+from realitygap.control.operators import Variation, crosses, offspring, random_genes
+from realitygap.evolution import ALGORITHMS
 from realitygap.evolution.algorithm import NOBODY
-from realitygap.evolution.cellular import DistributedGA, Panmictic, RandomSearch
-from realitygap.evolution.population import Population
-from realitygap.evolution.selection import panmictic_event, torus_event
+from realitygap.evolution.ga import DistributedGA, Population, select
 from realitygap.kernels.jit import routine, step
 from realitygap.kernels.rng import substream
 from realitygap.streams import OFFSPRING, TRIALS
@@ -28,9 +25,6 @@ from realitygap.study.plan import trial_streams
 from realitygap.study.run import Asked, Bench, Records, Scores, mean
 
 __all__ = ["advance", "fits", "prepare"]
-
-TORUS, PANMICTIC, RANDOM = range(3)
-KINDS = {DistributedGA: TORUS, Panmictic: PANMICTIC, RandomSearch: RANDOM}
 
 
 class Living(NamedTuple):
@@ -57,65 +51,34 @@ class Born(NamedTuple):
 
 @step
 def _copy(genes, place):
-    """Half a microsecond less than as slices."""
+    """As slices they take four seconds more to compile."""
     for slot in range(genes.shape[0]):
         for column in range(genes.shape[1]):
             place[slot, column] = genes[slot, column]
 
 
-@step
-def _worst(fitness):
-    """The first cell of the lowest fitness; Numba's own loads SciPy."""
-    found = 0
-    for cell in range(1, fitness.shape[0]):
-        if fitness[cell] < fitness[found]:
-            found = cell
-    return found
-
-
 @routine
-def _breed(kind, rows, rates, streams, start, first, end, living, born):
-    """Each run's individuals `first` to `end` of those born since evaluation `start`, as `ask` makes them."""
-    runs, cells = living.fitness.shape
+def _breed(rates, streams, number, chosen, living, born, i):
+    """Each run's evaluation `number`, the i-th of those born, of the cells [runs, 3] that `select` chose."""
     slots, columns = born.genes.shape[2:]
-    for r in range(runs):
-        for i in range(first, end):
-            number = start + i
-            event = np.uint64(substream(streams[r], number))
-            stream = np.uint64(substream(event, OFFSPRING))
-            born.parents[r, i] = NOBODY
-            if number < cells or kind == RANDOM:
-                links = (columns - FIRST_LINK) // LINK_FIELDS
-                _copy(random_genes(slots, links, rates, stream), born.genes[r, i])
-                born.cells[r, i] = number if number < cells else _worst(living.fitness[r])
-                continue
-            if kind == TORUS:
-                cell, mate, taken = torus_event(living.fitness[r], rows, cells // rows, event)
-            else:
-                cell, mate, taken = panmictic_event(living.fitness[r], event)
-            genes = offspring(living.genes[r, cell], living.genes[r, mate], rates, stream)
-            _copy(genes, born.genes[r, i])
-            born.cells[r, i] = taken
-            born.parents[r, i, 0] = living.numbers[r, cell]
-            if crosses(rates.crossover, stream):
-                born.parents[r, i, 1] = living.numbers[r, mate]
-
-
-@routine
-def _tell(kind, start, first, fitness, living, born):
-    """Each run's individuals from `first` on take their cells, with fitness [runs, …], as `tell` has it."""
-    for r in range(fitness.shape[0]):
-        for k in range(fitness.shape[1]):
-            cell = born.cells[r, first + k]
-            if kind != RANDOM or fitness[r, k] > living.fitness[r, cell]:
-                _copy(born.genes[r, first + k], living.genes[r, cell])
-                living.fitness[r, cell] = fitness[r, k]
-                living.numbers[r, cell] = start + first + k
+    for r in range(len(streams)):
+        stream = np.uint64(substream(np.uint64(substream(streams[r], number)), OFFSPRING))
+        cell, mate = chosen[r, 0], chosen[r, 1]
+        born.cells[r, i] = chosen[r, 2]
+        born.parents[r, i] = NOBODY
+        if cell == NOBODY:
+            links = (columns - FIRST_LINK) // LINK_FIELDS
+            _copy(random_genes(slots, links, rates, stream), born.genes[r, i])
+            continue
+        _copy(offspring(living.genes[r, cell], living.genes[r, mate], rates, stream), born.genes[r, i])
+        born.parents[r, i, 0] = living.numbers[r, cell]
+        if crosses(rates.crossover, stream):
+            born.parents[r, i, 1] = living.numbers[r, mate]
 
 
 def fits(bench: Bench) -> bool:
     """Whether a condition's algorithm and encoding are the shipped ones."""
-    return type(bench.algorithm) in KINDS and type(bench.encoding) is Variation
+    return type(bench.algorithm) in ALGORITHMS.values() and type(bench.encoding) is Variation
 
 
 def prepare(bench: Bench) -> None:
@@ -140,36 +103,35 @@ def advance(
         Each run's state after them, and their records.
     """
     names, states = zip(*runs, strict=True)
-    algorithm, encoding, trials = bench.algorithm, cast("Variation", bench.encoding), bench.task.trials
-    kind, rows, start = KINDS[type(algorithm)], getattr(algorithm, "rows", 1), states[0].evaluations
+    algorithm, encoding = cast("DistributedGA", bench.algorithm), cast("Variation", bench.encoding)
+    trials = bench.task.trials
+    start, size = states[0].evaluations, (len(runs), n)
     living = Living(*(np.stack([getattr(state, name) for state in states]) for name in Living._fields))
-    size = len(runs), n
     born = Born(
         np.empty((*size, *encoding.shape), np.int8), np.empty((*size, 2), np.int64), np.empty(size, np.int64)
     )
     breeding = np.array([state.stream for state in states], np.uint64)
-    under = [np.uint64(substream(name, TRIALS)) for name in names]
+    under = (np.uint64(substream(name, TRIALS)) for name in names)
     streams = np.stack([trial_streams(name, start, n, trials) for name in under])
     scores, fitness, done = np.empty(streams.shape), np.empty(streams.shape[:2]), 0
     while done < n:
         some = slice(done, min(n, max(done + 1, algorithm.cells - start)))  # all that are random, then one
-        _breed(kind, rows, encoding.rates, breeding, start, some.start, some.stop, living, born)
-        genes = born.genes[:, some].reshape(-1, *encoding.shape)
-        found = yield Asked(bench.noise, genes, streams[:, some].reshape(-1, trials))
+        for i in range(some.start, some.stop):
+            chosen = select(living.fitness, algorithm.grid, breeding, start + i)
+            _breed(encoding.rates, breeding, start + i, chosen, living, born, i)
+        genes, cells = born.genes[:, some], born.cells[:, some]
+        flat = genes.reshape(-1, *encoding.shape)
+        found = yield Asked(bench.noise, flat, streams[:, some].reshape(-1, trials))
         scores[:, some] = found.reshape(len(runs), -1, trials)
         fitness[:, some] = mean(found).reshape(len(runs), -1)
-        _tell(kind, start, done, fitness[:, some], living, born)
+        takes = algorithm.takes(fitness[:, some], np.take_along_axis(living.fitness, cells, 1))
+        r, k = np.nonzero(takes)
+        at = r, cells[r, k]
+        living.genes[at], living.fitness[at] = genes[r, k], fitness[:, some][r, k]
+        living.numbers[at] = start + done + k
         done = some.stop
     records = map(Records, repeat(np.arange(start, start + n)), fitness, scores, *born)
-    residents = map(Living, *living)
-    return [(_told(*each), each[-1]) for each in zip(states, residents, records, strict=True)]
-
-
-def _told(state: Population, living: Living, lived: Records) -> Population:
-    """A run's next state: who lives then, and the fittest of its evaluations, if it is fitter than before."""
-    found: dict[str, Any] = {**living._asdict(), "evaluations": state.evaluations + len(lived.number)}
-    best = int(lived.fitness.argmax())
-    if lived.fitness[best] > state.best_fitness:
-        found["best_genes"], found["best_number"] = lived.genes[best], int(lived.number[best])
-        found["best_fitness"] = float(lived.fitness[best])
-    return replace(state, **found)
+    return [
+        (state.after(lived.genes, lived.fitness, lives._asdict()), lived)
+        for state, lives, lived in zip(states, map(Living, *living), records, strict=True)
+    ]

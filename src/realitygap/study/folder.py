@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from realitygap import whole
 from realitygap.errors import ConfigError, StudyError
+from realitygap.files import atomic_write, to_toml
 from realitygap.study.config import StudyConfig
 from realitygap.study.lock import LOCK, refuse_strangers
 from realitygap.study.materials import Materials, gather, own, program_files
@@ -16,24 +16,13 @@ from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference, refuse_edited_settings
 from realitygap.study.sources import agree_to, changed, inside, refuse_edited, refuse_strange, strange
 from realitygap.study.versions import versions
-from realitygap.toml import to_toml
 from realitygap.work.shard import MARK
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 __all__ = [
-    "CONFIG",
-    "agree",
-    "exists",
-    "open_folder",
-    "open_to_begin",
-    "own_config",
-    "programs",
-    "read_config",
-    "read_materials",
-    "read_profile",
-    "refuse_other",
-    "take_back",
-]
+    "CONFIG", "agree", "exists", "open_folder", "open_to_begin", "own_config", "programs", "read_config",
+    "read_materials", "read_profile", "refuse_other", "take_back",
+]  # fmt: skip
 
 CONFIG = "study.toml"
 OURS = {CONFIG, LOCK, MARK, "profile.toml", "arenas", "tasks", "evolution", "encoding", "report"}
@@ -90,7 +79,7 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
         for name, content in sources.items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            whole.write(path, content)
+            atomic_write(path, content)
     create(folder / DATABASE, requested, sources)
     return read_materials(folder)
 

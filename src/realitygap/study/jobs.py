@@ -3,25 +3,36 @@
 Runs go one after the other, or side by side: then the trials that they request at one time form one batch.
 """
 
-from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import ExitStack, closing, contextmanager
-from typing import Any, NamedTuple
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
+from queue import Empty, Queue
+from threading import Event, Thread
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
+from realitygap.plugins import blamed_on
 from realitygap.study import fleet
 from realitygap.study.materials import Materials
 from realitygap.study.plan import plans
-from realitygap.study.run import WHO, Asked, Bench, Records, Results, advance, begin, finish, tested_levels
+from realitygap.study.run import (
+    WHO,
+    Asked,
+    Bench,
+    Records,
+    Results,
+    advance,
+    begin,
+    finish,
+    tested_levels,
+)
 from realitygap.tasks.task import Task
-from realitygap.user_code import blamed_on
 from realitygap.values import Closing
 from realitygap.work.pool import Tell
-from realitygap.work.threads import merged
 
-__all__ = ["Advanced", "Finished", "Job", "Message", "Workshop"]
+__all__ = ["Advanced", "Finished", "Job", "Message", "Workshop", "merged"]
 
 AMBIENT_COST = 2.5
 """Time of a step with ambient sensors over that with proximity sensors: a hint for the order of work."""
@@ -239,3 +250,51 @@ def _advanced(run: int, state: State, records: Records) -> Advanced:
 
 def _step_cost(task: Task) -> float:
     return task.steps * (AMBIENT_COST if "ambient" in task.kinds else 1.0)
+
+
+T = TypeVar("T")
+
+MOST = 128
+"""Lists that wait to be taken; then the threads wait."""
+
+
+def merged(sources: Iterable[Iterator[Sequence[T]]]) -> Generator[list[T], None, None]:
+    """All that the sources yield, each in a thread, in lists as it comes; in order, of each source.
+
+    A source's error ends this generator. When it ends or is closed, each source is left at its next list,
+    which may be an empty one; no thread outlives it.
+    """
+    came, stop = Queue[Sequence[T] | BaseException | None](MOST), Event()
+
+    def drive(source: Iterator[Sequence[T]]) -> None:
+        end = None
+        try:
+            for items in source:
+                came.put(items)
+                if stop.is_set():
+                    break
+        except BaseException as error:
+            end = error
+        came.put(end)
+
+    threads = [Thread(target=drive, args=(source,), daemon=True) for source in sources]
+    left = len(threads)
+    try:
+        for thread in threads:
+            thread.start()
+        while left:
+            found = [came.get()]
+            with suppress(Empty):
+                while len(found) < MOST:
+                    found.append(came.get_nowait())
+            left -= sum(not isinstance(one, Sequence) for one in found)
+            if items := [item for some in found if isinstance(some, Sequence) for item in some]:
+                yield items
+            for error in found:
+                if isinstance(error, BaseException):
+                    raise error
+    finally:
+        stop.set()
+        while any(thread.is_alive() for thread in threads):
+            with suppress(Empty):
+                came.get(timeout=0.05)

@@ -6,6 +6,7 @@ Tables are dictionaries of NumPy columns: `pandas.DataFrame(study.evaluations())
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -15,13 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.encoding import Encoding, as_slots, controller_of
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController
-from realitygap.controller.operators import Variation
+from realitygap.control.encoding import Encoding, as_slots, controller_of
+from realitygap.control.genotype import Layout
+from realitygap.control.network import NetworkController
+from realitygap.control.operators import Variation
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes, State
-from realitygap.evolution.population import MAGIC, Population
+from realitygap.evolution.ga import Population
+from realitygap.files import as_path, must_be
 from realitygap.kernels.params import Networks
 from realitygap.lazy import above
 from realitygap.study.folder import agree, read_materials, read_profile
@@ -29,10 +31,8 @@ from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan
 from realitygap.study.tables import Tables
 from realitygap.tasks.task import Task
-from realitygap.text import as_path, must_be
 from realitygap.values import Pose
-from realitygap.world.noise import noise_name
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile, noise_name
 
 __all__ = ["Run", "Study", "as_study", "load_study"]
 
@@ -180,8 +180,10 @@ class Study(Tables):
     def state(self, run: int) -> State | None:
         """The state in a run's last checkpoint; None before the first. This may run a user's file."""
         kept = self._reader.checkpoint(self._id(run))
-        if kept is None or kept.startswith(MAGIC):
-            return None if kept is None else Population.from_bytes(kept)
+        if kept is None:
+            return None
+        with suppress(StudyError):  # what a Population wrote is read without a user's file
+            return Population.from_bytes(kept)
         task, config = self.task(self.run(run).task), self._materials.config
         state: State = config.evolution.make(config.encoding_for(task)).from_bytes(kept)
         return state

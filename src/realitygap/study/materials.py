@@ -16,7 +16,7 @@ from realitygap.study.sources import inside
 from realitygap.tasks import TASKS, copy_task, load_task
 from realitygap.tasks.task import Task
 from realitygap.world.arena import load_arena
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["Materials", "gather", "own", "program_files"]
 

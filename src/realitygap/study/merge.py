@@ -8,13 +8,13 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from realitygap.errors import StudyError
+from realitygap.files import move_whole
 from realitygap.study.digest import OF_RUN, seal, verify_all
 from realitygap.study.folder import refuse_other
 from realitygap.study.load import Study, load_study
 from realitygap.study.lock import LOCK, lock
 from realitygap.study.reader import DATABASE, Reader, open_to_read
 from realitygap.study.schema import told
-from realitygap.whole import move
 from realitygap.work.shard import MARK, Mark, Shard, read_mark
 
 __all__ = ["all_shards", "merge_runs", "new_folder"]
@@ -76,7 +76,7 @@ def new_folder(out: Path, then: str) -> Iterator[Path]:
             yield half
             if out.exists():
                 out.rmdir()
-            move(half, out)
+            move_whole(half, out)
         except BaseException:
             _empty(half)
             raise

@@ -4,18 +4,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from realitygap.controller.encoding import SLOTS, make_encoding
-from realitygap.controller.encoding import Encoding as Made
-from realitygap.controller.operators import Variation
+from realitygap.control.encoding import SLOTS, make_encoding
+from realitygap.control.encoding import Encoding as Made
+from realitygap.control.operators import Variation
 from realitygap.errors import ConfigError, UsageError
 from realitygap.evolution import make_algorithm
 from realitygap.evolution.algorithm import Algorithm
+from realitygap.plugins import place_of
 from realitygap.study.settings import whole
 from realitygap.tasks.load import reference
-from realitygap.tasks.stated import check_spread
-from realitygap.user_code import place_of
-from realitygap.world.files import Value, require
-from realitygap.world.noise import NOISE_LEVELS, noise_level, noise_name
+from realitygap.tasks.task import check_spread
+from realitygap.world.robot import NOISE_LEVELS, noise_level, noise_name
+from realitygap.world.toml import Value, require
 
 __all__ = ["NAMED", "Condition", "Encoding", "Evolution", "TaskSettings", "with_own"]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from realitygap.kernels.jit import routine
 from realitygap.kernels.rng import substream
 from realitygap.study.materials import Materials
-from realitygap.world.noise import noise_level, noise_name
+from realitygap.world.robot import noise_level, noise_name
 
 __all__ = ["Plan", "named", "plans", "run_stream", "trial_streams"]
 

@@ -13,15 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.encoding import Encoding
+from realitygap.control.encoding import Encoding
 from realitygap.errors import UsageError
-from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check_batch, check_state, same
+from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check_batch, check_state
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan, trial_streams
-from realitygap.world.noise import NOISE_LEVELS
+from realitygap.world.robot import NOISE_LEVELS
 
 __all__ = [
     "WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "finish", "mean", "tested_levels",
@@ -147,7 +147,8 @@ class Bench:
         kept = state.to_bytes()
         if not isinstance(kept, bytes):
             raise UsageError(f"to_bytes: expected bytes, got {type(kept).__name__}.")
-        if not same(once, self.ask(algorithm.from_bytes(kept), n)):
+        pairs = zip(once, self.ask(algorithm.from_bytes(kept), n), strict=True)
+        if not all(np.array_equal(np.asarray(a), np.asarray(b)) for a, b in pairs):
             raise UsageError(
                 "ask: expected the same individuals from a state that was saved (to_bytes) and restored "
                 "(from_bytes), got others. Keep all that they depend on in the state; draw them from its "
@@ -196,8 +197,7 @@ def advance(
         parents=np.concatenate([batch.parents for batch in batches]),
         cell=np.concatenate([batch.cells for batch in batches]),
     )
-    lived = Batch(start, records.genes, records.parents, records.cell)
-    check_state(state, bench.algorithm.cells, lived, records.fitness)
+    check_state(state, bench.algorithm.cells, records.fitness, bench.individual)
     return state, records
 
 

@@ -5,6 +5,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from realitygap.errors import StudyInterruptedError
+from realitygap.files import as_path, must_be
 from realitygap.study.ahead import compile_side_by_side
 from realitygap.study.config import StudyConfig
 from realitygap.study.far import Words, home_of, words_for
@@ -17,7 +18,6 @@ from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.store import Store
 from realitygap.study.versions import versions
-from realitygap.text import as_path, must_be
 from realitygap.work.pool import Pool, Setup
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import Mark, Shard, marked

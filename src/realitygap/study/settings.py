@@ -6,19 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import ConfigError, StudyError
-from realitygap.text import refuse_unknown
-from realitygap.toml import parse_toml
+from realitygap.files import parse_toml, refuse_unknown
 
 __all__ = [
-    "EDITED",
-    "LARGEST",
-    "apply",
-    "difference",
-    "flat",
-    "refuse_difference",
-    "refuse_edited_settings",
+    "EDITED", "LARGEST", "apply", "difference", "flat", "refuse_difference", "refuse_edited_settings",
     "whole",
-]
+]  # fmt: skip
 
 LARGEST = 2**63 - 1
 """The largest seed."""

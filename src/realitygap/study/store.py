@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from realitygap import whole
-from realitygap.controller.encoding import facts_of
+from realitygap.control.encoding import facts_of
 from realitygap.errors import StudyError
+from realitygap.files import atomic_path
 from realitygap.study.arrays import Block, joined
 from realitygap.study.digest import SCHEMA, seal, seal_more, verify_all
 from realitygap.study.jobs import Advanced, Finished, Message
@@ -50,7 +50,11 @@ def create(path: Path, materials: Materials, sources: Mapping[str, bytes]) -> No
     encodings = [json.dumps(form) for form in forms]
     rows = [(p.id, p.name, p.task, p.noise, p.index, encodings[p.condition]) for p in plans(materials)]
     facts = {task.name: json.dumps(task.to_dict()) for task in tasks}
-    with told(path), whole.new(path) as new, closing(sqlite3.connect(new, isolation_level=None)) as database:
+    with (
+        told(path),
+        atomic_path(path) as new,
+        closing(sqlite3.connect(new, isolation_level=None)) as database,
+    ):
         database.execute("PRAGMA page_size = 1024")
         database.execute("PRAGMA journal_mode = DELETE")
         database.executescript(f"BEGIN;{schema()}COMMIT;")

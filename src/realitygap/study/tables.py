@@ -9,11 +9,11 @@ import numpy as np
 
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes
+from realitygap.files import must_be
 from realitygap.lazy import above
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import read_config
 from realitygap.study.reader import DATABASE, Reader, Table
-from realitygap.text import must_be
 from realitygap.values import as_count
 
 __all__ = ["Tables"]

@@ -1,7 +1,6 @@
 """Tasks by name, and tasks from a user's Python file."""
 
 import copyreg
-import importlib
 import shutil
 from dataclasses import fields, replace
 from difflib import get_close_matches
@@ -11,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import TaskError
+from realitygap.plugins import run_file
 from realitygap.tasks.task import Task
-from realitygap.user_code import run_file
 
 __all__ = ["TASKS", "copy_task", "load_task", "reference"]
 
 TASKS = ("obstacle-avoidance", "light-seeking")
 """The paper's tasks (§6.1, §6.2)."""
+NO_TASK = "task: expected a Task, a task's name or a .py file"
 
 
 def load_task(name_or_file: str | PathLike[str] | Task) -> Task:
@@ -33,13 +33,14 @@ def load_task(name_or_file: str | PathLike[str] | Task) -> Task:
     if isinstance(name_or_file, Task):
         return name_or_file
     if not isinstance(name_or_file, str | PathLike):
-        raise TaskError(f"task: expected a Task, a task's name or a .py file, got {name_or_file!r}.")
+        raise TaskError(f"{NO_TASK}, got {name_or_file!r}.")
     text = str(name_or_file).strip()
     tidy = text.lower().replace("_", "-").replace(" ", "-")
     for name in TASKS:
         if tidy == name or tidy in name.split("-"):
-            module = importlib.import_module(f"realitygap.tasks.{name.replace('-', '_')}")
-            task: Task = module.task
+            from realitygap.tasks import paper
+
+            task: Task = getattr(paper, name.replace("-", "_"))
             return task
     path = Path(text).expanduser()
     if path.suffix != ".py" and not isfile(path):
@@ -62,15 +63,14 @@ def reference(task: object) -> str:
         return str(Path(task))
     if not isinstance(task, Task):
         if not isinstance(task, str):
-            raise TaskError(f"task: expected a Task, a task's name or a .py file, got {task!r}.")
+            raise TaskError(f"{NO_TASK}, got {task!r}.")
         return task
     if task.source is None and task.name not in TASKS:
         cure = "A study keeps its task's file: write the task into one, and give that."
         raise TaskError(f"task {task.name!r}: expected one that was loaded from a file. {cure}")
     place = task.source or task.name
     there = load_task(place)
-    same_score = there.score.__code__ == task.score.__code__
-    if there.to_dict() != task.to_dict() or not same_score:
+    if there.to_dict() != task.to_dict() or there.score.__code__ != task.score.__code__:
         cure = "Change it there, or give the study task.seconds, task.trials, task.sensors or arenas."
         raise TaskError(f"task {task.name!r} no longer matches {place}. {cure}")
     return place
@@ -91,10 +91,8 @@ def copy_task(task: Task, folder: Path) -> Path:
     copies = [source.name]
     if task.arena_file is not None and not Path(task.arena_file).is_absolute():
         if ".." in Path(task.arena_file).parts or not (source.parent / task.arena_file).is_file():
-            raise TaskError(
-                f"{source}: arena: expected a file in the task file's own folder, so that the task can "
-                f"be copied, got {task.arena_file!r}. Move it there, or give its whole path."
-            )
+            told = f"expected a file in the task file's own folder, got {task.arena_file!r}"
+            raise TaskError(f"{source}: arena: {told}. Move it there, or give its whole path.")
         copies.append(task.arena_file)
     for name in copies:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -103,12 +101,11 @@ def copy_task(task: Task, folder: Path) -> Path:
 
 
 def _from_file(path: Path) -> Task:
-    if not isfile(path):  # unlike Path.is_file, of too long a name, too
-        raise TaskError(f"{path}: no such file. Give the path of a .py file that defines a task.")
-    if path.suffix != ".py":
-        raise TaskError(f"{path}: expected a Python file (.py) that defines `task = Task(…)`.")
+    if not isfile(path) or path.suffix != ".py":  # unlike Path.is_file, of too long a name, too
+        found = "expected a Python file (.py)" if isfile(path) else "no such file"
+        raise TaskError(f"{path}: {found}. Give the path of a .py file that defines `task = Task(…)`.")
     path = path.resolve()
-    module = run_file(path, TaskError)
+    module = run_file(path, TaskError, anew=True)
     task = getattr(module, "task", None)
     if not isinstance(task, Task):
         got = "no `task`" if task is None else f"`task` = {task!r}"

@@ -1,12 +1,6 @@
-"""A task: an arena, starts, the sensors fed to the network, a length and a score.
+"""A task: what is to be done, where, and how it is scored (§6)."""
 
-A task is data; a user writes one in a short Python file (see `examples/`). Its `score` is plain
-Python over arrays and is compiled by Numba:
-
-    def score(path, room):      # path: a row a step, `params.Path`; room: `params.Room`
-        return path.contact.mean()
-"""
-
+import inspect
 import math
 import re
 from dataclasses import dataclass, replace
@@ -18,13 +12,34 @@ import numpy as np
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import params
 from realitygap.kernels.params import STEP_S
-from realitygap.tasks.scoring import CompiledScore, Score
-from realitygap.tasks.stated import beside, check_score, check_spread, ending
+from realitygap.tasks.score import CompiledScore, Score
 from realitygap.world.arena import Arena, arena_names, load_arena
-from realitygap.world.files import Value, require
-from realitygap.world.profile import FEEDS, Profile
+from realitygap.world.robot import FEEDS, Profile
+from realitygap.world.toml import Value, require
 
-__all__ = ["MAX_INPUTS", "Start", "Task"]
+__all__ = ["MAX_INPUTS", "Start", "Task", "check_spread"]
+
+
+def check_spread(spread: float, wheels: float | None) -> None:
+    """Refuse invalid shares, and the wheels' alone.
+
+    Raises:
+        ConfigError: names the key.
+    """
+    require(_is_share(spread), "spread", "a share from 0 to 0.9", spread)
+    fits = wheels is None or (_is_share(wheels) and spread > 0)
+    require(fits, "spread_wheels", "a share from 0 to 0.9, beside a spread", wheels)
+
+
+def _is_share(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 0.9
+
+
+def _ending(spread: float, wheels: float | None = None) -> str:
+    """What a name says of a spread: -spread-10, of 10 %."""
+    of_wheels = "" if wheels is None else f"-wheels-{100 * wheels:g}"
+    return f"-spread-{100 * spread:g}{of_wheels}".replace(".", "-") if spread else ""
+
 
 MAX_INPUTS = 16
 DRAWN = ", constants drawn within "
@@ -97,7 +112,7 @@ class Task:
         except TaskError:
             raise
         except UsageError as error:
-            raise TaskError(f"task {self.name!r}: {error}") from None
+            raise self._wrong(str(error)) from None
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -107,7 +122,7 @@ class Task:
     @property
     def plain_name(self) -> str:
         """Its name without what `under` adds."""
-        return self.name.removesuffix(ending(self.spread, self.spread_wheels))
+        return self.name.removesuffix(_ending(self.spread, self.spread_wheels))
 
     def under(self, spread: float | None, wheels: float | None = None) -> Self:
         """The same task with constants drawn anew, under a name and a title that say so.
@@ -126,7 +141,7 @@ class Task:
             return self
         wheels = self.spread_wheels if wheels is None and spread else wheels
         within = f"±{100 * spread:g} %" + (f", the wheels' ±{100 * wheels:g} %" if wheels is not None else "")
-        name = self.plain_name + ending(spread, wheels)
+        name = self.plain_name + _ending(spread, wheels)
         title = self.title.partition(DRAWN)[0] + (DRAWN + within if spread else "")
         return replace(self, name=name, title=title, spread=spread, spread_wheels=wheels)
 
@@ -143,10 +158,8 @@ class Task:
         """
         steps = round(self.seconds / profile.period_s)
         if abs(steps * profile.period_s - self.seconds) > 1e-6:
-            raise TaskError(
-                f"task {self.name!r}: seconds: expected whole steps of {profile.period_s:g} s, the period of "
-                f"profile {profile.name!r}, got {self.seconds:g}."
-            )
+            told = f"expected whole steps of {profile.period_s:g} s, the period of profile {profile.name!r}"
+            raise self._wrong(f"seconds: {told}, got {self.seconds:g}.")
         return steps
 
     def of(self, profile: Profile) -> Self:
@@ -159,10 +172,10 @@ class Task:
         if self.sensors or not there:
             return self
         if there > MAX_INPUTS:
-            raise TaskError(
-                f"task {self.name!r}: sensors: expected at most {MAX_INPUTS} for a network, got all {there} "
-                f"{self.feeds} sensors of profile {profile.name!r}. Name some: sensors=(0, 1, 2) in a task "
-                "file of your own, or `realitygap evolve --set task.sensors=[0,1,2]`."
+            raise self._wrong(
+                f"sensors: expected at most {MAX_INPUTS} for a network, got all {there} {self.feeds} sensors "
+                f"of profile {profile.name!r}. Name some: sensors=(0, 1, 2) in a task file of your own, or "
+                "`realitygap evolve --set task.sensors=[0,1,2]`."
             )
         return replace(self, sensors=tuple(range(there)))
 
@@ -175,26 +188,19 @@ class Task:
         count, sensors = len(profile.bands(self.feeds)), self.of(profile).sensors
         for kind in self.kinds:
             if not profile.channel(kind).sensors:
-                raise TaskError(
-                    f"task {self.name!r}: feeds: profile {profile.name!r} has no {kind} sensors. "
-                    "Choose another task, or add sensors to the profile."
-                )
-        for sensor in sensors:
-            if sensor >= count:
-                raise TaskError(
-                    f"task {self.name!r}: sensors: expected {self.feeds} sensors of profile "
-                    f"{profile.name!r}, which has {count}, got number {sensor} (they count from 0). "
-                    "Change the task's sensors or add sensors to the profile."
-                )
-        start = self.start
-        body = profile.body.radius_cm
+                cure = "Choose another task, or add sensors to the profile."
+                raise self._wrong(f"feeds: profile {profile.name!r} has no {kind} sensors. {cure}")
+        if lacking := [sensor for sensor in sensors if sensor >= count]:
+            told = f"expected {self.feeds} sensors of profile {profile.name!r}, which has {count}"
+            raise self._wrong(f"sensors: {told}, got number {lacking[0]} (they count from 0).")
+        start, body = self.start, profile.body.radius_cm
         obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm + body)
         low, high = (math.radians(angle) for angle in start.heading_deg)
         if obstacle and not (low == high and start.radius_cm == 0 and self._fits(profile, low)):
-            raise TaskError(
-                f"task {self.name!r}: start: a robot of radius {body:g} cm that starts within "
-                f"{start.radius_cm:g} cm of ({start.x_cm:g}, {start.y_cm:g}) may overlap {obstacle}. "
-                "Move the start, or make its disc smaller."
+            raise self._wrong(
+                f"start: a robot of radius {body:g} cm that starts within {start.radius_cm:g} cm of "
+                f"({start.x_cm:g}, {start.y_cm:g}) may overlap {obstacle}. Move the start, or make its disc "
+                "smaller."
             )
         return params.Trial(
             steps=self.steps_of(profile),
@@ -228,26 +234,23 @@ class Task:
         Raises:
             TaskError: the score cannot be compiled or used; says why, in one line.
         """
-        from realitygap.tasks.trying import tried
+        from realitygap.tasks.score import tried
 
         return tried(self.score, self.arena, self.steps)
 
     def to_dict(self) -> dict[str, Any]:
         """The task as data, without its score, ready for JSON."""
         return {
-            "name": self.name,
-            "title": self.title,
-            "arena": self.arena.to_dict(),
-            "feeds": self.feeds,
-            "sensors": list(self.sensors),
-            "start": self.start.to_dict(),
-            "seconds": self.seconds,
+            "name": self.name, "title": self.title, "arena": self.arena.to_dict(), "feeds": self.feeds,
+            "sensors": list(self.sensors), "start": self.start.to_dict(), "seconds": self.seconds,
             "trials": self.trials,
             **({"spread": self.spread} if self.spread else {}),
             **({"spread_wheels": self.spread_wheels} if self.spread_wheels is not None else {}),
-            "fitness_unit": self.fitness_unit,
-            "fitness_scale": self.fitness_scale,
-        }
+            "fitness_unit": self.fitness_unit, "fitness_scale": self.fitness_scale,
+        }  # fmt: skip
+
+    def _wrong(self, told: str) -> TaskError:
+        return TaskError(f"task {self.name!r}: {told}")
 
     def _convert(self) -> None:
         """What a user may write more shortly becomes what is declared."""
@@ -255,11 +258,18 @@ class Task:
         tidy = isinstance(self.name, str) and re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", self.name)
         require(bool(tidy), "name", "lower-case letters, digits and single hyphens", self.name)
         put(self, "score", getattr(self.score, "py_func", self.score))
-        check_score(self.score)
-        if isinstance(self.arena, str | Path):
-            named = beside(self.score, self.arena)
-            put(self, "arena_file", None if str(named) in arena_names() else str(self.arena))
-            put(self, "arena", load_arena(named))
+        cure = "Write `def score(path, room): …`."
+        require(inspect.isfunction(self.score), "score", "a function", self.score, cure)
+        taken = inspect.signature(self.score).parameters
+        needed = sum(one.default is one.empty for one in taken.values())
+        fits = needed <= 2 <= len(taken)
+        require(fits, "score", "a function of two parameters, (path, room)", tuple(taken), cure)
+        arena: Any = self.arena
+        if isinstance(arena, str | Path):
+            shipped = str(arena) in arena_names()
+            near = Path(inspect.getfile(self.score)).parent / arena
+            put(self, "arena_file", None if shipped else str(arena))
+            put(self, "arena", load_arena(near if near.is_file() and not shipped else arena))
         feeds: Any = self.feeds
         if isinstance(feeds, list | tuple):
             put(self, "feeds", "+".join(sorted(set(map(str, feeds)), reverse=True)))
@@ -291,8 +301,6 @@ class Task:
         start = self.start
         obstacle = self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm)
         if obstacle is not None:
-            raise TaskError(
-                f"task {self.name!r}: start: expected a free place in arena {self.arena.name!r}, got a "
-                f"disc of {start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g}), which overlaps "
-                f"{obstacle}."
-            )
+            place = f"{start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g})"
+            told = f"got a disc of {place}, which overlaps {obstacle}."
+            raise self._wrong(f"start: expected a free place in arena {self.arena.name!r}, {told}")

@@ -13,7 +13,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
 from realitygap.values import Command, Floats, Pose, fed
-from realitygap.world.profile import TOP_INPUT, Profile
+from realitygap.world.robot import TOP_INPUT, Profile
 
 __all__ = ["DISTANCES", "apart", "distances"]
 

@@ -7,10 +7,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, cast
 
-from realitygap import temporary, whole
-from realitygap.controller.layout import Layout
-from realitygap.controller.own import as_controller, named_controller
+from realitygap import temporary
+from realitygap.control.genotype import Layout
+from realitygap.control.network import as_controller, named_controller
 from realitygap.errors import UsageError
+from realitygap.files import atomic_write, to_toml
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body
@@ -21,7 +22,6 @@ from realitygap.simulation.body import SimulatedBody, drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
-from realitygap.toml import to_toml
 from realitygap.track import Track
 from realitygap.transfer.driven import driven
 from realitygap.transfer.paths import score
@@ -29,7 +29,7 @@ from realitygap.transfer.plan import check_fit
 from realitygap.transfer.rig import Rig
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
 from realitygap.values import Pose, as_stream, shown
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["Drove", "Pair", "drive", "pairs"]
 
@@ -183,5 +183,5 @@ def pairs(
                 made.simulated.write_csv(here / SIMULATED)
                 made.track.write_csv(here / SITUATED)
                 facts = {"task": task.name, "robot": str(robot), "noise": simulation.noise, **made.to_dict()}
-                whole.write(here / TRIAL, to_toml(facts))
+                atomic_write(here / TRIAL, to_toml(facts))
             yield made

@@ -14,7 +14,7 @@ from realitygap.tasks.task import Task
 from realitygap.track import Track, settled
 from realitygap.transfer.paths import of_counters, of_poses
 from realitygap.values import Command, Floats, Pose, Readings, fed
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["Driven", "driven", "turned"]
 

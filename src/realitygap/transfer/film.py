@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from realitygap import whole
 from realitygap.errors import StudyError
+from realitygap.files import atomic_write, to_toml
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.camera import CameraModel, load_camera
 from realitygap.film.disk import Disk, load_disk
 from realitygap.film.marker import Marker
 from realitygap.study.lock import locked
-from realitygap.toml import to_toml
 from realitygap.track import Track
 from realitygap.twin.states import States
 from realitygap.values import Pose
@@ -34,18 +33,9 @@ if TYPE_CHECKING:
     from realitygap.twin.drawing import Window
 
 __all__ = [
-    "CAMERA",
-    "DISK",
-    "FILM",
-    "FPS",
-    "TAILS",
-    "TRACK",
-    "WATCH_FPS",
-    "Watcher",
-    "film_and_track",
-    "keep_film",
-    "known_poses",
-]
+    "CAMERA", "DISK", "FILM", "FPS", "TAILS", "TRACK", "WATCH_FPS", "Watcher", "film_and_track",
+    "keep_film", "known_poses",
+]  # fmt: skip
 
 FPS, WATCH_FPS = 25, 10
 """Frames a second of a film, and of a camera that only watches: one a step."""
@@ -243,7 +233,7 @@ def keep_film(
     tracked = track_film(folder / FILM, camera, marker, tell)
     camera.save(folder / CAMERA)
     if isinstance(marker, Disk) and marker != load_disk():
-        whole.write(folder / DISK, to_toml(marker.to_dict()))
+        atomic_write(folder / DISK, to_toml(marker.to_dict()))
     tracked.track.write_csv(folder / TRACK)
     save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, marker))
     return tracked

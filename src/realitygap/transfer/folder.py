@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from realitygap import whole
 from realitygap.errors import FilmError, FrozenError, LineError, RobotError, RobotStoppedError
+from realitygap.files import atomic_write, move_whole, written_together
 from realitygap.robots.address import Address
 
 __all__ = ["blamed", "files_in", "half_folder", "keep", "keep_camera", "made", "put_aside"]
@@ -20,10 +20,10 @@ def made(final: Path, robot: Address) -> Iterator[Path]:
         RobotError, FilmError: those of the block, with a note on what is kept where.
     """
     half = _begun(final, robot)
-    with blamed(final, robot), whole.together(half):
+    with blamed(final, robot), written_together(half):
         yield half
     put_aside(final, robot, "earlier")
-    whole.move(half, final)
+    move_whole(half, final)
 
 
 def keep(final: Path, robot: Address, files: Mapping[str, bytes], *, finished: bool) -> None:
@@ -40,14 +40,14 @@ def keep(final: Path, robot: Address, files: Mapping[str, bytes], *, finished: b
         (half / name).write_bytes(content)
     if finished:
         put_aside(final, robot, "earlier")
-        whole.move(half, final)
+        move_whole(half, final)
 
 
 def keep_camera(file: Path, content: bytes) -> None:
     """Save a camera's calibration, unless it is there."""
     if not file.is_file():
         file.parent.mkdir(parents=True, exist_ok=True)
-        whole.write(file, content)
+        atomic_write(file, content)
 
 
 def files_in(folder: Path) -> dict[str, bytes]:

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.errors import StudyError
+from realitygap.files import as_path, parse_toml, refuse_unknown
 from realitygap.study.settings import refuse_difference
-from realitygap.text import as_path, refuse_unknown
-from realitygap.toml import parse_toml
 from realitygap.track import Track, read_track
 from realitygap.transfer.packed import content, every, placed
 from realitygap.transfer.plan import FOLDER, SOURCES, Situation

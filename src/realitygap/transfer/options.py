@@ -9,13 +9,13 @@ from numbers import Integral
 from pathlib import Path
 
 from realitygap.errors import UsageError
+from realitygap.files import must_be
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.marker import Marker, load_marker
+from realitygap.plugins import place_of
 from realitygap.robots.address import Address, as_scale
 from realitygap.study.settings import LARGEST, whole
-from realitygap.text import must_be
-from realitygap.user_code import place_of
 
 __all__ = ["Named", "Transfer"]
 

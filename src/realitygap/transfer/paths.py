@@ -14,7 +14,7 @@ from realitygap.kernels.params import Path as Ground
 from realitygap.tasks.task import Task
 from realitygap.track import Track, settled
 from realitygap.values import Floats, Pose
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["of_counters", "of_poses", "of_track", "score"]
 

@@ -7,9 +7,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from realitygap.controller.layout import Layout
-from realitygap.controller.network import NetworkController
-from realitygap.controller.own import OwnController, named_controller
+from realitygap.control.genotype import Layout
+from realitygap.control.network import NetworkController, OwnController, named_controller
 from realitygap.errors import UsageError
 from realitygap.film.disk import Disk
 from realitygap.film.marker import Marker, Tag
@@ -22,20 +21,12 @@ from realitygap.study.plan import run_stream
 from realitygap.study.run import WHO
 from realitygap.transfer.chosen import chosen_runs, number_of
 from realitygap.transfer.options import Named, Transfer
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = [
-    "FOLDER",
-    "SOURCES",
-    "WHEELS",
-    "Known",
-    "Situation",
-    "check_body",
-    "check_fit",
-    "controller_for",
-    "situations",
-    "transfer_stream",
-]
+    "FOLDER", "SOURCES", "WHEELS", "Known", "Situation", "check_body", "check_fit", "controller_for",
+    "situations", "transfer_stream",
+]  # fmt: skip
 
 FOLDER = "transfer"
 """The folder in a study's folder."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.controller.layout import Genes
+from realitygap.control.genotype import Genes
 from realitygap.errors import UsageError
 from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation

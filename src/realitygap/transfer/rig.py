@@ -30,7 +30,7 @@ from realitygap.transfer.film import Watcher
 from realitygap.transfer.paths import of_track
 from realitygap.twin.states import States
 from realitygap.values import Closing, Pose
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["Rig"]
 

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from realitygap.errors import RobotStoppedError, StudyInterruptedError, UsageError
+from realitygap.files import must_be
 from realitygap.film.camera import CameraModel, load_camera
 from realitygap.study.folder import exists
 from realitygap.study.load import Study, as_study
 from realitygap.study.lock import lock
 from realitygap.study.schema import told
-from realitygap.text import must_be
 from realitygap.transfer.load import Transferred, is_done, load_transfer, load_transfers
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.overhead import Found, Overhead

@@ -17,7 +17,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from realitygap import whole
+from realitygap.files import atomic_write
 from realitygap.robots.address import ROBOT, StandIn
 from realitygap.study.load import Study, as_study
 from realitygap.transfer.load import Transferred, load_transfers
@@ -80,7 +80,7 @@ def _write(file: Path, rows: Mapping[str, dict[str, Any]]) -> None:
     """Store rows, but not through a link; a file that cannot be written is ignored."""
     if not file.is_symlink():
         with contextlib.suppress(OSError):
-            whole.write(file, json.dumps(rows, indent=1))
+            atomic_write(file, json.dumps(rows, indent=1))
 
 
 class _Scorer(Closing):

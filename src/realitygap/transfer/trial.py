@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from realitygap import whole
 from realitygap.evolution.algorithm import Genes
+from realitygap.files import atomic_write, to_toml, written_together
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body, attend
 from realitygap.robots.loop import Controller
@@ -24,7 +24,6 @@ from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.study.versions import versions
-from realitygap.toml import to_toml
 from realitygap.track import Track
 from realitygap.transfer.driven import Driven, driven
 from realitygap.transfer.film import TRACK, film_and_track
@@ -101,7 +100,7 @@ class Stage:
             folder: of the trial's files.
             tell: called with the share of the film that is done.
         """
-        with whole.together(folder):
+        with written_together(folder):
             pose = self.simulation(one.task, one.noise).start(one.stream)
             facts = self._simulate(one, genes, pose, folder)
             sealed = folder / SEALED if one.source in ("camera", "film") else None
@@ -228,4 +227,4 @@ class Stage:
         facts["missed_steps"] = None if np.isnan(kept.read).all() else kept.missed_steps
         facts["lost_steps"] = path.lost
         facts["versions"] = self._versions()
-        whole.write(folder / TRIAL, to_toml(facts))
+        atomic_write(folder / TRIAL, to_toml(facts))

@@ -25,8 +25,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Self
 
-from realitygap import temporary, whole
+from realitygap import temporary
 from realitygap.errors import RealityGapError, UsageError
+from realitygap.files import naming_errors
 from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.twin.firmware import Firmware
 from realitygap.twin.port import Port
@@ -224,7 +225,7 @@ class Server:
         if self._film is not None:
             film, self._film = self._film, None
             self.firmware.watch(FILM_MS, None)
-            with whole.named(film.name):
+            with naming_errors(film.name):
                 film.close()
 
 

@@ -1,28 +1,37 @@
-"""A pool carries out jobs and passes on their results: this process, processes, or one of your own.
+"""Pools of workers: this process, processes, threads, or one of your own."""
 
-A job is a value, and what it comes to a function of it alone: any worker may carry it out, twice if the
-first is lost. A worker gets its bench from a `Setup`, which travels as a message; where it is, is up to
-the pool. One whose workers do not see the parent's files says so by an attribute, `far = True`:
-then what they need of them travels too. examples/own_pool.py is a pool of one's own.
-"""
-
+import multiprocessing
+import os
+import pickletools
+import signal
 import threading
+import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from itertools import count
+from multiprocessing import resource_tracker, spawn
+from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from realitygap.errors import StudyError
+from threadpoolctl import threadpool_limits
 
-__all__ = ["Bench", "Counted", "Here", "Pool", "Setup", "Tell", "bench_of", "messages_of"]
+from realitygap.errors import RealityGapError, StudyError
+from realitygap.plugins import packed, unpacked
+
+__all__ = [
+    "Bench", "Counted", "Here", "Pool", "Processes", "Setup", "Tell", "bench_of", "messages_of", "one_thread",
+]  # fmt: skip
+
+
+def one_thread() -> threadpool_limits:
+    """For the whole process: from now on, or within a `with` statement."""
+    return threadpool_limits(1, user_api="blas")
+
 
 Tell = Callable[[Any], None]
 """Called with each message of a job."""
-LOST = (
-    "workers: expected each message of a job once and in order, but one was lost or duplicated. What was "
-    "saved is kept: continue with other workers, and fix the pool (realitygap.testing.PoolContract)."
-)
 
 
 class Bench(Protocol):
@@ -37,9 +46,10 @@ class Bench(Protocol):
 
 @dataclass(frozen=True)
 class Setup:
-    """How a worker makes its bench: a function of a module and its arguments, which can be pickled.
+    """How a worker makes its bench: a function and its arguments, which can be pickled.
 
-    `here` is a bench that this process has already; it stays behind when the setup is sent.
+    What a user's file defines travels too: the worker runs that file. `here` is a bench that this process has
+    already; it stays behind when the setup is sent.
     """
 
     make: Callable[..., Bench]
@@ -50,7 +60,11 @@ class Setup:
         return self.make(*self.words)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Setup, (self.make, self.words)
+        return _unpacked_setup, packed((self.make, self.words))
+
+
+def _unpacked_setup(files: list[str], data: bytes) -> Setup:
+    return Setup(*unpacked(files, data))
 
 
 @runtime_checkable
@@ -82,6 +96,12 @@ class Here:
 
     def close(self) -> None:
         """Nothing to end."""
+
+
+LOST = (
+    "workers: expected each message of a job once and in order, but one was lost or duplicated. What was "
+    "saved is kept: continue with other workers, and fix the pool (realitygap.testing.PoolContract)."
+)
 
 
 class _Part(NamedTuple):
@@ -173,3 +193,245 @@ def messages_of(setup: Setup, job: Any) -> list[Any]:
     messages: list[Any] = []
     bench_of(setup).carry_out(job, messages.append)
     return messages
+
+
+TRIES = 3
+"""Workers that one job may cost."""
+
+MESSAGE, DONE, ERROR = range(3)
+"""What a worker sends, with something beside it."""
+
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+ALONE = "realitygap worker"
+"""Name of a process that does not run the user's script again, as Python's own would."""
+
+_Parcel = tuple[list[str], bytes]
+"""What `plugins.packed` makes of a thing that is sent."""
+
+
+class _Task:
+    """A job: how many of its messages were passed on, and how many workers it has cost."""
+
+    def __init__(self, job: Any) -> None:
+        self.job: _Parcel = packed(job)
+        self.heard = self.told = self.lost = 0
+
+    def hear(self, message: Any, tell: Tell) -> None:
+        """Pass on what is new: a job that is made again says the same."""
+        self.heard += 1
+        if self.heard > self.told:
+            self.told = self.heard
+            tell(message)
+
+
+class _Worker:
+    """A process, and what it has last been set up for; `script`: it knows what the user's script defines."""
+
+    def __init__(self, threads: dict[str, str], script: bool) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.connection, there = context.Pipe()
+        self.process = context.Process(target=_serve, args=(there,), daemon=True)
+        if not script:
+            self.process.name = ALONE
+        self.script, self._setup = script, b""
+        with _environment(threads), _without_script():
+            self.process.start()
+        there.close()
+
+    def give(self, setup: _Parcel, job: _Parcel) -> bool:
+        """Send a job; False if the process is gone."""
+        try:
+            self.connection.send((None if setup[1] == self._setup else setup, job))
+        except OSError:
+            return False
+        self._setup = setup[1]
+        return True
+
+    def end(self, wait_s: float = 0.0) -> int | None:
+        """End it now; its exit code if it ends by itself."""
+        self.process.join(wait_s)
+        code = self.process.exitcode
+        self.process.kill()
+        self.process.join()
+        self.process.close()
+        self.connection.close()
+        return code
+
+
+class Processes:
+    """A pool of processes, which start when there is work for them and stay for more.
+
+    `one_thread`: their linear algebra takes one thread each.
+    """
+
+    def __init__(self, size: int, *, one_thread: bool = False) -> None:
+        self.size = size
+        self._threads = ONE_THREAD if one_thread else {}
+        self._workers: set[_Worker] = set()
+
+    def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
+        """Carry out all jobs; see `pool.Pool`."""
+        if multiprocessing.current_process().daemon:
+            note = "a daemonic process may start no others: one worker, this process, does all of the work"
+            warnings.warn(note, RuntimeWarning, stacklevel=2)
+            Here().work(setup, jobs, tell)
+            return
+        bench = packed((setup.make, setup.words))
+        tasks, again = map(_Task, jobs), deque[_Task]()
+        free, busy = list(self._workers), dict[Connection, tuple[_Worker, _Task]]()
+        try:
+            while True:
+                while len(busy) < self.size:
+                    task = again.popleft() if again else next(tasks, None)
+                    if task is None:
+                        break
+                    script = _of_script(bench) or _of_script(task.job)
+                    worker = free.pop() if free else self._start(script)
+                    if script and not worker.script:
+                        self._workers.remove(worker)
+                        worker.end()
+                        worker = self._start(script)
+                    if worker.give(bench, task.job):
+                        busy[worker.connection] = worker, task
+                    else:
+                        again.append(self._lost(worker, task))
+                if not busy:
+                    return
+                for connection in wait(list(busy)):
+                    assert isinstance(connection, Connection)
+                    worker, task = busy[connection]
+                    kind, content = _take(connection)
+                    if kind == MESSAGE:
+                        task.hear(content, tell)
+                        continue
+                    del busy[connection]
+                    if kind == DONE:
+                        free.append(worker)
+                    elif content is None:
+                        again.append(self._lost(worker, task))
+                    else:
+                        raise content
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """End all processes now; what they sent is with the parent, the rest is made again."""
+        while self._workers:
+            self._workers.pop().end()
+
+    def _start(self, script: bool) -> _Worker:
+        resource_tracker.ensure_running()  # now, since its start would let Ctrl-C through again
+        with _deaf():
+            worker = _Worker(self._threads, script)
+            self._workers.add(worker)
+        return worker
+
+    def _lost(self, worker: _Worker, task: _Task) -> _Task:
+        """The task, to be made again by another.
+
+        Raises:
+            StudyError: it ended with an error, or the job has cost too many workers.
+        """
+        self._workers.discard(worker)
+        code = worker.end(5.0)
+        task.heard, task.lost = 0, task.lost + 1
+        if code == 1 or task.lost >= TRIES:  # 1: Python's own, with a traceback on stderr
+            how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+            raise StudyError(
+                f"a worker process died ({how}). What was saved is kept: resume, or start again, with "
+                "fewer --workers if memory ran out; where workers use what a script of your own defines, its "
+                'work must begin under `if __name__ == "__main__":`.'
+            )
+        return task
+
+
+def _of_script(parcel: _Parcel) -> bool:
+    """Whether a parcel holds what the user's script defines, so that a worker has to run the script too."""
+    data = parcel[1]
+    return b"__main__" in data and any(name == "__main__" for _, name, _ in pickletools.genops(data))
+
+
+_starting = threading.Lock()
+
+
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """Spawn a process named ALONE without the user's script, which then needs no guard and may be anything:
+    standard input, a notebook's cell. Python's own, of which other names are, would run it there first."""
+    with _starting:
+        prepare = spawn.get_preparation_data
+
+        def without(name: str) -> dict[str, Any]:
+            facts = prepare(name)
+            return {key: facts[key] for key in facts if name != ALONE or not key.startswith("init_main")}
+
+        spawn.get_preparation_data = without
+        try:
+            yield
+        finally:
+            spawn.get_preparation_data = prepare
+
+
+def _take(connection: Connection) -> tuple[int, Any]:
+    """What a worker sends; an error without content if it is gone."""
+    try:
+        kind, content = connection.recv()
+    except (EOFError, OSError):
+        return ERROR, None
+    return kind, content
+
+
+def _serve(connection: Connection) -> None:
+    """A worker's life: it takes jobs and sends their messages, until the parent is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+    setup: Setup | None = None
+    try:
+        while True:
+            other, job = connection.recv()
+            setup = Setup(*unpacked(*other)) if other else setup
+            assert setup is not None
+            bench_of(setup).carry_out(unpacked(*job), lambda message: connection.send((MESSAGE, message)))
+            connection.send((DONE, None))
+    except RealityGapError as error:
+        connection.send((ERROR, error))
+        connection.recv()  # the parent ends this process when it has heard
+    except (EOFError, ConnectionError):
+        pass
+
+
+def _die_with_parent() -> None:
+    """Wait for the parent's end, then end this process."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Ctrl-C waits: a process that starts here is spared it until it can ignore it, as it soon does."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _environment(changes: dict[str, str]) -> Iterator[None]:
+    """What a process that starts here finds in its environment."""
+    before = {key: os.environ.get(key) for key in changes}
+    os.environ.update(changes)
+    try:
+        yield
+    finally:
+        for key, value in before.items():
+            if value is None:
+                os.environ.pop(key, None)
+            else:
+                os.environ[key] = value

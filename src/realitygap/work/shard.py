@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from realitygap import whole
 from realitygap.errors import ConfigError, StudyError
+from realitygap.files import atomic_write
 
 __all__ = ["MARK", "Mark", "Shard", "marked", "read_mark", "whole_of"]
 
@@ -106,7 +106,7 @@ class Mark:
         """Write it into the folder, which is made if needed."""
         folder.mkdir(parents=True, exist_ok=True)
         table = {"shard": str(self.shard), "work": self.work, "finished": finished, "facts": self.facts}
-        whole.write(folder / MARK, json.dumps(table, indent=1) + "\n")
+        atomic_write(folder / MARK, json.dumps(table, indent=1) + "\n")
 
 
 def read_mark(folder: Path) -> Mark | None:

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
 from realitygap.errors import ConfigError
-from realitygap.user_code import blamed_on, named_object, place_of
-from realitygap.work.pool import Counted, Here, Pool
-from realitygap.work.processes import Processes, refuse_unguarded_script
+from realitygap.plugins import blamed_on, named_object, place_of
+from realitygap.work.pool import Counted, Here, Pool, Processes
 
 __all__ = ["MOST", "Workers", "cores", "far", "named_pool", "near", "opened", "size_of"]
 
@@ -33,9 +32,7 @@ def opened(workers: Workers, *, one_thread: bool = False) -> Iterator[Pool]:
 
     Raises:
         ConfigError: neither a number nor a pool.
-        StudyError: a script that starts processes has no guard.
     """
-    refuse_unguarded_script()
     if isinstance(workers, Pool):
         yield workers if type(workers) in (Here, Processes, Counted) else Counted(workers)
         return

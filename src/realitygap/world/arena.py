@@ -1,22 +1,90 @@
-"""Arenas (§4): a rectangular room with walls, cylinders and lamps, read from TOML."""
+"""Arenas: walls, cylinders, lamps, and which of them are near (§4)."""
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.kernels import params
 from realitygap.lazy import above
-from realitygap.world.files import Value, load, require, shipped
-from realitygap.world.nearest import nearest
-from realitygap.world.rays import unit
+from realitygap.values import Floats
+from realitygap.world.sensors import unit
+from realitygap.world.toml import Value, load, require, shipped
 
-__all__ = ["WHITEST", "Arena", "Cylinder", "Lamp", "arena_names", "load_arena"]
+__all__ = ["MANY", "WHITEST", "Arena", "Cylinder", "Lamp", "arena_names", "load_arena", "nearest"]
+
+
+MANY = 20
+"""Obstacles from which on a room has a grid; before, looking into one costs what it saves."""
+CELLS = 1024
+ENTRIES = 400_000
+"""The most cells of a grid, and the most obstacles in all its cells: some megabytes."""
+TOGETHER = 4
+"""Cylinders that a ray is held against at once, where none overlap: the one whose middle is nearer is met."""
+SPARE_CM = 1e-6
+"""Bounds are lower by this: no rounding makes a distance less than its bound."""
+
+
+@lru_cache(maxsize=8)
+def nearest(
+    size: tuple[float, float],
+    cylinders: tuple[tuple[float, float, float], ...],
+    walls: tuple[tuple[float, float, float, float], ...],
+) -> dict[str, Any]:
+    """The grid of a room as fields of the kernels' `Arena`: cells, and for each its obstacles, nearest first,
+    by distances from its middle less half its diagonal.
+
+    A room of few obstacles is one cell, with all of them in their order and no bounds. Lengths cm.
+    """
+    many, shape, half = len(cylinders) + len(walls), np.ones(2, np.int64), np.inf
+    if many >= MANY:
+        side = np.sqrt(size[0] * size[1] / min(CELLS, ENTRIES / many))
+        shape = np.maximum(np.array(size) // side, 1).astype(np.int64)
+        half = 0.5 * np.hypot(*(np.array(size) / shape)) + SPARE_CM
+    x, y = ((np.arange(n) + 0.5) * (length / n) for n, length in zip(shape, size, strict=True))
+    middles = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 1, 2)
+    near_cylinders, cylinder_gap = _sorted(_to_cylinders(middles, np.array(cylinders).reshape(-1, 3)) - half)
+    near_segments, segment_gap = _sorted(_to_walls(middles, np.array(walls).reshape(-1, 4)) - half)
+    places = np.array(cylinders).reshape(-1, 3)
+    gaps = np.linalg.norm(places[:, None, :2] - places[:, :2], axis=2) - places[:, None, 2] - places[:, 2]
+    overlap = bool((gaps[~np.eye(len(places), dtype=bool)] < 0.0).any())
+    return {
+        "together": 1 if overlap else TOGETHER,
+        "grid": shape, "cells_per_cm": shape / size,
+        "near_cylinders": near_cylinders, "cylinder_gap": cylinder_gap,
+        "near_segments": near_segments, "segment_gap": segment_gap,
+    }  # fmt: skip
+
+
+def _sorted(bounds: Floats) -> tuple[NDArray[np.uint64], Floats]:
+    """Whose bounds they are, lowest first, and the bounds, none below 0."""
+    gaps = np.maximum(bounds, 0.0)
+    near = np.argsort(gaps, axis=1, kind="stable")
+    return near.astype(np.uint64), np.take_along_axis(gaps, near, axis=1)
+
+
+def _to_cylinders(places: Floats, cylinders: Floats) -> Floats:
+    """Distances [n, C] of places [n, 1, 2]."""
+    apart: Floats = np.linalg.norm(places - cylinders[:, :2], axis=2) - cylinders[:, 2]
+    return apart
+
+
+def _to_walls(places: Floats, walls: Floats) -> Floats:
+    """Distances [n, S] of places [n, 1, 2]."""
+    begin, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    share = np.clip(((places - begin) * along).sum(2) / (along**2).sum(1), 0.0, 1.0)
+    apart: Floats = np.linalg.norm(places - begin - share[..., None] * along, axis=2)
+    return apart
+
 
 WHITEST = 10.0
 """Times the surfaces of a calibration."""
+LEAST_CM = 5.0
+"""Of a room's side: its size is not in metres."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +100,9 @@ class Cylinder(Value):
         require(self.radius_cm > 0, "radius_cm", "more than 0", self.radius_cm)
         require_reflectance(self.reflectance)
 
-    def covers(self, x_cm: float, y_cm: float) -> bool:
-        """Whether a place lies inside."""
-        return math.hypot(x_cm - self.x_cm, y_cm - self.y_cm) < self.radius_cm
+    def covers(self, x_cm: float, y_cm: float, margin_cm: float = 0.0) -> bool:
+        """Whether a place lies inside, or nearer to it than a margin."""
+        return math.hypot(x_cm - self.x_cm, y_cm - self.y_cm) < self.radius_cm + margin_cm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +154,8 @@ class Arena(Value):
         require_reflectance(self.reflectance)
         require(bool(self.name.strip()), "name", "a name", self.name)
         require(self.sliding >= 0, "sliding", "0 or more", self.sliding)
-        for i, size in enumerate(self.size_cm):
-            require(size > 0, f"size_cm[{i}]", "more than 0", size)
         width, depth = self.size_cm
+        require(min(width, depth) >= LEAST_CM, "size_cm", f"sides of {LEAST_CM:g} cm or more", self.size_cm)
         room = f"inside the room ({width:g} by {depth:g} cm)"
         for i, (x0, y0, x1, y1) in enumerate(self.walls):
             wall = (x0, y0, x1, y1)
@@ -99,8 +166,6 @@ class Arena(Value):
             got = f"centre ({c.x_cm:g}, {c.y_cm:g}), radius {c.radius_cm:g}"
             require(clear, f"cylinders[{i}]", f"the whole cylinder {room}", got)
         for i, lamp in enumerate(self.lamps):
-            place = (lamp.x_cm, lamp.y_cm)
-            require(self._holds(*place), f"lamps[{i}]", f"a place {room}", place)
             inside = all(self._holds(x, y, -1e-9) for x, y in lamp.points())
             cure = "Turn its line (line_deg), shorten it (spacing_cm) or move the lamp."
             require(inside, f"lamps[{i}]", f"all five points {room}", lamp.points(), cure)
@@ -117,10 +182,11 @@ class Arena(Value):
             if gap < radius:
                 return f"the wall at {side}"
         for c in self.cylinders:
-            if math.hypot(x - c.x_cm, y - c.y_cm) < radius + c.radius_cm:
+            if c.covers(x, y, radius):
                 return f"the cylinder at ({c.x_cm:g}, {c.y_cm:g})"
-        for x0, y0, x1, y1 in self.walls:
-            if _distance(x, y, (x0, y0, x1, y1)) < radius:
+        gaps = _to_walls(np.array([[[x, y]]]), np.reshape(self.walls, (-1, 4)))[0]
+        for gap, (x0, y0, x1, y1) in zip(gaps, self.walls, strict=True):
+            if gap < radius:
                 return f"the wall from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g})"
         return None
 
@@ -146,19 +212,18 @@ class Arena(Value):
 
     def to_kernel(self) -> params.Arena:
         """The arena as the kernels' arrays."""
-        lamps, walls = self.lamps, np.array(self.walls).reshape(-1, 4)
+        lamps, walls, points = self.lamps, np.array(self.walls).reshape(-1, 4), params.LAMP_POINTS
         discs = tuple((c.x_cm, c.y_cm, c.radius_cm) for c in self.cylinders)
         along = walls[:, 2:] - walls[:, :2]
         length = np.sqrt((along**2).sum(axis=1, keepdims=True))
+        weights = [[k * lamp.brightness for k in lamp.weights] for lamp in lamps]
         return params.Arena(
             size=np.array(self.size_cm),
             segments=walls,
             segment_along=np.hstack([along / length, length]),
             cylinders=np.array(discs).reshape(-1, 3),
-            lamp_points=np.array([lamp.points() for lamp in lamps]).reshape(-1, params.LAMP_POINTS, 2),
-            lamp_weights=np.array([[k * lamp.brightness for k in lamp.weights] for lamp in lamps]).reshape(
-                -1, params.LAMP_POINTS
-            ),
+            lamp_points=np.array([lamp.points() for lamp in lamps]).reshape(-1, points, 2),
+            lamp_weights=np.array(weights).reshape(-1, points),
             lamp_offset=np.array([lamp.offset * lamp.brightness for lamp in lamps]),
             lamp_centre=np.array([(lamp.x_cm, lamp.y_cm) for lamp in lamps]).reshape(-1, 2),
             sliding=self.sliding,
@@ -197,18 +262,5 @@ def arena_names() -> tuple[str, ...]:
 
 
 def require_reflectance(value: float) -> None:
-    """Refuse a reflectance that no surface has.
-
-    Raises:
-        ConfigError: names the key.
-    """
+    """Refuse a reflectance that no surface has."""
     require(0 <= value <= WHITEST, "reflectance", f"a number from 0 to {WHITEST:g}", value)
-
-
-def _distance(x: float, y: float, wall: tuple[float, float, float, float]) -> float:
-    """Distance of a point to a wall, cm."""
-    x0, y0, x1, y1 = wall
-    dx, dy = x1 - x0, y1 - y0
-    share = ((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy)
-    share = min(1.0, max(0.0, share))
-    return math.hypot(x - x0 - share * dx, y - y0 - share * dy)

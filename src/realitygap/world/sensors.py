@@ -1,38 +1,176 @@
-"""A robot's sensors (§3.2.3, §3.3): places in its frame and the constants of their laws."""
+"""A robot's sensors as frozen values: infrared, light, rays, look-up tables (§3.2.3, §3.3)."""
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from realitygap.kernels.params import CONE, RAYS
+from realitygap.kernels.params import CONE, EYES, F32, RAYS, Seen, Table
 from realitygap.values import Floats
-from realitygap.world.files import Value, require
-from realitygap.world.look_up import LookUp
-from realitygap.world.rays import (
-    FAN,
-    RAY_ANGLES_DEG,
-    fan,
-    fan_weights,
-    ray_angles,
-    ray_weights,
-    side_by_side,
-    unit,
-)
-from realitygap.world.sensor_checks import Sensor, check_both, kernel_both
+from realitygap.world.toml import Value, require
 
 __all__ = [
-    "RAY_NUMBERS",
-    "RESPONSES",
-    "UNLIT",
-    "Ambient",
-    "AmbientSensor",
-    "Infrared",
-    "ProximitySensor",
-    "looks",
-]
+    "FAN", "RAY_ANGLES_DEG", "RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared",
+    "LookUp", "ProximitySensor", "Sensor", "check_both", "fan", "fan_weights", "kernel_both", "looks",
+    "ray_angles", "ray_weights", "side_by_side", "unit",
+]  # fmt: skip
+
+
+FAN = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.0, 0.25, 0.5, 0.75, 1.0)
+"""Where the rays of a measured sensor lie, in shares of its aperture: the middle is there twice."""
+
+
+@cache
+def ray_angles(number: int) -> tuple[float, ...]:
+    """Middles of this many equal parts of 180°, degrees from the sensor's direction."""
+    return tuple(180.0 / number * (i + 0.5) - 90.0 for i in range(number))
+
+
+RAY_ANGLES_DEG = ray_angles(RAYS)
+"""β of each ray, −81 … +81: the middles of ten equal parts of 180° (a reading of §3.2.3)."""
+
+
+def unit(direction_deg: float) -> tuple[float, float]:
+    """Unit vector (x, y) of a direction in degrees."""
+    turned = math.radians(180.0 - (180.0 - direction_deg) % 360.0)
+    return round(math.cos(turned), 15) + 0.0, round(math.sin(turned), 15) + 0.0
+
+
+def fan(angles_deg: Sequence[float], weights: Sequence[float]) -> F32:
+    """Rays [3, n] at angles off a sensor's direction, that one of each mirror-image pair which comes first:
+    cosines, sines, weights; one that is its own image has half its weight."""
+    pairs, odd = (len(angles_deg) + 1) // 2, len(angles_deg) % 2
+    rows = np.array([*zip(*map(unit, angles_deg[:pairs]), strict=True), weights[:pairs]], np.float32)
+    rows[2, -1] *= 0.5 if odd else 1.0
+    return rows
+
+
+def ray_weights(exponent: float, factor: float = 1.0, number: int = RAYS) -> list[float]:
+    """factor · cos^m β of each of `number` rays, m being the exponent."""
+    return [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in ray_angles(number)]
+
+
+def fan_weights(lobe: Sequence[float]) -> list[float]:
+    """The rays' weights in a FAN: each share of a lobe belongs to two rays."""
+    halves = [share / 2 for share in lobe]
+    return [*halves[::-1], *halves]
+
+
+def side_by_side(*columns: Iterable[float]) -> F32:
+    """Blocks [n, constants, EYES] of constants of sensors; the last sensor is repeated to a whole block."""
+    rows = np.array([list(column) for column in columns], np.float32)
+    rows = np.concatenate([rows, np.repeat(rows[:, -1:], -rows.shape[1] % EYES, axis=1)], axis=1)
+    return np.ascontiguousarray(np.moveaxis(rows.reshape(len(rows), -1, EYES), 0, 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor(Value):
+    """Its place and direction in the robot's frame; both kinds end with the same tables."""
+
+    x_cm: float
+    y_cm: float
+    direction_deg: float
+
+    def _check(self) -> None:
+        turn = self.direction_deg
+        require(-360 <= turn <= 360, "direction_deg", "degrees from -360 to 360", turn)
+        own: Any = self
+        for key, values in (("curve", own.curve), ("noise", own.noise)):
+            require(len(values) != 1, key, "two values or more, or none", values)
+            require(all(value >= 0 for value in values), key, "values of 0 or more", values)
+        require(own.noise_rise >= 0, "noise_rise", "0 or more", own.noise_rise)
+
+
+def kernel_both(kind: str, own: Any) -> dict[str, Any]:
+    """What the kernels' `Robot` has of either kind, "proximity" or "ambient"; `own` is the profile's part."""
+    sensors = own.sensors
+    return {
+        f"{kind}_place": np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2),
+        f"{kind}_facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
+        f"{kind}_curve": _table([s.curve for s in sensors]),
+        f"{kind}_noise": _table([s.noise for s in sensors]),
+        f"{kind}_rise": np.array([s.noise_rise for s in sensors]),
+        f"{kind}_top": own.top,
+        f"{kind}_low": own.bands[0],
+        f"{kind}_high": own.bands[1],
+    }
+
+
+def _table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+    """[sensors, n] one row a sensor."""
+    return np.array(rows, float).reshape(len(rows), len(rows[0]) if rows else 0)
+
+
+def check_both(own: Any) -> None:
+    """Refuse of either part of a profile tables of several lengths, and values above the full scale."""
+    require(own.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", own.matt)
+    for key in ("curve", "noise"):
+        lengths = {len(getattr(sensor, key)) for sensor in own.sensors}
+        require(len(lengths) <= 1, f"sensors.{key}", "as many values for every sensor", sorted(lengths))
+        for i, sensor in enumerate(own.sensors):
+            most = max(getattr(sensor, key), default=0.0)
+            require(most <= own.top, f"sensors[{i}].{key}", f"at most top ({own.top:g})", most)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LookUp(Value):
+    """What proximity sensors read round objects, in the place of a law (the paper's reference [15]).
+
+    `nothing` holds each sensor's counts where nothing is near; without any there is no table. `wall_cm` are
+    distances from the body's edge, rising; `wall` a row a sensor, of counts: all bearings, at equal steps
+    counter-clockwise from the robot's front, at the first distance, then at the next. So for cylinders, from
+    edge to edge, whatever their radius. How readings follow: `kernels/infrared.py`.
+    """
+
+    nothing: tuple[float, ...] = ()
+    wall_cm: tuple[float, ...] = ()
+    wall: tuple[tuple[float, ...], ...] = ()
+    cylinder_cm: tuple[float, ...] = ()
+    cylinder: tuple[tuple[float, ...], ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.nothing)
+
+    def check(self, sensors: int, top: float) -> None:
+        """Refuse a table that is not for these sensors and this full scale.
+
+        Raises:
+            ConfigError: names the key.
+        """
+        if self == LookUp():
+            return
+        require(len(self.nothing) == sensors, "nothing", f"one of each sensor ({sensors})", self.nothing)
+        require(all(0 <= v <= top for v in self.nothing), "nothing", f"0 to top ({top:g})", self.nothing)
+        for key in ("wall", "cylinder"):
+            at, rows = getattr(self, f"{key}_cm"), getattr(self, key)
+            rising = len(at) >= 2 and at[0] >= 0 and all(one < two for one, two in pairwise(at))
+            require(rising, f"{key}_cm", "two distances or more, rising from 0 or more", at)
+            require(len(rows) == sensors, key, f"a row for each sensor ({sensors})", len(rows))
+            lengths = sorted({len(row) for row in rows})
+            fits = len(lengths) == 1 and lengths[0] % len(at) == 0 and lengths[0] >= 2 * len(at)
+            many = f"rows of one length, two bearings or more at each of {len(at)} distances"
+            require(fits, key, many, lengths)
+            counts = [count for row in rows for count in row]
+            ends = min(counts), max(counts)
+            require(ends[0] >= 0 and ends[1] <= top, key, f"counts from 0 to top ({top:g})", ends)
+
+    def to_kernel(self) -> Table | tuple[()]:
+        """The table as the kernels take it; (): none."""
+        if not self:
+            return ()
+        nothing = np.array(self.nothing)
+
+        def seen(at: tuple[float, ...], rows: tuple[tuple[float, ...], ...]) -> Seen:
+            counts = np.array(rows).T.reshape(len(at), -1, len(rows))
+            return Seen(at=np.array(at), added=np.ascontiguousarray(counts - nothing))
+
+        return Table(nothing, seen(self.wall_cm, self.wall), seen(self.cylinder_cm, self.cylinder))
+
 
 RESPONSES = ("paper", "linear", "measured")
 """Laws from illumination to counts."""
@@ -100,7 +238,7 @@ class Infrared(Value):
     range_cm: float = 0.0
     curve_cm: float = 0.0
     dead: float = 0.0
-    table: LookUp = LookUp()  # noqa: RUF009 (a frozen value)
+    table: LookUp = LookUp()
 
     @property
     def measured(self) -> bool:
@@ -230,13 +368,11 @@ class Ambient(Value):
         require(self.top >= self.dark, "top", f"at least dark ({self.dark:g})", self.top)
         check_both(self)
         dark, bright = self.bands
-        require(dark > bright, "bands", "the reading in the dark, then the reading near a lamp",
-                self.bands, TURN)  # fmt: skip
+        told = "the reading in the dark, then the reading near a lamp"
+        require(dark > bright, "bands", told, self.bands, TURN)
         require(self.response in RESPONSES, "response", " or ".join(map(repr, RESPONSES)), self.response)
-        require(0 <= self.facing <= 20, "facing", "an exponent from 0 to 20", self.facing)
-        require(0 <= self.lamp_height_cm <= 1e6, "lamp_height_cm", "0 to 1e6", self.lamp_height_cm)
-        require(0 <= self.lamp_narrow <= 1, "lamp_narrow", "a share from 0 to 1", self.lamp_narrow)
-        require(0 <= self.lamp_proud_cm <= 5, "lamp_proud_cm", "0 to 5", self.lamp_proud_cm)
+        for key, most in (("facing", 20), ("lamp_height_cm", 1e6), ("lamp_narrow", 1), ("lamp_proud_cm", 5)):
+            require(0 <= getattr(self, key) <= most, key, f"0 to {most:g}", getattr(self, key))
         require(self.falloff in (1.0, 2.0), "falloff", "2 (as in the paper) or 1", self.falloff)
         curves = [bool(sensor.curve) for sensor in self.sensors]
         alike = any(curves) == self.measured and (self.curve_light > 0) == self.measured

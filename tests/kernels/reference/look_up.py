@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from realitygap.world.arena import Arena
-from realitygap.world.look_up import LookUp
+from realitygap.world.sensors import LookUp
 
 
 def between(at, table: np.ndarray, distance: float, bearing: float) -> np.ndarray | None:

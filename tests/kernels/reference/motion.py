@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from realitygap.world.arena import Arena
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 from tests.kernels.reference.rays import from_wall, overlap
 
 DT = 0.1

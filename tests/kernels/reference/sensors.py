@@ -9,8 +9,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.body import Body
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Body, Profile
 from realitygap.world.sensors import Ambient
 from tests.kernels.reference import outline
 from tests.kernels.reference.rays import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from realitygap.tasks.task import Task
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 from realitygap.world.sensors import Ambient, Infrared
 from tests.controller.reference import ReferenceNetwork
 from tests.kernels.reference.draws import normals, uniform

@@ -7,11 +7,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from realitygap import whole
 from realitygap.calibration.recordings.checks import FACTS
 from realitygap.calibration.recordings.files import READINGS, STEPS
 from realitygap.errors import RecordingError
-from realitygap.toml import read_toml, to_toml
+from realitygap.files import atomic_write, naming_errors, read_toml, to_toml
 
 __all__ = ["ARENA", "STUDY", "Journal", "alone", "refuse_another"]
 
@@ -58,22 +57,22 @@ class Journal:
             self._take_up(rows)
             return
         self.folder.mkdir(parents=True, exist_ok=True)
-        whole.write(self.path, ",".join(self.columns) + "\n")
+        atomic_write(self.path, ",".join(self.columns) + "\n")
         date = datetime.now().astimezone().isoformat(timespec="seconds")
-        whole.write(self.folder / FACTS, to_toml({**facts, "date": date}))
+        atomic_write(self.folder / FACTS, to_toml({**facts, "date": date}))
 
     def add(self, rows: Sequence[Sequence[str]]) -> None:
         """Write all rows of a finished place."""
         head = [] if self.path.exists() else [self.columns]
         text = "".join(",".join(row) + "\n" for row in (*head, *rows))
-        with whole.named(self.path), self.path.open("ab", buffering=0) as file:
+        with naming_errors(self.path), self.path.open("ab", buffering=0) as file:
             file.write(text.encode("utf-8"))
         self.done[self.key(rows[0])] = rows
 
     def state(self, name: str, fact: Any) -> None:
         """Put a fact into recording.toml that is known only now."""
         path = self.folder / FACTS
-        whole.write(path, to_toml({**self._stated(), name: fact}))
+        atomic_write(path, to_toml({**self._stated(), name: fact}))
 
     def discard(self) -> None:
         """Remove an empty recording's files, and its folder if nothing else is in it."""
@@ -118,7 +117,7 @@ class Journal:
         finished = {k: kept for k, kept in places.items() if len(kept) == rows(k)}
         text = "".join(f"{line}\n" for line in (head, *(line for kept in finished.values() for line in kept)))
         if text.encode() != data:
-            whole.write(self.path, text)
+            atomic_write(self.path, text)
         self.done = {key: [line.split(",") for line in kept] for key, kept in finished.items()}
 
 

@@ -13,7 +13,7 @@ from realitygap.calibration.recordings.recording import BODY_RADIUS_CM
 from realitygap.errors import RecordingError
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, load_arena
-from realitygap.world.body import Body
+from realitygap.world.robot import Body
 
 __all__ = ["KHEPERA", "Part", "Place", "SensorPlan", "ambient_plan", "infrared_plan", "sensor_plans"]
 

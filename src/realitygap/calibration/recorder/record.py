@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from realitygap import whole
 from realitygap.calibration.recorder.acts import drive_trial, read_standing
 from realitygap.calibration.recorder.edges import FINE, TWICE, look_between
 from realitygap.calibration.recorder.grid import Grid
@@ -27,9 +26,10 @@ from realitygap.calibration.recordings.facts import UNKNOWN
 from realitygap.calibration.recordings.files import EDGES, POSE, STEP_COLUMNS, UNFINISHED, UNITS
 from realitygap.calibration.recordings.recording import CHANNELS
 from realitygap.errors import UsageError
+from realitygap.files import atomic_write
 from realitygap.robots.body import Body, Filmed, Placing, Seen, attend, channel, facts_of
 from realitygap.values import Pose
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["REPEATS", "Made", "Wanted", "check_period", "parts_for", "record"]
 
@@ -242,7 +242,7 @@ def _recorded(part: Part, folder: Path, wanted: Wanted, body: Body, site: Site, 
     facts = {**part.own, **_facts(part, wanted, body), **({"between": UNFINISHED} if part.fine else {})}
     journal = Journal(folder, facts=facts, columns=part.columns, key=part.key, rows=part.rows)
     if part.arena is not None:
-        whole.write(folder / ARENA, part.arena.to_toml())
+        atomic_write(folder / ARENA, part.arena.to_toml())
     left = [stop for key, stop in part.stops.items() if key not in journal.done]
     if left or part.fine:
         attend(body, part.channel, turns=kind == "wheels")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from realitygap.values import Pose
-from realitygap.world.profile import Wheels
+from realitygap.world.robot import Wheels
 
 __all__ = ["ROOM", "Trial", "camera_places", "wheel_plan"]
 

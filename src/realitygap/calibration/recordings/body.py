@@ -4,11 +4,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM, Recording, SensorRecording
+from realitygap.calibration.recordings.recording import (
+    BODY_RADIUS_CM,
+    HEIGHTS_CM,
+    Recording,
+    SensorRecording,
+)
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.robots.body import Channel
-from realitygap.world.body import Body
-from realitygap.world.profile import Profile, load_profile
+from realitygap.world.robot import Body, Profile, load_profile
 
 __all__ = ["as_recorded", "stated_heights", "stated_shape", "tells_heights"]
 

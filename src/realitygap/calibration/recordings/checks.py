@@ -9,7 +9,7 @@ import numpy as np
 from realitygap.calibration.recordings.objects import cylinder_radius
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.errors import RecordingError
-from realitygap.table import Table, read_table
+from realitygap.files import Table, read_table
 from realitygap.values import Floats
 
 __all__ = ["FACTS", "FARTHEST_CM", "check_readings", "check_steps", "copies", "doubt_object", "read_rows"]

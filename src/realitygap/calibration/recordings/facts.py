@@ -8,11 +8,11 @@ from typing import Any
 from realitygap.calibration.recordings.checks import FACTS
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, HEIGHTS_CM
 from realitygap.errors import ConfigError, RecordingError
-from realitygap.table import LARGEST
-from realitygap.toml import read_toml
+from realitygap.files import LARGEST_TABLE as LARGEST
+from realitygap.files import read_toml
 from realitygap.world.arena import WHITEST
-from realitygap.world.body import Body
-from realitygap.world.files import build
+from realitygap.world.robot import Body
+from realitygap.world.toml import build
 
 __all__ = ["UNKNOWN", "body_of", "check_heights", "number_of", "read_facts", "reflectance_of"]
 

@@ -30,8 +30,7 @@ from realitygap.calibration.recordings.recording import (
 from realitygap.calibration.recordings.sam import read_sam
 from realitygap.calibration.recordings.thymio import LIKE, read_thymio, sensor_of
 from realitygap.errors import RecordingError
-from realitygap.table import Table
-from realitygap.text import as_path, refuse_unknown
+from realitygap.files import Table, as_path, refuse_unknown
 from realitygap.values import Floats
 from realitygap.world.arena import Arena, load_arena
 

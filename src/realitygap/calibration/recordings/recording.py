@@ -22,9 +22,8 @@ from realitygap.calibration.recordings.objects import check_object, cylinder_rad
 from realitygap.errors import RecordingError
 from realitygap.values import Floats
 from realitygap.world.arena import Arena
-from realitygap.world.body import Body
-from realitygap.world.profile import Profile, load_profile
-from realitygap.world.sensor_checks import Sensor
+from realitygap.world.robot import Body, Profile, load_profile
+from realitygap.world.sensors import Sensor
 
 __all__ = [
     "BODY_RADIUS_CM", "CHANNELS", "FIRST_NOISE", "FOLLOWED_STEPS", "HEIGHTS_CM", "PULSES_PER_MM",

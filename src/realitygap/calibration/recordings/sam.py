@@ -15,7 +15,7 @@ from realitygap.calibration.recordings.checks import FARTHEST_CM, doubt_object
 from realitygap.calibration.recordings.objects import check_object
 from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording
 from realitygap.errors import RecordingError
-from realitygap.text import read_text
+from realitygap.files import read_text
 from realitygap.values import Floats
 
 __all__ = ["LIGHT_STEP", "read_sam"]

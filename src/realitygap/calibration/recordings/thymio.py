@@ -14,7 +14,7 @@ import numpy as np
 from realitygap.calibration.recordings.checks import FARTHEST_CM, copies
 from realitygap.calibration.recordings.recording import SensorRecording
 from realitygap.errors import RecordingError
-from realitygap.text import read_text, refuse_separator
+from realitygap.files import read_text, refuse_separator
 
 __all__ = ["LIKE", "read_thymio", "sensor_of"]
 

@@ -6,7 +6,7 @@ from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, measured_speeds
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
-from realitygap.world.profile import Profile
+from realitygap.world.robot import Profile
 
 __all__ = ["refuse_few_steps", "refuse_odd", "refuse_wheels"]
 

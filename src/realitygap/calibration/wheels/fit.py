@@ -19,8 +19,7 @@ from realitygap.calibration.wheels.intervals import at_bound, intervals, with_le
 from realitygap.calibration.wheels.odometry import Odometry, measure_odometry, measured_speeds
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
-from realitygap.world.profile import Profile, largest_pole
-from realitygap.world.provenance import Constant
+from realitygap.world.robot import Constant, Profile, largest_pole
 
 __all__ = ["WHEEL_FORMS", "WheelFit", "doubts", "fit_wheels"]
 

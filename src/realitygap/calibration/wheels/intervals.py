@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.constants import SIGMAS, blind_pairs, bounded, filling
 from realitygap.calibration.wheels.odometry import Odometry
 from realitygap.values import Floats
-from realitygap.world.provenance import Constant
+from realitygap.world.robot import Constant
 
 __all__ = ["ASSUMED", "at_bound", "intervals", "with_lengths"]
 

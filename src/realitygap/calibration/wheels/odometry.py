@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.constants import SIGMAS
 from realitygap.calibration.recordings.recording import WheelRecording
 from realitygap.values import Floats
-from realitygap.world.provenance import Constant
+from realitygap.world.robot import Constant
 
 __all__ = ["Odometry", "enough_pictures", "measure_odometry", "measured_speeds"]
 

@@ -1,30 +1,13 @@
-"""The compiled operators on genotypes (§5.1, §5.2): a random one, and an offspring of two.
+"""The genetic operators (§5.2)."""
 
-Every draw is keyed by the stream of its breeding event, then by its purpose:
-
-====  ======================  =============================================
-name  purpose                 draws under it
-====  ======================  =============================================
-0     CROSSOVER               0 does it happen, 1 the cut
-1     MUTATION                2g does gene g change, 2g + 1 its new value
-2     ADD_NEURON              0 does it happen, 1 the slot; stream 0 its content
-3     DELETE_NEURON           0 does it happen, 1 which
-4     ADD_LINK                0 does it happen, 1 the field; stream 0 its content
-5     DELETE_LINK             0 does it happen, 1 which
-6     START                   s does hidden slot s hold a neuron; stream s its content
-====  ======================  =============================================
-
-A gene g is numbered by its place: slot · columns + column. Link and neuron content is drawn under
-a stream of its own: a link 0 source, 1 weight, 2 delay; a neuron 0 threshold, 1 + k does link
-field k exist, stream k its content.
-"""
-
-# mypy: allow-untyped-defs, no-check-untyped-defs
-from typing import NamedTuple
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
-from realitygap.controller.layout import (
+from realitygap.control import operators as breeding
+from realitygap.control.genotype import (
     DELAY,
     EXPRESSED,
     FIRST_LINK,
@@ -35,12 +18,30 @@ from realitygap.controller.layout import (
     SOURCE,
     THRESHOLD,
     WEIGHT,
+    Genes,
+    Layout,
+    check_layout,
 )
+from realitygap.control.network import decode
+from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.jit import routine, step
+from realitygap.kernels.params import Networks
 from realitygap.kernels.rng import below, substream, uniform
-from realitygap.streams import ADD_LINK, ADD_NEURON, CROSSOVER, DELETE_LINK, DELETE_NEURON, MUTATION, START
+from realitygap.streams import (
+    ADD_LINK,
+    ADD_NEURON,
+    CROSSOVER,
+    DELETE_LINK,
+    DELETE_NEURON,
+    MUTATION,
+    START,
+)
+from realitygap.values import as_stream, shown
 
-__all__ = ["Rates", "crosses", "offspring", "random_genes"]
+__all__ = ["Rates", "Variation", "crosses", "offspring", "random_genes", "random_genotype"]
+
+
+# mypy: allow-untyped-defs, no-check-untyped-defs
 
 
 class Rates(NamedTuple):
@@ -254,3 +255,96 @@ def offspring(first, second, rates, stream):
     if _happens(rates.delete_link, purpose):
         _delete_link(genes, rates, purpose)
     return genes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variation:
+    """The encoding by slots, with its operators: random genotypes, offspring of two parents, networks.
+
+    Attributes:
+        layout: the size of a genotype.
+        crossover: probability of one cut between two slots; else the first parent is copied (§5.1).
+        mutation: probability that a piece of stored information (a threshold; a link's source, its
+            weight, its delay) is drawn anew, uniformly over its values (§5.1).
+        add_neuron: probability that a neuron is added (§5.1); likewise the next three.
+        start_neurons: probability that a hidden slot of a random genotype holds a neuron.
+        start_links: probability that a link field of a new neuron is expressed.
+        sources: a link's source is drawn among the slots "expressed" at that moment, or among "all".
+    """
+
+    layout: Layout = field(default_factory=Layout)
+    crossover: float = 0.8
+    mutation: float = 0.05
+    add_neuron: float = 0.05
+    delete_neuron: float = 0.05
+    add_link: float = 0.1
+    delete_link: float = 0.1
+    start_neurons: float = 0.05
+    start_links: float = 0.5
+    sources: Literal["expressed", "all"] = "expressed"
+
+    def __post_init__(self) -> None:
+        check_layout(self.layout)
+        if self.sources not in ("expressed", "all"):
+            raise UsageError(f'variation.sources: expected "expressed" or "all", got {self.sources!r}.')
+        for name in self._chances():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= 1:
+                raise UsageError(f"variation.{name}: expected a probability, 0 to 1, got {value!r}.")
+
+    def _chances(self) -> list[str]:
+        return [f.name for f in fields(self) if f.name in breeding.Rates._fields]
+
+    @cached_property
+    def rates(self) -> breeding.Rates:
+        """What the compiled operators are told."""
+        chances = {name: float(getattr(self, name)) for name in self._chances()}
+        any_source = int(self.sources == "all")
+        return breeding.Rates(inputs=self.layout.inputs, any_source=any_source, **chances)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Of a genotype: [slots, 2 + 4·links]."""
+        return self.layout.shape
+
+    @property
+    def dtype(self) -> np.dtype[np.int8]:
+        """Of its values."""
+        return np.dtype(np.int8)
+
+    def sized(self, layout: Layout) -> Self:
+        """The same rates for genotypes of another size."""
+        return replace(self, layout=layout)
+
+    def decode(self, genes: Genes) -> Networks:
+        """The networks of genotypes [N, slots, 2 + 4·links]."""
+        return decode(genes, self.layout)
+
+    def random(self, stream: np.uint64) -> Genes:
+        """A random genotype [slots, 2 + 4·links]; the same for the same stream."""
+        layout = self.layout
+        genes: Genes = breeding.random_genes(layout.slots, layout.links, self.rates, as_stream(stream))
+        return genes
+
+    def crosses(self, stream: np.uint64) -> bool:
+        """Whether `offspring` of this stream takes from both parents."""
+        return bool(breeding.crosses(self.rates.crossover, as_stream(stream)))
+
+    def offspring(self, first: Genes, second: Genes, stream: np.uint64) -> Genes:
+        """A new genotype from two parents, which stay as they are.
+
+        Raises:
+            GenotypeError: a parent that is not an int8 array of the layout's shape.
+        """
+        for parent in (first, second):
+            fits = isinstance(parent, np.ndarray) and parent.dtype == np.int8
+            if not fits or parent.shape != self.layout.shape:
+                expected = f"an array int8{list(self.layout.shape)}"
+                raise GenotypeError(f"a parent: expected {expected}, got {shown(parent)}.")
+        genes: Genes = breeding.offspring(first, second, self.rates, as_stream(stream))
+        return genes
+
+
+def random_genotype(layout: Layout, stream: np.uint64, **rates: float) -> Genes:
+    """A random genotype; `rates` are `start_neurons` and `start_links` of `Variation`."""
+    return Variation(layout=layout, **rates).random(stream)  # type: ignore[arg-type]

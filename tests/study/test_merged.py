@@ -9,8 +9,8 @@ from itertools import count
 
 import pytest
 
-from realitygap.work import threads
-from realitygap.work.threads import merged
+from realitygap.study import jobs
+from realitygap.study.jobs import merged
 
 
 def test_all_comes_and_in_order():
@@ -49,7 +49,7 @@ def test_an_error_ends_all():
 
 def test_no_thread_is_left_when_nobody_listens(monkeypatch):
     """Neither one that waits for room nor one that has nothing to tell."""
-    monkeypatch.setattr(threads, "MOST", 2)
+    monkeypatch.setattr(jobs, "MOST", 2)
     before, made = threading.active_count(), []
     sources = [([made.append(k)] for k in count()), ([] for _ in count())]
     with closing(merged(sources)) as bundles:

@@ -1,8 +1,9 @@
-"""A user's own Python: files that are run, what they name, and their errors, by line."""
+"""A user's own Python files: loaded, named, and blamed for their errors."""
 
 import hashlib
 import importlib.util
 import os
+import pickle
 import sys
 import traceback
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,7 +15,7 @@ from typing import Any
 
 from realitygap.errors import RealityGapError, UsageError
 
-__all__ = ["blamed_on", "made", "named_object", "place_of", "placed", "run_file"]
+__all__ = ["blamed_on", "made", "named_object", "packed", "place_of", "placed", "run_file", "unpacked"]
 
 
 def place_of(text: str) -> tuple[Path, str] | None:
@@ -89,24 +90,54 @@ def named_object(text: str, error: type[UsageError], what: str) -> object:
     return found
 
 
-def run_file(path: Path, error: type[UsageError]) -> ModuleType:
+_files: dict[str, tuple[Path, bytes]] = {}
+"""Of each module that a user's file became: the file, and its content then."""
+
+
+def run_file(path: Path, error: type[UsageError], *, anew: bool = False) -> ModuleType:
     """A file as a module, under a name made from its path: Numba finds compiled functions by it.
+
+    It is run once, and again when it was edited, so that what it defines stays the same object and can be
+    sent to other processes; with `anew` always, for what it may read from other files.
 
     Raises:
         UsageError: of the class `error`: the file fails; names the line.
     """
     name = f"realitygap_task_{hashlib.sha256(os.fsencode(path)).hexdigest()[:16]}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        with blamed_on(path, error), redirect_stdout(sys.stderr):  # or what it prints stands before the JSON
-            exec(compile(path.read_bytes(), str(path), "exec", dont_inherit=True), module.__dict__)
-    except BaseException:
-        sys.modules.pop(name, None)
-        raise
+    with blamed_on(path, error), redirect_stdout(sys.stderr):  # or what it prints stands before the JSON
+        content, before = path.read_bytes(), sys.modules.get(name)
+        unchanged = before is not None and _files.get(name) == (path, content)
+        if before is not None and unchanged and not anew:
+            return before
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None
+        sys.modules[name] = module = importlib.util.module_from_spec(spec)
+        try:
+            exec(compile(content, str(path), "exec", dont_inherit=True), module.__dict__)
+            _files[name] = path, content
+        except BaseException:
+            del sys.modules[name]
+            raise
+        if before is not None and unchanged:
+            sys.modules[name] = before
     return module
+
+
+def packed(what: object) -> tuple[list[str], bytes]:
+    """What is sent to another process, pickled, and the user's files that define something of it."""
+    data = pickle.dumps(what)
+    return [str(path) for name, (path, _) in _files.items() if name.encode() in data], data
+
+
+def unpacked(files: Iterable[str], data: bytes) -> Any:
+    """What `packed` packed, once the files are run here too.
+
+    Raises:
+        UsageError: a file fails.
+    """
+    for file in files:
+        run_file(Path(file), UsageError)
+    return pickle.loads(data)
 
 
 @contextmanager

@@ -11,15 +11,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.controller.layout import Genes, Layout, genes_of
-from realitygap.controller.network import NetworkController, check_networks
-from realitygap.controller.operators import Variation
+from realitygap.control.genotype import Genes, Layout, genes_of
+from realitygap.control.network import NetworkController, check_networks
+from realitygap.control.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels.params import Networks
-from realitygap.user_code import blamed_on, made
+from realitygap.plugins import blamed_on, made
 from realitygap.values import shown
 
 __all__ = ["SLOTS", "Encoding", "as_slots", "controller_of", "facts_of", "links_into", "make_encoding"]
+
 
 SLOTS = "slots"
 """Name of the paper's encoding."""

@@ -4,9 +4,7 @@ from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
     "encoding": "Encoding controller_of make_encoding",
-    "genotype": "from_text load_genotype random_genotype save_genotype to_text",
-    "handmade": "braitenberg constant",
-    "layout": "Genes Layout",
+    "genotype": "Genes Layout braitenberg constant from_text load_genotype save_genotype to_text",
     "network": "NetworkController decode",
-    "operators": "Variation",
+    "operators": "Variation random_genotype",
 })  # fmt: skip

@@ -20,10 +20,10 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 import numpy as np
 
 from realitygap.errors import ConfigError
-from realitygap.text import refuse_unknown
-from realitygap.toml import read_toml, to_toml
+from realitygap.files import read_toml, refuse_unknown, to_toml
 
 __all__ = ["Value", "build", "load", "require", "shipped", "shipped_text"]
+
 
 T = TypeVar("T")
 _hints = cache(get_type_hints)

@@ -1,14 +1,13 @@
-"""A task's score, compiled once and kept on disk as the kernels are.
-
-Every index is checked while it runs, at no measurable cost.
-"""
+"""A task's score: compiled, and tried before it is used."""
 
 import inspect
+import math
 import random
 import re
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from copy import deepcopy
 from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import Any
@@ -19,8 +18,10 @@ from numpy.typing import NDArray
 from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
 from realitygap.outside import frozen, used
+from realitygap.world.arena import Arena
 
-__all__ = ["CompiledScore", "Score", "compile_score", "compiled_in", "example", "reason"]
+__all__ = ["CompiledScore", "Score", "compile_score", "compiled_in", "example", "reason", "tried"]
+
 
 Score = Callable[[Any, Any], float]
 """What a user writes: (Path, Room) → a number, larger is better."""
@@ -81,8 +82,8 @@ class CompiledScore:
                 self.plain(Path(*map(np.copy, path)), room)
         except Exception as again:
             error = again
-        file, stack = inspect.getfile(self.plain), traceback.extract_tb(error.__traceback__)
-        own = [frame.lineno for frame in stack if frame.filename == file]
+        file = inspect.getfile(self.plain)
+        own = [at.lineno for at in traceback.extract_tb(error.__traceback__) if at.filename == file]
         where = f"{file}, line {own[-1]}" if own else _where(self.plain)
         told = f"{type(error).__name__}: {error}".rstrip(": ")
         there = f"{path.x.size} rows, the room {len(room.lamps)} lamps and {len(room.cylinders)} cylinders"
@@ -176,11 +177,8 @@ def _where(score: Score, error: Any = None) -> str:
 def _named(returned: Any) -> str:
     """A type of Numba's in a Python user's words."""
     text = str(returned)
-    if text == "none":
-        return "nothing"
-    if text.startswith("OptionalType"):
-        return "nothing from some branches"
-    return "int" if text.startswith(("Literal[int]", "int", "uint")) else text
+    words = {"none": "nothing", "Opt": "nothing from some branches", "Lit": "int", "int": "int"}
+    return next((word for start, word in words.items() if text.startswith(start)), text)
 
 
 def reason(error: Exception) -> str:
@@ -196,3 +194,67 @@ def reason(error: Exception) -> str:
     told = [line for line in lines if line and not line.startswith(dull)]
     first = next((line for line in told if "rror" in line or "nknown" in line or "No " in line), "")
     return f"{(first or (told or ['unknown'])[0]).rstrip('.')}. It may use numbers, math and NumPy only."
+
+
+LONGEST = 2000
+"""Rows of the longest example: plain Python is slow."""
+ALIKE = 1e-6
+"""Sums may be taken in another order."""
+
+
+def tried(score: Score, arena: Arena, steps: int) -> CompiledScore:
+    """The compiled score, unless it fails on an example in its arena, or is another there as plain Python.
+
+    Raises:
+        TaskError: names the user's file and line.
+    """
+    made = compile_score(score)
+    _try(made, arena, steps)
+    return made
+
+
+@lru_cache(maxsize=64)
+def _try(made: CompiledScore, arena: Arena, steps: int) -> None:
+    there, rows = arena.to_kernel(), min(steps, LONGEST)
+    room = Room(
+        lamps=there.lamp_centre, size=there.size, cylinders=there.cylinders, top_speed=8.0, radius=2.9
+    )
+    x, y, heading, left, right = np.random.default_rng(1995).uniform(-1.0, 1.0, (5, rows))
+    path = Path(
+        x=room.size[0] * abs(x), y=room.size[1] * abs(y), heading=9.0 * heading, left=16.0 * left,
+        right=16.0 * right, contact=np.round(abs(x)),
+    )  # fmt: skip
+    given = [deepcopy((path, room)) for _ in range(2)]
+    plain = _told(made.plain, *given[0])  # first: Ctrl-C stops a score without end here alone
+    compiled = _told(made.compiled, *given[1])
+    alike, where = _alike(plain, compiled), _where(made.plain)
+    if isinstance(plain, Exception) and (not alike or (isinstance(plain, LookupError) and rows == steps)):
+        raise made.failure(plain, path, room)
+    for now in given:
+        for name, part, one, before in zip(("path", "room"), ("x", "lamps"), now, (path, room), strict=True):
+            if not all(map(np.array_equal, one, before)):
+                cure = f"Work on a copy, as in {name}.{part}.copy()."
+                raise TaskError(f"{where}: the score changes the {name} that it is given. {cure}")
+    if not alike:
+        told = f"{where}: the score gives {compiled} compiled and {plain} as plain Python on the same path."
+        raise TaskError(f"{told} Look for whole numbers beyond 64 bits, or names that change their value.")
+
+
+def _told(score: Score, path: Path, room: Room) -> float | Exception:
+    """What a score gives, or the error that it fails with."""
+    try:
+        with np.errstate(all="ignore"):
+            return float(score(path, room))
+    except Exception as error:
+        return error
+
+
+def _alike(plain: float | Exception, compiled: float | Exception) -> bool:
+    """Whether both came to the same; a failed sum is as good as no number."""
+    if isinstance(plain, Exception) and isinstance(compiled, Exception):
+        return True
+    a, b = (math.nan if isinstance(x, ArithmeticError | ValueError) else x for x in (plain, compiled))
+    if isinstance(a, Exception) or isinstance(b, Exception):
+        return False
+    finite = math.isfinite(a), math.isfinite(b)
+    return math.isclose(a, b, rel_tol=ALIKE, abs_tol=ALIKE) if all(finite) else not any(finite)
