@@ -39,7 +39,7 @@ LONGEST = (
     "report/test_situated",
     "calibration/test_room", "correspondence/test_names", "report/test_notebook",
     "kernels/test_ambient",
-    "report/test_player_browser", "kernels/test_light_bounds",
+    "report/test_player_browser",
 )  # fmt: skip
 """Files of eight seconds and more; the first compiles what others load."""
 

@@ -143,6 +143,25 @@ def random_scenes(seed: int, count: int, *, robots: bool = True):
             yield profile, arena, pose
 
 
+COUNTS = 0.05
+"""Counts by which single precision may differ from the reference, but where the law itself jumps."""
+NUDGES = ((1e-4, 0, 0), (-1e-4, 0, 0), (0, 1e-4, 0), (0, -1e-4, 0), (0, 0, 2e-5), (0, 0, -2e-5))
+"""Movements (cm, cm, rad) that show that a law jumps somewhere."""
+
+
+def agree(got: np.ndarray, law, profile: Profile, arena: Arena, pose) -> int:
+    """Assert that readings are those of a reference `law`, or between what it says a micron away, where it
+    jumps; returns how many such there are."""
+    expected = np.array(law(profile, arena, pose))
+    off = np.abs(got - expected) > COUNTS
+    if not off.any():
+        return 0
+    around = np.array([expected, *(law(profile, arena, np.add(pose, nudge)) for nudge in NUDGES)])
+    low, high = around.min(axis=0) - COUNTS, around.max(axis=0) + COUNTS
+    assert ((low <= got) & (got <= high)).all(), f"{got[off]} instead of {expected[off]} at {pose}"
+    return int(off.sum())
+
+
 def nobody() -> Networks:
     """One network that does nothing."""
     return Networks(
@@ -174,7 +193,7 @@ def readings(profile: Profile, arena: Arena | KernelArena, pose) -> tuple[np.nda
 
 
 __all__ = [
-    "AVOIDANCE", "EMPTY", "MOTOR_NOISE", "PAPER", "RADIUS", "SEEKING",
+    "AVOIDANCE", "COUNTS", "EMPTY", "MOTOR_NOISE", "PAPER", "RADIUS", "SEEKING", "agree",
     "full_room", "nobody", "random_arena", "random_pose", "random_profile", "random_scenes", "readings",
     "work_for",
 ]  # fmt: skip

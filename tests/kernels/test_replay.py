@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.kernels.replay import replay
+from realitygap.kernels.infrared import replay
 from realitygap.world.arena import Arena
 from realitygap.world.sensors import LookUp
 from tests.kernels.reference import look_up as reference

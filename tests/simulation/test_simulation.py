@@ -22,7 +22,7 @@ from realitygap.values import Pose
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import load_profile
 from tests.kernels.reference import sensors as reference
-from tests.kernels.scenes import random_pose, random_profile
+from tests.kernels.scenes import COUNTS, random_pose, random_profile
 
 PAPER = load_profile("paper")
 LAYOUT = Layout()
@@ -99,8 +99,12 @@ def test_probe_without_noise_is_the_model(task):
         proximity, ambient = simulation.probe(Pose(x=x, y=y, heading=heading), repeat=3)
         pose = (x, y, heading)
         for t in range(3):
-            np.testing.assert_allclose(proximity[t], reference.proximity(PAPER, task.arena, pose), atol=1e-7)
-            np.testing.assert_allclose(ambient[t], reference.ambient(PAPER, task.arena, pose), rtol=1e-9)
+            np.testing.assert_allclose(
+                proximity[t], reference.proximity(PAPER, task.arena, pose), rtol=0, atol=COUNTS
+            )
+            np.testing.assert_allclose(
+                ambient[t], reference.ambient(PAPER, task.arena, pose), rtol=0, atol=COUNTS
+            )
     assert (np.concatenate([proximity, ambient], axis=1) % 1 != 0).any() or task is AVOIDANCE
 
 

@@ -48,7 +48,7 @@ def test_kernel_arrays_have_one_type():
     empty = replace(ROOM, walls=(), cylinders=(), lamps=()).to_kernel()
     for name, full in ROOM.to_kernel()._asdict().items():
         value = getattr(empty, name)
-        if not isinstance(full, float):
+        if not isinstance(full, float | int):
             assert value.dtype == full.dtype and value.ndim == full.ndim, name
             assert value.flags.c_contiguous and full.flags.c_contiguous, name
 

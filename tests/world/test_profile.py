@@ -9,7 +9,7 @@ import pytest
 
 from realitygap.errors import ConfigError
 from realitygap.kernels import params
-from realitygap.kernels.params import LANES, RAYS
+from realitygap.kernels.params import EYES
 from realitygap.world.robot import Body, Profile, largest_pole, load_profile, profile_names
 from realitygap.world.sensors import UNLIT
 
@@ -60,30 +60,28 @@ def test_the_papers_wheels_settle(paper):
 
 
 def test_rays_of_the_kernels(paper):
-    """Ten rays from −81° to +81° about each sensor, weighed cos β and 1.5 cos² β; pads weigh nothing."""
+    """Ten rays from −81° to +81° about each sensor, weighed cos β and 1.5 cos² β, as five mirrored pairs."""
     robot = paper.to_kernel()
-    beta = np.radians(np.arange(-81, 82, 18))
-    for i, sensor in enumerate(paper.infrared.sensors):
-        angles = math.radians(sensor.direction_deg) + beta
-        np.testing.assert_allclose(robot.proximity_ray[i, 0, :RAYS], np.cos(angles), atol=1e-14)
-        np.testing.assert_allclose(robot.proximity_ray[i, 1, :RAYS], np.sin(angles), atol=1e-14)
-        np.testing.assert_allclose(robot.proximity_weight[i, :RAYS], np.cos(beta), atol=1e-14)
-        np.testing.assert_allclose(robot.ambient_weight[i, :RAYS], 1.5 * np.cos(beta) ** 2, atol=1e-14)
-    assert not robot.proximity_weight[:, RAYS:].any()
-    np.testing.assert_array_equal(robot.ambient_ray[:, :, LANES - 1], robot.ambient_facing)
+    beta = np.radians(np.arange(-81, 0, 18))
+    np.testing.assert_allclose(robot.proximity_fan, [np.cos(beta), np.sin(beta), np.cos(beta)], atol=1e-7)
+    np.testing.assert_allclose(robot.ambient_fan[2], 1.5 * np.cos(beta) ** 2, rtol=1e-6)
+    angles = np.radians([sensor.direction_deg for sensor in paper.infrared.sensors])
+    np.testing.assert_allclose(
+        robot.proximity_facing, np.stack([np.cos(angles), np.sin(angles)], 1), atol=1e-14
+    )
+    np.testing.assert_array_equal(robot.proximity_rows[0, 2:4].T, robot.proximity_facing.astype(np.float32))
 
 
-def test_mirror_image_sensors_have_mirror_image_rays(paper):
-    """Ray j of a sensor is, to the last bit, the mirror image of ray 9 − j of its mirror image."""
-    rays = paper.to_kernel().proximity_ray[:, :, :RAYS]
-    places = paper.to_kernel().proximity_place
+def test_mirror_image_sensors_have_mirror_images(paper):
+    """Place and direction of a sensor are, to the last bit, those of its mirror image."""
+    rows = paper.to_kernel().proximity_rows[0, :4]
     for one, other in ((0, 5), (1, 4), (2, 3), (6, 7)):
-        np.testing.assert_array_equal(places[one] * [1, -1], places[other])
-        np.testing.assert_array_equal(rays[one][:, ::-1] * [[1], [-1]], rays[other])
+        np.testing.assert_array_equal(rows[:, one] * [1, -1, 1, -1], rows[:, other])
 
 
 def test_kernel_arrays_have_one_type(paper):
-    """Every array is a C-contiguous float64, with or without sensors, so one kernel serves all."""
+    """Every array is a C-contiguous float64, or float32 for rays, with or without sensors: one kernel serves
+    all."""
     blind = replace(
         paper, infrared=replace(paper.infrared, sensors=()), ambient=replace(paper.ambient, sensors=())
     )
@@ -93,9 +91,10 @@ def test_kernel_arrays_have_one_type(paper):
         for value in (getattr(full, name), getattr(none, name)):
             if isinstance(value, float):
                 continue
-            assert value.dtype == np.float64 and value.flags.c_contiguous, name
+            single = name.endswith(("_fan", "_rows"))
+            assert value.dtype == (np.float32 if single else np.float64) and value.flags.c_contiguous, name
             assert value.ndim == getattr(full, name).ndim, name
-    assert none.proximity_ray.shape == (0, 2, LANES)
+    assert none.proximity_rows.shape == (0, 8, EYES)
 
 
 def test_reach(paper):

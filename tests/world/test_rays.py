@@ -5,23 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.kernels.params import LANES, RAYS
-from realitygap.world.sensors import FAN, ray_angles, rays, unit
+from realitygap.kernels.params import EYES, RAYS
+from realitygap.world.sensors import fan, ray_angles, ray_weights, side_by_side
 
 
-@pytest.mark.parametrize(("number", "aperture_deg"), [(RAYS, 0.0), (9, 0.0), (8, 0.0), (RAYS, 15.0)])
-def test_rays_are_units(number: int, aperture_deg: float) -> None:
-    """Each ray is the unit vector of its own direction, to the last bit; the lanes beyond repeat the
-    sensor's."""
-    directions = [*np.random.default_rng(0).uniform(-360, 360, 300).tolist(), -90.0, 0.0, 45.0, 90.0, 180.0]
-    turned = [share * aperture_deg for share in FAN] if aperture_deg else ray_angles(number)
-    pads = [0.0] * (LANES - len(turned))
-    expected = np.array([[unit(one + beta) for beta in (*turned, *pads)] for one in directions])
-    made = rays(directions, number, aperture_deg=aperture_deg)
-    assert made.tobytes() == np.moveaxis(expected, 2, 1).tobytes()
+@pytest.mark.parametrize("number", [RAYS, 27, 50])
+def test_a_fan_is_its_pairs(number: int) -> None:
+    """Each pair of mirror-image rays is there once, a middle ray with half its weight: nothing is lost."""
+    made = fan(ray_angles(number), ray_weights(2.0, number=number))
+    angles = np.radians(ray_angles(number))
+    np.testing.assert_allclose(2 * made[2].sum(), (np.cos(angles) ** 2).sum(), rtol=1e-6)
+    half = angles[: made.shape[1]]
+    np.testing.assert_allclose(made[:2], [np.cos(half), np.sin(half)], atol=1e-7)
+    assert made.dtype == np.float32
 
 
-def test_what_is_kept_is_not_lent() -> None:
-    """Writing into rays changes nobody else's."""
-    rays([10.0])[:] = 0.0
-    assert rays([10.0]).any()
+def test_sensors_side_by_side_fill_whole_blocks() -> None:
+    """The last sensor is repeated; no sensors are no block."""
+    blocks = side_by_side(range(11), range(11, 22))
+    assert blocks.shape == (2, 2, EYES) and blocks.flags.c_contiguous
+    assert blocks[:, 0].ravel().tolist() == [*range(11), *[10] * 5]
+    assert side_by_side([], []).shape == (0, 2, EYES)

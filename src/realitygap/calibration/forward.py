@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
 from realitygap.kernels.params import Arena as KernelArena
 from realitygap.kernels.params import Robot
-from realitygap.kernels.work import Work, all_fans, new_work, unfed
+from realitygap.kernels.work import Work, new_work, unfed
 from realitygap.values import Floats
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from realitygap.world.robot import Profile
@@ -206,9 +206,6 @@ def _robot(profile: Profile) -> Robot:
     return profile.to_kernel()
 
 
-def work_of(robot: Robot, last: Work | None = None) -> Work:
-    """Scratch arrays for its sensors and wheels; the `last` robot's, if only its light's rays differ."""
-    rays = all_fans(robot)
-    if last is None or last.all_fans.shape != rays.shape:
-        return new_work(robot, unfed())
-    return last._replace(all_fans=rays)
+def work_of(robot: Robot) -> Work:
+    """Scratch arrays for its sensors and wheels."""
+    return new_work(robot, unfed())

@@ -27,6 +27,8 @@ from realitygap.world.robot import Profile
 
 __all__ = ["LIMITS", "Judgement", "judge"]
 
+STEP = 0.01
+"""Degrees, or the logarithm of a brightness, over which a difference is taken."""
 FITS = 1.25
 """A measured noise deviation within this factor of the profile's agrees with it."""
 
@@ -216,9 +218,15 @@ def _fitted_out(
 
     start = min(starts, key=lambda theta: float((residuals(theta) ** 2).sum()))
 
+    def slopes(theta: Floats) -> Floats:
+        """By differences; readings are in single precision."""
+        here = residuals(theta)
+        moved = [residuals(theta + step) - here for step in STEP * np.eye(size)]
+        return np.stack(moved, axis=1) / STEP
+
     found = least_squares(
         residuals,
-        start, bounds=([-10.0, -30.0][:size], [10.0, 30.0][:size]), diff_step=[1e-3, 1e-3][:size],
+        start, jac=slopes, bounds=([-10.0, -30.0][:size], [10.0, 30.0][:size]),
         x_scale=[1.0, 0.1][:size], max_nfev=12,
     )  # fmt: skip
     return float(found.x[0]), float(np.exp(found.x[1])) if size > 1 else 1.0, readings(found.x)

@@ -226,7 +226,7 @@ class LightMemory:
             if self._robot is None:
                 self._robot = profile.to_kernel()
             robot = self._robot._replace(**law.to_kernel(profile.body.height_cm))
-            self._work = work_of(robot, self._work)
+            self._work = self._work or work_of(robot)
             self._kept[key] = lit_places(robot, rigs, self._work)
         return self._kept[key]
 

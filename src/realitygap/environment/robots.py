@@ -84,7 +84,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
     def _settle(self, simulation: Simulation) -> None:
         """Room for robots of a simulation, none of which has begun."""
         self.simulation, robots = simulation, self.num_envs
-        self._worlds: dict[int, tuple[World, slice, float]] = {}
+        self._worlds: dict[int, tuple[World, slice]] = {}
         self._work = new_work(simulation.robot, simulation.trial)
         steps = simulation.trial.steps
         self._robots = new_robots(robots, steps, self._work)
@@ -223,7 +223,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             batch.advance(world, self._robots, which, starts, commands, self._work)
             return
         for i, r in enumerate(which):
-            world, _, self._work.span[0] = self._worlds[r]
+            world, _ = self._worlds[r]
             one = slice(i, i + 1)
             batch.advance(world, self._robots, which[one], starts[one], commands[one], self._work)
 

@@ -1,273 +1,142 @@
 """The infrared proximity sensors (§3.2.3): I = Σ cos β_i (a/d_i² + b), ten rays a sensor.
 
-Where nothing is nearer than a sensor's reach √(a/−b), all its terms are ≤ 0 and it reads 0 exactly. Most
-sensors are in that state most of the time, so this is tested first, for all sensors side by side, by
-conditions that never exclude a sensor wrongly.
+A sensor reads 0 where nothing is nearer than its reach √(a/−b), for then all terms are ≤ 0. With `shades` a
+is multiplied by the surface's reflectance and, if it is Lambertian, by the cosine of incidence.
 """
 
-from typing import NamedTuple
+import math
 
-from realitygap.kernels.geometry import TOUCHING, Rays, Spot, added, is_brighter, is_tinted, see, tint
+import numpy as np
+
 from realitygap.kernels.jit import apart, step
-from realitygap.kernels.near import SPARE, cell_at, is_beyond
-from realitygap.kernels.params import LANES, RAYS
-from realitygap.kernels.replay import replay
-from realitygap.kernels.response import respond
+from realitygap.kernels.near import SPARE, cell_at, from_segment, is_beyond, stands_clear
+from realitygap.kernels.rays import (
+    EYE_A,
+    EYE_B,
+    EYE_OFFSET,
+    FAR,
+    INVERSE,
+    LANES,
+    MIRROR,
+    NONE,
+    ONE,
+    SHADE,
+    SUM,
+    TOUCHING,
+    U,
+    cast_rays,
+    f32,
+    hand_over,
+    stand,
+)
+
+TURN = 0.15915494309189535
+"""1/2π."""
 
 
 @step
-def faces_walls(robot, arena, fan, k, x, y, c, s):
-    """Whether a ray of sensor `k` meets an outer wall within reach, its robot being at (x, y) and turned by
-    an angle of cosine `c` and sine `s`.
-
-    The ray that meets a wall soonest is the one closest to its normal: the sensor's own
-    direction if that lies inside the fan, else an outermost ray.
-    """
-    reach, cone, width, depth = robot.proximity_reach[k], robot.proximity_cone, arena.size[0], arena.size[1]
-    px = x + c * fan[0, k] - s * fan[1, k]
-    py = y + s * fan[0, k] + c * fan[1, k]
-    fx = c * fan[2, k] - s * fan[3, k]
-    fy = s * fan[2, k] + c * fan[3, k]
-    ax = c * fan[4, k] - s * fan[5, k]
-    ay = s * fan[4, k] + c * fan[5, k]
-    bx = c * fan[6, k] - s * fan[7, k]
-    by = s * fan[6, k] + c * fan[7, k]
-    east = 1.0 if fx > cone else max(ax, bx)
-    west = 1.0 if fx < -cone else max(-ax, -bx)
-    north = 1.0 if fy > cone else max(ay, by)
-    south = 1.0 if fy < -cone else max(-ay, -by)
-    near = (width - px < reach * east) | (px < reach * west)
-    return near | (depth - py < reach * north) | (py < reach * south)
+def signal_printed(n, sensors, fan, p, shades):
+    """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first: mirror-image sensors add
+    mirror-image rays in the same order."""
+    for r in range(fan.shape[1]):
+        w, o = fan[2, r], LANES * U(r)
+        for i in range(n):
+            u, v = p[INVERSE + o + i], p[INVERSE + MIRROR + o + i]
+            if shades is None:
+                light = u * u + v * v
+            else:
+                offset = sensors[EYE_OFFSET, i]
+                u, v = u / (ONE + offset * u), v / (ONE + offset * v)
+                light = u * u * p[SHADE + o + i] + v * v * p[SHADE + MIRROR + o + i]
+            b = sensors[EYE_B, i]
+            term = w * (sensors[EYE_A, i] * light + (b + b))
+            p[SUM + i] = term if r == 0 else p[SUM + i] + term
 
 
 @step
-def faces_cylinder(robot, fan, k, forward, leftward, radius):
-    """Whether a cylinder there is within sensor `k`'s reach and not wholly outside its fan."""
-    cone = robot.proximity_cone
-    qx = forward - fan[0, k]
-    qy = leftward - fan[1, k]
-    square = qx * qx + qy * qy
-    reach = robot.proximity_reach[k] + radius
-    ahead = qx * fan[2, k] + qy * fan[3, k]
-    inside = (ahead > 0.0) & (ahead * ahead > cone * cone * square)
-    first = abs(qx * fan[5, k] - qy * fan[4, k]) < radius
-    last = abs(qx * fan[7, k] - qy * fan[6, k]) < radius
-    return (square < reach * reach) & (inside | first | last)
-
-
-@step
-def faces_segment(robot, fan, k, wall):
-    """Whether an inner wall, seen from the robot, is within sensor `k`'s reach and not wholly to one side of
-    its fan."""
-    ux, uy, length = wall.along_x, wall.along_y, wall.length
-    qx, qy = wall.x - fan[0, k], wall.y - fan[1, k]
-    along, reach = -(qx * ux + qy * uy), robot.proximity_reach[k] + SPARE
-    near = (abs(qx * uy - qy * ux) < reach) & (along > -reach) & (along < length + reach)
-    # How far its ends lie to the left of the first ray, and to the right of the last.
-    left = fan[4, k] * qy - fan[5, k] * qx
-    right = fan[7, k] * qx - fan[6, k] * qy
-    left = max(left, left + length * (fan[4, k] * uy - fan[5, k] * ux))
-    right = max(right, right + length * (fan[7, k] * ux - fan[6, k] * uy))
-    return near & (left > -SPARE) & (right > -SPARE)
-
-
-class Inner(NamedTuple):
-    """An inner wall as the robot sees it (x forward, y leftward): one end, direction and length."""
-
-    x: float
-    y: float
-    along_x: float
-    along_y: float
-    length: float
-
-
-@step
-def inner_wall(arena, j, x, y, c, s):
-    """Inner wall `j` from (x, y), to a robot that is turned by an angle of cosine `c` and sine `s`."""
-    ax, ay = arena.segments[j, 0] - x, arena.segments[j, 1] - y
-    ux, uy = arena.segment_along[j, 0], arena.segment_along[j, 1]
-    length = arena.segment_along[j, 2]
-    return Inner(c * ax + s * ay, c * ay - s * ax, c * ux + s * uy, c * uy - s * ux, length)
-
-
-@step
-def notice_walls(robot, arena, work):
-    """Mark the sensors with a ray that meets an outer wall within reach."""
-    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    fan = work.fan
-    for k in range(work.noticed.shape[0]):
-        work.noticed[k] = 1 if faces_walls(robot, arena, fan, k, x, y, c, s) else 0
-
-
-@step
-def notice_cylinder(robot, arena, j, work):
-    """Mark the sensors that cylinder `j` is within reach of and not wholly outside their fan."""
-    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    cx, cy, radius = arena.cylinders[j, 0] - x, arena.cylinders[j, 1] - y, arena.cylinders[j, 2]
-    far = work.span[0] + radius
-    if cx * cx + cy * cy > far * far:
-        return
-    # The cylinder as the robot sees it: (forward, leftward).
-    forward = c * cx + s * cy
-    leftward = c * cy - s * cx
-    fan = work.fan
-    for k in range(work.noticed.shape[0]):
-        near = faces_cylinder(robot, fan, k, forward, leftward, radius)
-        work.noticed[k] = 1 if near else work.noticed[k]
-
-
-@step
-def notice_segment(robot, arena, j, work):
-    """Mark the sensors that inner wall `j` is within reach of and not wholly to one side of their fan."""
-    wall, fan = inner_wall(arena, j, work.pose[0], work.pose[1], work.pose[3], work.pose[4]), work.fan
-    for k in range(work.noticed.shape[0]):
-        near = faces_segment(robot, fan, k, wall)
-        work.noticed[k] = 1 if near else work.noticed[k]
-
-
-@step
-def notice(robot, arena, work):
-    """Mark the sensors that may read more than 0 (work.noticed)."""
-    if is_brighter(arena):
-        for k in range(work.noticed.shape[0]):
-            work.noticed[k] = 1
-        return
-    notice_walls(robot, arena, work)
-    x, y, span = work.pose[0], work.pose[1], work.span[0]
-    cell = cell_at(arena, x, y)
-    for n in range(arena.cylinders.shape[0]):
-        if arena.cylinder_gap[cell, n] > span:
-            break
-        notice_cylinder(robot, arena, arena.near_cylinders[cell, n], work)
-    for n in range(arena.segments.shape[0]):
-        if arena.segment_gap[cell, n] > span:
-            break
-        j = arena.near_segments[cell, n]
-        if not is_beyond(arena, j, x, y, span):
-            notice_segment(robot, arena, j, work)
-
-
-@step
-def surfaces_differ(robot, arena):
-    """Whether readings depend on which surface a ray meets, and how, not only where."""
-    return robot.proximity_lambertian > 0.0 or is_tinted(arena)
-
-
-@step
-def reflected(robot, arena, k, rays, t):
-    """Σ over the rays of cos^m β (a/(d + offset)² + b), outermost pairs first.
-
-    a is multiplied by the surface's reflectance and, if it is Lambertian, by the cosine of incidence. The
-    order makes mirror-image sensors add mirror-image rays in the same order.
-    """
-    a, b, offset = robot.proximity_a[k], robot.proximity_b[k], robot.proximity_offset[k]
-    inverse = rays.inverse
-    if offset != 0.0:
-        for i in range(inverse.shape[0]):
-            inverse[i] = inverse[i] / (1.0 + offset * inverse[i])
-    if surfaces_differ(robot, arena):
-        for i in range(inverse.shape[0]):
-            t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) * rays.incidence[i] + b)
-    else:
-        for i in range(inverse.shape[0]):
-            t[i] = robot.proximity_weight[k, i] * (a * (inverse[i] * inverse[i]) + b)
-    return added(t)
-
-
-@step
-def thrown_back(robot, k, inverse):
+def intensity(v, a, offset, least, width2):
     """Light of one ray for a measured sensor: a / ((d + offset)² + width²), 0 beyond its range."""
-    v = inverse if inverse >= robot.proximity_least else 0.0
-    near = max(1.0 + robot.proximity_offset[k] * v, TOUCHING * v)
-    return robot.proximity_a[k] * (v * v) / (near * near + robot.proximity_width2 * (v * v))
+    v = v if v >= least else NONE
+    near = max(ONE + offset * v, TOUCHING * v)
+    return a * (v * v) / (near * near + width2 * (v * v))
 
 
 @step
-def gathered(robot, arena, k, rays, t):
-    """Light for a measured sensor: Σ weight ρ cos a / ((d + offset)² + width²), minus the overlap of beams.
-
-    The overlap is what a flat surface, at the distance of the middle ray, reflects into the outermost.
-    """
-    inverse, overlap, middle = rays.inverse, 0.0, RAYS // 2
-    for i in range(inverse.shape[0]):
-        t[i] = robot.proximity_weight[k, i] * thrown_back(robot, k, inverse[i])
-    if robot.proximity_overlap > 0.0:
-        overlap = robot.proximity_overlap * thrown_back(robot, k, inverse[middle] * robot.proximity_cone)
-    if surfaces_differ(robot, arena):
-        for i in range(inverse.shape[0]):
-            t[i] *= rays.incidence[i]
-        overlap *= rays.incidence[middle]
-    return added(t) - overlap
-
-
-@step
-def list_noticed(work):
-    """Move the marked sensors' numbers to the front of work.listed; returns their number.
-
-    Without branches, since which sensors are marked is unpredictable for a processor.
-    """
-    count = 0
-    for k in range(work.noticed.shape[0]):
-        work.listed[count] = k
-        count += work.noticed[k]
-    return count
+def signal_measured(n, robot, sensors, fan, p):
+    """Σ weight ρ cos a / ((d + offset)² + width²), minus the overlap of beams: what a flat surface, at the
+    distance of the middle ray, reflects into the outermost."""
+    middle = LANES * U(fan.shape[1] - 1)
+    least, width2 = f32(robot.proximity_least), f32(robot.proximity_width2)
+    overlap, cone = f32(robot.proximity_overlap), f32(robot.proximity_cone)
+    for r in range(fan.shape[1]):
+        w, o = fan[2, r], LANES * U(r)
+        for i in range(n):
+            a, offset = sensors[EYE_A, i], sensors[EYE_OFFSET, i]
+            u = intensity(p[INVERSE + o + i], a, offset, least, width2)
+            v = intensity(p[INVERSE + MIRROR + o + i], a, offset, least, width2)
+            term = w * (u * p[SHADE + o + i] + v * p[SHADE + MIRROR + o + i])
+            p[SUM + i] = term if r == 0 else p[SUM + i] + term
+    for i in range(n):
+        a, offset = sensors[EYE_A, i], sensors[EYE_OFFSET, i]
+        flat = intensity(p[INVERSE + middle + i] * cone, a, offset, least, width2)
+        p[SUM + i] -= overlap * flat * p[SHADE + middle + i]
 
 
 @step
-def spot_of(robot, k, work):
-    """Where proximity sensor `k` is."""
-    x, y, c, s = work.pose[0], work.pose[1], work.pose[3], work.pose[4]
-    px = x + c * robot.proximity_place[k, 0] - s * robot.proximity_place[k, 1]
-    py = y + s * robot.proximity_place[k, 0] + c * robot.proximity_place[k, 1]
-    return Spot(px, py, c, s)
-
-
-@step
-def follow(robot, arena, k, rays, work):
-    """Find what the rays of proximity sensor `k` meet."""
-    spot = spot_of(robot, k, work)
-    if surfaces_differ(robot, arena):
-        see(arena, robot.proximity_ray, k, spot, rays, True)
-        if is_tinted(arena):
-            tint(arena, spot, rays, robot.proximity_lambertian)
-    else:
-        see(arena, robot.proximity_ray, k, spot, rays, None)
-
-
-@step
-def fan_of(robot, work):
-    """Room for the rays of one proximity sensor."""
-    narrow, n = robot.proximity_narrow, LANES
-    return Rays(work.ray_x[:n], work.ray_y[:n], work.inverse[:n], work.incidence[:n], narrow)
+def is_extended(robot, arena):
+    """Whether the light of a ray depends on more than 1/d by the printed law."""
+    extended = robot.proximity_lambertian > 0.0 or arena.reflectance.shape[0] > 0
+    for k in range(robot.proximity_offset.shape[0]):
+        extended = extended or robot.proximity_offset[k] != 0.0
+    return extended
 
 
 @step
 def receive(robot, arena, work, out):
-    """Light for all measured sensors into `out` ([P]), before their curves."""
-    rays = fan_of(robot, work)
-    for k in range(out.shape[0]):
-        follow(robot, arena, k, rays, work)
-        out[k] = gathered(robot, arena, k, rays, work.terms)
+    """The signals of all sensors into `out` ([P]): the printed sums, not clipped; or the light of measured
+    sensors, before their curves."""
+    fan, p, matt = robot.proximity_fan, work.eyes, f32(robot.proximity_lambertian)
+    cell, measured = cell_at(arena, work.pose[0], work.pose[1]), robot.proximity_curve.shape[1] > 0
+    more, shades = FAR if is_bright(arena) else NONE, (matt, ONE - matt)
+    for block in range(robot.proximity_rows.shape[0]):
+        sensors = robot.proximity_rows[block]
+        n = U(sensors.shape[1])
+        stand(n, sensors, arena, work.pose, p)
+        if measured or is_extended(robot, arena):
+            cast_rays(n, arena, work.pose, cell, robot.radius, sensors, more, fan, p, shades)
+            if measured:
+                signal_measured(n, robot, sensors, fan, p)
+            else:
+                signal_printed(n, sensors, fan, p, shades)
+        else:
+            cast_rays(n, arena, work.pose, cell, robot.radius, sensors, more, fan, p, None)
+            signal_printed(n, sensors, fan, p, None)
+        hand_over(p, block, out)
+
+
+@step
+def is_bright(arena):
+    """Whether sensors may notice a surface from farther away than usual."""
+    most = 1.0
+    for i in range(arena.reflectance.shape[0]):
+        most = max(most, arena.reflectance[i])
+    return most > 1.0
 
 
 @step
 def by_rays(robot, arena, work, out):
     """As `infrared`, for a robot without a table."""
-    rays, measured = fan_of(robot, work), robot.proximity_curve.shape[1] > 0
-    notice(robot, arena, work)
-    for k in range(out.shape[0]):
-        out[k] = 0.0
-    for n in range(list_noticed(work)):
-        k = work.listed[n]
-        follow(robot, arena, k, rays, work)
-        if measured:
-            out[k] = gathered(robot, arena, k, rays, work.terms)
-        else:
-            total = reflected(robot, arena, k, rays, work.terms)
-            out[k] = min(max(total, 0.0), robot.proximity_top)
-    if measured:  # of all at once: side by side their roots cost less than a few separately
+    if not is_bright(arena) and stands_clear(arena, work.pose[0], work.pose[1], robot.proximity_span):
         for k in range(out.shape[0]):
-            out[k] = respond(robot.proximity_curve, k, robot.proximity_knee, out[k])
+            out[k] = 0.0
+    else:
+        receive(robot, arena, work, out)
+    if robot.proximity_curve.shape[1] > 0:
+        for k in range(out.shape[0]):
+            out[k] = apply_curve(robot.proximity_curve, k, robot.proximity_knee, out[k])
+    else:
+        for k in range(out.shape[0]):
+            out[k] = min(max(out[k], 0.0), robot.proximity_top)
 
 
 @step
@@ -284,3 +153,113 @@ def by_table_or_rays(table, robot, arena, work, out):
 def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
     by_table_or_rays(robot.proximity_table, robot, arena, work, out)
+
+
+# Measured sensors: tables of each, with values at equal steps, straight between them.
+
+
+@step
+def between(table, k, at):
+    """Row `k` of a table, interpolated at `at` steps from its first value: 0 to the number of its steps."""
+    j = min(int(at), table.shape[1] - 2)
+    # An unsigned index needs no test for counting from the end.
+    here = np.uint64(j)
+    return table[k, here] + (at - j) * (table[k, here + np.uint64(1)] - table[k, here])
+
+
+@step
+def apply_curve(curve, k, knee, light):
+    """Counts of sensor `k` under a light: its curve at √light / (√light + knee)."""
+    root = math.sqrt(max(light, 0.0))
+    return between(curve, k, root / (root + knee) * (curve.shape[1] - 1))
+
+
+@step
+def scale_noise(table, rise, readings, top, speed, noise):
+    """Turn normal numbers into each sensor's noise: by its reading's share of the full scale `top`, and the
+    wheels' speed (cm/s)."""
+    last = np.float64(table.shape[1] - 1)
+    steps = last / top
+    for k in range(readings.shape[0]):
+        at = min(max(readings[k] * steps, 0.0), last)
+        noise[k] *= between(table, k, at) * (1.0 + rise[k] * speed)
+
+
+# By a look-up table: readings recorded round each kind of object, replayed (the paper's [15]).
+
+
+@step
+def turned(x, y):
+    """The direction of (x, y) in full turns, −½ … ½, to about 1e-8 (Abramowitz and Stegun, 4.4.49)."""
+    along, across = abs(x), abs(y)
+    t = min(along, across) / max(along, across, 1e-12)
+    z = t * t
+    series = -0.0752896400 + z * (0.0429096138 + z * (-0.0161657367 + z * 0.0028662257))
+    series = 0.1999355085 + z * (-0.1420889944 + z * (0.1065626393 + z * series))
+    angle = TURN * t * (1.0 + z * (-0.3333314528 + z * series))
+    angle = 0.25 - angle if across > along else angle
+    angle = 0.5 - angle if x < 0.0 else angle
+    return -angle if y < 0.0 else angle
+
+
+@step
+def meet(seen, reach, ex, ey, pose, out):
+    """Add one object's contribution to `out`: its nearest point, or a cylinder's axis, lies at (ex, ey) from
+    the robot's centre; `reach` is the part of that distance inside the robot and the cylinder."""
+    at, added = seen.at, seen.added
+    last = at.shape[0] - 1
+    square, most = ex * ex + ey * ey, reach + at[last] + SPARE
+    if square > most * most:
+        return
+    distance = math.sqrt(square) - reach
+    i = 0
+    while i < last - 1 and at[i + 1] < distance:
+        i += 1
+    far = min(max((distance - at[i]) / (at[i + 1] - at[i]), 0.0), 1.0)
+    c, s, many = pose[3], pose[4], added.shape[1]
+    bearing = turned(c * ex + s * ey, c * ey - s * ex) * many
+    whole = math.floor(bearing)
+    aside, j = bearing - whole, int(whole)
+    j = j + many if j < 0 else j
+    following = j + 1 if j + 1 < many else 0
+    for k in range(out.shape[0]):
+        near = added[i, j, k] + aside * (added[i, following, k] - added[i, j, k])
+        beyond = added[i + 1, j, k] + aside * (added[i + 1, following, k] - added[i + 1, j, k])
+        out[k] += near + far * (beyond - near)
+
+
+@step
+def meet_obstacles(table, radius, arena, pose, out):
+    """Add the contributions of cylinders and inner walls."""
+    x, y = pose[0], pose[1]
+    cell = cell_at(arena, x, y)
+    span = radius + table.cylinder.at[table.cylinder.at.shape[0] - 1] + SPARE
+    for n in range(arena.cylinders.shape[0]):
+        if arena.cylinder_gap[cell, n] > span:
+            break
+        j = arena.near_cylinders[cell, n]
+        reach = radius + arena.cylinders[j, 2]
+        meet(table.cylinder, reach, arena.cylinders[j, 0] - x, arena.cylinders[j, 1] - y, pose, out)
+    span = radius + table.wall.at[table.wall.at.shape[0] - 1] + SPARE
+    for n in range(arena.segments.shape[0]):
+        if arena.segment_gap[cell, n] > span:
+            break
+        j = arena.near_segments[cell, n]
+        if not is_beyond(arena, j, x, y, span):
+            dx, dy = from_segment(arena, j, x, y)
+            meet(table.wall, radius, -dx, -dy, pose, out)
+
+
+@step
+def replay(table, radius, top, arena, pose, out):
+    """Noise-free readings of all proximity sensors of a robot of this radius into `out` ([P], counts from 0
+    to `top`, unrounded)."""
+    for k in range(out.shape[0]):
+        out[k] = table.nothing[k]
+    meet(table.wall, radius, arena.size[0] - pose[0], 0.0, pose, out)
+    meet(table.wall, radius, -pose[0], 0.0, pose, out)
+    meet(table.wall, radius, 0.0, arena.size[1] - pose[1], pose, out)
+    meet(table.wall, radius, 0.0, -pose[1], pose, out)
+    meet_obstacles(table, radius, arena, pose, out)
+    for k in range(out.shape[0]):
+        out[k] = min(max(out[k], 0.0), top)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 F = NDArray[np.float64]
+F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
 
 STEP_S = 0.1
@@ -20,10 +21,10 @@ UPDATES = 10
 """Network updates of 10 ms in one step (§5.3)."""
 RAYS = 10
 """Rays of one sensor, in an arc of 180° (§3.2.3)."""
-LANES = 16
-"""RAYS padded to whole vector registers; pad lanes point along the sensor with weight 0."""
-NARROW = 0.68
-"""sin² 56°, rounded down."""
+EYES = 8
+"""Sensors that are looked through side by side."""
+PAIRS = 32
+"""The most pairs of a ray and its mirror image that one has."""
 CONE = 0.15643446504023087
 """cos 81°: the outermost rays' angle off the sensor's direction."""
 MAX_DELAY = 4
@@ -84,10 +85,15 @@ class Robot(NamedTuple):
 
     proximity_place: F
     """[P, 2] sensor places in the robot's frame (x forward, y left)."""
-    proximity_ray: F
-    """[P, 2, LANES] unit vectors of the rays in the robot's frame."""
-    proximity_weight: F
-    """[P, LANES] cos^m β of each ray, 0 in the pad lanes."""
+    proximity_facing: F
+    """[P, 2] unit vector of each sensor's direction in the robot's frame."""
+    proximity_fan: F32
+    """[3, RAYS/2] of each pair of a ray and its mirror image, outermost first: cosine and sine of their angle
+    off the sensor's direction, and cos^m β."""
+    proximity_rows: F32
+    """[blocks, 8, EYES] of each sensor, the last one repeated: place, direction, reach, a, b, offset."""
+    proximity_span: float
+    """Distance from the robot's middle beyond which no sensor notices anything, cm."""
     proximity_a: F
     proximity_b: F
     proximity_offset: F
@@ -97,9 +103,7 @@ class Robot(NamedTuple):
     proximity_top: float
     """The converter's highest count."""
     proximity_cone: float
-    proximity_narrow: float
-    """Of the rays' fan: the outermost's cosine; and sin² of half the angle up to which a cylinder meets rays
-    of its own side and two or three beyond the middle only."""
+    """The outermost rays' cosine."""
     proximity_lambertian: float
     """1: surfaces reflect by the cosine of incidence; 0 in the paper."""
     proximity_low: float
@@ -128,17 +132,16 @@ class Robot(NamedTuple):
     """[A, 2] as for proximity."""
     ambient_facing: F
     """[A, 2] unit vector of each sensor's direction in the robot's frame."""
-    ambient_ray: F
-    """[A·f, 2, LANES]: f fans of RAYS rays for each sensor, 1 in the paper."""
-    ambient_weight: F
-    """[A·f, LANES] reflectance · cos^m β / f: 1.5 cos² β in the paper, 0 in the pad lanes."""
+    ambient_fan: F32
+    """[3, r/2 rounded up] as for proximity; weights: reflectance · cos^m β · RAYS / r of r rays, 1.5 cos² β
+    in the paper; an odd one in the middle counts as two halves."""
+    ambient_rows: F32
+    """[blocks, 5, EYES] place, direction, reach (inf)."""
     ambient_gain: F
     """[A] factor on the sensor's total illumination: 1 in the paper."""
     ambient_floor: F
     ambient_dark: F
     """[A] V = floor + 1/√A clipped at dark, of each sensor: all equal in the paper (55, 484)."""
-    ambient_full: F
-    """[A] illumination times gain from which on the reading is constant; inf if there is none."""
     ambient_curve: F
     ambient_knee: float
     ambient_noise: F
@@ -191,6 +194,8 @@ class Arena(NamedTuple):
     """[S, 3] unit vector of each from its first end to its second, and its length."""
     cylinders: F
     """[C, 3] x, y, radius."""
+    together: int
+    """Cylinders that a ray may be held against at once: 4, or 1 where some overlap."""
     grid: I64
     """[2] cells along x and y: one, unless there are many obstacles."""
     cells_per_cm: F

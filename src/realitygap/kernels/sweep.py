@@ -3,10 +3,9 @@
 One kernel each, so that a fit compiles only what it needs.
 """
 
-from realitygap.kernels.ambient import illuminate
 from realitygap.kernels.infrared import infrared, receive
 from realitygap.kernels.jit import kernel
-from realitygap.kernels.light_beyond import direct_light
+from realitygap.kernels.light import illuminate
 from realitygap.kernels.trial import set_pose
 from realitygap.kernels.wheels import turn_wheel
 
@@ -32,7 +31,7 @@ def sweep_light(robot, arena, poses, work, out):
     """Illumination of the ambient sensors at poses [n, 3] into out [n, A], before their gains."""
     for i in range(poses.shape[0]):
         set_pose(poses[i], work)
-        illuminate(robot, arena, False, work, out[i])
+        illuminate(robot, arena, True, work, out[i])
 
 
 @kernel
@@ -40,7 +39,7 @@ def sweep_direct(robot, arena, poses, work, out):
     """As sweep_light, direct light only: where nothing near could reflect any."""
     for i in range(poses.shape[0]):
         set_pose(poses[i], work)
-        direct_light(robot, arena, work, out[i])
+        illuminate(robot, arena, False, work, out[i])
 
 
 @kernel

@@ -5,16 +5,14 @@ A task's score is computed from what was stored when the trial is over.
 
 import math
 
-from realitygap.kernels.ambient import ambient, answer
 from realitygap.kernels.brain import decide, load
 from realitygap.kernels.contact import ground_speeds, settle
-from realitygap.kernels.infrared import infrared
-from realitygap.kernels.jit import apart, step
-from realitygap.kernels.light_bounds import bound_light
+from realitygap.kernels.infrared import infrared, scale_noise
+from realitygap.kernels.jit import step
+from realitygap.kernels.light import ambient
 from realitygap.kernels.network import LIMIT
 from realitygap.kernels.outline import settle_outline
 from realitygap.kernels.params import Path
-from realitygap.kernels.response import weigh
 from realitygap.kernels.rng import normals, sin_cos, substream, uniform
 from realitygap.kernels.wheels import FASTEST, Arc, bound_wheel, drive_arc, turn_wheel
 from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
@@ -81,7 +79,7 @@ def read(robot, feed, level, speed, noise, readings):
         table, rise, dead = robot.ambient_noise, robot.ambient_rise, 0.0
     if table.shape[1] > 0 and level > 0.0:
         lit = dark = 1.0
-        weigh(table, rise, readings, top, speed, noise[MOTOR_NOISE:])
+        scale_noise(table, rise, readings, top, speed, noise[MOTOR_NOISE:])
     for i in range(readings.shape[0]):
         value = readings[i]
         if level > 0.0:
@@ -135,35 +133,6 @@ def sense(world, stream, k, work):
         if not fed and level > 0.0:
             normals(substream(stream, UNFED), DRAWS * noise_blocks(readings.shape[0]) * k, noise)
         read(robot, kind, level, wheels_speed(work), noise, readings)
-
-
-@apart
-def bound_readings(world, work):
-    """Whether both bounds of the light give the same inputs; work.readings then gives them too."""
-    robot, channels, ends = world.robot, world.task.channels, work.bounds.ends
-    bound_light(robot, world.arena, work, ends[0], ends[1])
-    for e in range(2):
-        answer(robot, ends[e])
-        read(robot, AMBIENT, world.level, 0.0, work.noise, ends[e])
-    for k in range(ends.shape[1]):
-        work.readings[k] = ends[0, k]
-    same = True
-    for i in range(channels.shape[0]):
-        k = channels[i]
-        if k >= 0 and ends[0, k] != ends[1, k]:
-            one = scale_input(robot.ambient_low, robot.ambient_high, ends[0, k])
-            same = same and one == scale_input(robot.ambient_low, robot.ambient_high, ends[1, k])
-    return same
-
-
-@step
-def sense_for_inputs(bounds, world, stream, k, work):
-    """As `sense`, but readings may differ as long as the inputs are the same."""
-    known = False
-    if len(bounds) > 0:  # not on a GPU, where this is not compiled
-        known = bounds.fans.shape[1] > 0 and bound_readings(world, work)
-    if not known:
-        sense(world, stream, k, work)
 
 
 @step
@@ -272,7 +241,7 @@ def run_trial(world, brain, n, stream, path, record, work):
     load(brain, n, work)  # §5.3: a network without a past
     for k in range(world.task.steps):  # §3.2: every 100 ms
         draw_noise(world.level, stream, k, work)  # §6
-        sense_for_inputs(work.bounds, world, stream, k, work)  # §3.2.3 proximity, §3.3 ambient light
+        sense(world, stream, k, work)  # §3.2.3 proximity, §3.3 ambient light
         to_inputs(world.robot, world.task, work)  # §7.2
         commands = decide(brain, n, work)  # §5.3
         turn_wheels(world.robot, commands, world.level, work)  # §3.2.2

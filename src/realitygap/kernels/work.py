@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from realitygap.kernels.jit import helper
 from realitygap.kernels.network import ROWS
-from realitygap.kernels.params import LANES, RAYS, F, Networks, Path, Robot, Trial
+from realitygap.kernels.params import F32, F, Networks, Path, Robot, Trial
+from realitygap.kernels.rays import INVERSE, MIRROR
 
 DRAWS = 8
 """Random draws of one block of noise, which give 16 normal numbers."""
@@ -15,34 +16,11 @@ MOTOR_NOISE = 4
 """Normal numbers of a step for the motors: friction left, right; speed left, right."""
 
 
-class Bounds(NamedTuple):
-    """Scratch arrays of light_bounds.py; the first two are empty where it is not used."""
-
-    fans: NDArray[np.float32]
-    """[5, A · f · r + LANES] of each ray: as Work.all_fans, then x and y of its sensor's place."""
-    rows: NDArray[np.float32]
-    """[2, as those] the most light that each ray may bring, and what of it is doubtful."""
-    ends: F
-    """[2, A] least and most light of each sensor, and the readings by them."""
-
-
 class Work(NamedTuple):
     """Arrays of one trial; the letters are those of params.py."""
 
-    ray_x: F
-    ray_y: F
-    inverse: F
-    terms: F
-    light: F
-    far: F
-    hidden: F
-    end_x: F
-    end_y: F
-    normal_x: F
-    normal_y: F
-    incidence: F
-    """Rays in one row, r per fan, then the A ambient sensors, each padded to whole vectors; LANES more of all
-    but `light`. The infrared sensors use the first LANES, one sensor at a time."""
+    eyes: F32
+    """Rows of eight sensors, see rays.py."""
     noise: F
     """[16·m] normal numbers of this step."""
     readings: F
@@ -77,18 +55,6 @@ class Work(NamedTuple):
     """[I] the step's inputs."""
     change: NDArray[np.int32]
     """[I] their change since the previous step."""
-    fan: F
-    """[8, P] of each proximity sensor: place, direction, first ray and last ray, x and y each."""
-    all_fans: F
-    """[3, A · f · r + LANES] x and y of the direction of each ray of each ambient sensor, and its weight. r
-    is RAYS, or fewer if the last ones of all fans have no weight."""
-    span: F
-    """[1] distance from the robot's centre beyond which no proximity sensor notices anything."""
-    noticed: NDArray[np.int64]
-    """[P] 1 unless a proximity sensor certainly reads 0."""
-    listed: NDArray[np.uint64]
-    """[P or A] numbers of those sensors, or of the ambient sensors with reflections."""
-    bounds: Bounds
 
 
 class Record(NamedTuple):
@@ -119,12 +85,6 @@ class Robots(NamedTuple):
     readings: F
     """[N, P, A or P + A] readings of the fed sensors, and [N, A, P or 0] of the others."""
     unfed: F
-
-
-@helper
-def whole_vectors(n):
-    """`n` rounded up to whole vectors: eight lanes are the widest there is."""
-    return (n + 7) & -8
 
 
 @helper
@@ -175,62 +135,21 @@ def new_robots(count: int, steps: int, work: Work) -> Robots:
     )  # fmt: skip
 
 
-def spread_fan(robot: Robot) -> F:
-    """The proximity sensors' fans, a row per component, so that all sensors are processed side by side."""
-    rays = robot.proximity_ray
-    parts = (robot.proximity_place, rays[:, :, RAYS], rays[:, :, 0], rays[:, :, RAYS - 1])
-    return np.array([part.T for part in parts]).reshape(8, -1)
-
-
-def all_fans(robot: Robot) -> F:
-    """The ambient sensors' rays, without those of no weight at the end of a fan; a row per component."""
-    weighs = np.flatnonzero(robot.ambient_weight.any(axis=0))
-    used = weighs[-1] + 1 if len(weighs) else RAYS
-    parts = (robot.ambient_ray[:, 0], robot.ambient_ray[:, 1], robot.ambient_weight)
-    rows = np.zeros((3, len(robot.ambient_ray) * used + LANES))
-    for row, part in zip(rows, parts, strict=True):
-        row[:-LANES] = part[:, :used].reshape(-1)
-    return rows
-
-
-def farthest_notice(robot: Robot, fan: F) -> float:
-    """Distance from the robot's centre beyond which no proximity sensor can notice anything, cm."""
-    return float(np.max(np.hypot(fan[0], fan[1]) + robot.proximity_reach, initial=0.0))
-
-
-def new_bounds(robot: Robot, lit: F, used: bool) -> Bounds:
-    """Room for bounds of light by the rays `lit`."""
-    sensors, wide = robot.ambient_place.shape[0], lit.shape[1] if used else 0
-    each = (lit.shape[1] - LANES) // max(sensors, 1)
-    places = np.repeat(robot.ambient_place.T, each, axis=1)
-    fans = np.concatenate([lit, np.pad(places, ((0, 0), (0, LANES)))])[:, :wide].astype(np.float32)
-    return Bounds(fans=fans.copy(), rows=np.zeros((2, wide), np.float32), ends=np.zeros((2, sensors)))
-
-
-def new_work(
-    robot: Robot, task: Trial, nets: Networks | None = None, *, bounded: bool = False, whole: bool = False
-) -> Work:
+def new_work(robot: Robot, task: Trial, nets: Networks | None = None, *, whole: bool = False) -> Work:
     """Scratch arrays for trials of `task` by `robot`.
 
     Args:
         robot: whose sensors are read.
         task: what feeds the controllers.
         nets: networks of the most neurons and links that are to decide.
-        bounded: light by bounds.
         whole: also for sensors that feed no controller.
     """
     nets = NO_NETWORK if nets is None else nets
     near, light = len(robot.proximity_place), len(robot.ambient_place)
     sensors, unfed = (near, light, near + light)[task.feed], (light, near, 0)[task.feed] if whole else 0
     inputs, neurons, links = len(task.channels), nets.thresholds.shape[1], nets.links.shape[1]
-    fan, lit = spread_fan(robot), all_fans(robot)
-    rays = max(whole_vectors(lit.shape[1] - LANES), LANES) + whole_vectors(light)
-    wide = rays + LANES
     return Work(
-        ray_x=np.zeros(wide), ray_y=np.zeros(wide), inverse=np.ones(wide),
-        terms=np.zeros(wide), light=np.zeros(rays), far=np.zeros(wide), hidden=np.zeros(wide),
-        end_x=np.zeros(wide), end_y=np.zeros(wide), normal_x=np.zeros(wide), normal_y=np.zeros(wide),
-        incidence=np.zeros(wide),
+        eyes=np.zeros(int(INVERSE + MIRROR + MIRROR), np.float32),
         noise=new_noise(sensors), readings=np.zeros(sensors),
         unfed=np.zeros(unfed), unfed_noise=new_noise(unfed),
         pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 9)), ground=np.zeros(3),
@@ -239,7 +158,4 @@ def new_work(
         link_weight=np.zeros(links, np.int32),
         sensor_link=np.zeros((4, links + 1), np.int64), settled=np.zeros(1, np.int64),
         inputs=np.zeros(inputs, np.int32), change=np.zeros(inputs, np.int32),
-        fan=fan, all_fans=lit, span=np.array([farthest_notice(robot, fan)]), noticed=np.zeros(near, np.int64),
-        listed=np.zeros(max(near, light), np.uint64),
-        bounds=new_bounds(robot, lit, bounded),
     )  # fmt: skip

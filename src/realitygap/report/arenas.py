@@ -11,10 +11,11 @@ from matplotlib.patches import Circle, Rectangle
 
 from realitygap.kernels.params import RAYS, Arena, Robot
 from realitygap.report import style
-from realitygap.report.robots import F, draw_robot, light_rays
+from realitygap.report.robots import F, draw_robot
 from realitygap.report.style import COLUMN, new_figure
 from realitygap.world import arena as world
 from realitygap.world.robot import Profile
+from realitygap.world.sensors import RAY_ANGLES_DEG
 
 __all__ = ["arena_figure", "cast", "draw_arena", "draw_start", "rays_of", "sensor_rays"]
 
@@ -138,18 +139,21 @@ def cast(arena: Arena, origin: F, direction: F) -> F:
     return distance
 
 
-def sensor_rays(arena: Arena, place: F, ray: F, pose: tuple[float, float, float], reach: F | float) -> F:
+def sensor_rays(arena: Arena, place: F, facing: F, pose: tuple[float, float, float], reach: F | float) -> F:
     """Ends of the rays of all sensors, [S · RAYS, 2 ends, 2] in cm.
 
     Args:
-        place, ray: [S, 2] cm, [S, 2, lanes] unit vectors; both in the robot's frame.
+        place, facing: [S, 2] cm, [S, 2] unit vectors; both in the robot's frame.
         pose: x, y (cm), heading (rad).
         reach: [S] cm: maximum length of each sensor's rays.
     """
     x, y, heading = pose
     turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
     origin = np.repeat(place @ turn.T + (x, y), RAYS, axis=0)
-    direction = (ray[:, :, :RAYS].transpose(0, 2, 1) @ turn.T).reshape(-1, 2)
+    beta = np.radians(RAY_ANGLES_DEG)
+    aside = np.stack([-facing[:, 1], facing[:, 0]], axis=1)
+    ray = np.cos(beta)[:, None] * facing[:, None] + np.sin(beta)[:, None] * aside[:, None]
+    direction = (ray @ turn.T).reshape(-1, 2)
     bound = np.repeat(np.broadcast_to(np.asarray(reach, dtype=float), len(place)), RAYS)
     length = np.minimum(cast(arena, origin, direction), bound)
     return np.stack([origin, origin + length[:, None] * direction], axis=1)
@@ -175,9 +179,9 @@ def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, fl
     for kind in feeds.split("+"):
         if kind == "proximity":
             reach = np.where(np.isfinite(robot.proximity_reach), robot.proximity_reach, AMBIENT_RAYS_CM)
-            found.append(sensor_rays(arena, robot.proximity_place, robot.proximity_ray, pose, reach))
+            found.append(sensor_rays(arena, robot.proximity_place, robot.proximity_facing, pose, reach))
         else:
-            found.append(sensor_rays(arena, robot.ambient_place, light_rays(robot), pose, AMBIENT_RAYS_CM))
+            found.append(sensor_rays(arena, robot.ambient_place, robot.ambient_facing, pose, AMBIENT_RAYS_CM))
     return np.concatenate(found)
 
 

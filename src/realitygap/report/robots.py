@@ -15,7 +15,7 @@ from realitygap.report import style
 from realitygap.report.style import SIMULATED, Look, new_figure
 from realitygap.world.robot import Profile
 
-__all__ = ["WHEEL_CM", "draw_robot", "front", "light_rays", "robot_figure", "shown_sensors"]
+__all__ = ["WHEEL_CM", "draw_robot", "front", "robot_figure", "shown_sensors"]
 
 F = NDArray[np.float64]
 
@@ -70,8 +70,8 @@ def robot_figure(profile: Profile) -> Figure:
     ax = figure.add_subplot()
     span = robot.radius * 1.75
     draw_robot(ax, robot, (0.0, 0.0, math.pi / 2))
-    for place, ray, name in shown_sensors(robot):
-        _draw_sensor(ax, place, ray, name)
+    for place, ahead, name in shown_sensors(robot):
+        _draw_sensor(ax, place, ahead, name)
     ax.plot([-robot.radius, robot.radius], [-span * 0.93] * 2, color=style.INK, linewidth=0.9, marker="|")
     ax.text(0, -span * 0.98, f"{2 * robot.radius:.3g} cm", ha="center", va="top", fontsize=7.5)
     ax.set(xlim=(-span, span), ylim=(-span * 1.12, span), aspect="equal")
@@ -79,16 +79,10 @@ def robot_figure(profile: Profile) -> Figure:
     return figure
 
 
-def light_rays(robot: Robot) -> F:
-    """The rays [S, 2, lanes] about each light sensor's direction; a calibrated one may trace more fans."""
-    fans = len(robot.ambient_ray) // max(len(robot.ambient_place), 1)
-    return robot.ambient_ray[fans // 2 :: max(fans, 1)]
-
-
-def _draw_sensor(ax: Axes, place: F, ray: F, name: str) -> None:
+def _draw_sensor(ax: Axes, place: F, ahead: F, name: str) -> None:
     """A half disc in the sensor's direction, an arrow and a number."""
     spot = np.array([-place[1], place[0]])
-    facing = math.atan2(*ray[:, : ray.shape[1]].mean(axis=1)[::-1]) + math.pi / 2
+    facing = math.atan2(ahead[1], ahead[0]) + math.pi / 2
     out, turn = np.array([math.cos(facing), math.sin(facing)]), math.degrees(facing)
     half = Wedge(tuple(spot), DISC_CM, turn - 90, turn + 90, facecolor=style.RAY, edgecolor="none", zorder=6)
     ax.add_artist(half)
@@ -99,9 +93,9 @@ def _draw_sensor(ax: Axes, place: F, ray: F, name: str) -> None:
 
 
 def shown_sensors(robot: Robot) -> Iterator[tuple[F, F, str]]:
-    """Position, rays and number of every sensor, except ambient ones at a proximity sensor's position."""
-    for i, (place, ray) in enumerate(zip(robot.proximity_place, robot.proximity_ray, strict=True)):
-        yield place, ray, str(i)
-    for i, (place, ray) in enumerate(zip(robot.ambient_place, light_rays(robot), strict=True)):
+    """Place, direction and number of every sensor, except ambient ones at a proximity sensor's place."""
+    for i, (place, ahead) in enumerate(zip(robot.proximity_place, robot.proximity_facing, strict=True)):
+        yield place, ahead, str(i)
+    for i, (place, ahead) in enumerate(zip(robot.ambient_place, robot.ambient_facing, strict=True)):
         if np.hypot(*(robot.proximity_place - place).T).min(initial=np.inf) > DISC_CM:
-            yield place, ray, f"a{i}"
+            yield place, ahead, f"a{i}"

@@ -14,7 +14,7 @@ from realitygap.files import must_be
 from realitygap.kernels import batch
 from realitygap.kernels.jit import entry_for
 from realitygap.kernels.params import Path
-from realitygap.kernels.work import farthest_notice, new_record, new_robots, new_work
+from realitygap.kernels.work import new_record, new_robots, new_work
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
@@ -145,7 +145,6 @@ class SimulatedBody:
     def _set_down(self, pose: Pose) -> None:
         free, stream = self.simulation.require_free(pose), as_stream(self.stream)
         self._world, self._commands = self.simulation.world_of(int(stream)), np.zeros((1, 2), np.int64)
-        self._work.span[0] = farthest_notice(self._world.robot, self._work.fan)
         self._robots.stream[0] = stream
         self._find_entry()
         self._advance(np.array([[free.x, free.y, free.heading]], float))

@@ -33,8 +33,6 @@ BLOCK = 32
 """Threads of a block: one warp, so that few trials spread over all of the GPU."""
 MOST_BYTES = 1 << 31
 """Of paths and scratch at a time."""
-SHARED = ("fan", "all_fans", "span", "bounds")
-"""What of a trial's scratch nobody writes."""
 TOO_NEW = "2.5.0"
 """The first NumPy without what numba-cuda 0.30 imports of it."""
 INSTALL = 'Install it: pip install "realitygap[cuda]".'
@@ -122,7 +120,7 @@ class Cuda:
         trial = self.simulation.trial
         one = new_work(self.simulation.robot, trial, networks)
         path = 8 * len(Path._fields) * trial.steps
-        most = max(BLOCK, MOST_BYTES // (path + sum(row.nbytes for row in _rows(one).values())))
+        most = max(BLOCK, MOST_BYTES // (path + sum(row.nbytes for row in one)))
         nets, work = self._placed(networks), self._work(one, networks, min(most, len(flat)))
         for first in range(0, len(flat), most):
             some = slice(first, first + most)
@@ -144,10 +142,9 @@ class Cuda:
             order: Any = "C" if SIMULATED else "F"
             rows = {
                 name: np.array(np.broadcast_to(array, (max(BLOCK, count), *array.shape)), order=order)
-                for name, array in _rows(one).items()
+                for name, array in one._asdict().items()
             }
-            bounds: Any = one.bounds if SIMULATED else ()  # which no GPU uses
-            kept = self._scratch[size] = self._placed(one._replace(bounds=bounds, **rows))
+            kept = self._scratch[size] = self._placed(Work(**rows))
         return kept
 
     def _scored(self, batch: Batch) -> Floats:
@@ -263,11 +260,6 @@ def scoring(score: Any) -> Any:
     return cuda.jit(take)
 
 
-def _rows(work: Work) -> dict[str, Any]:
-    """The arrays of which each trial has its own."""
-    return {name: array for name, array in work._asdict().items() if name not in SHARED}
-
-
 def _scratch_of() -> Callable[[Work, int], Work]:
     """What gives a trial its scratch: rows of all trials'."""
     parts = _parts_before(len(Work._fields))
@@ -284,8 +276,6 @@ def _parts_before(end: int) -> Any:
     if end == 0:
         return cuda.jit(device=True)(lambda work, t: ())
     before, i = _parts_before(end - 1), end - 1
-    if Work._fields[i] in SHARED:
-        return cuda.jit(device=True)(lambda work, t: (*before(work, t), work[i]))
     return cuda.jit(device=True)(lambda work, t: (*before(work, t), work[i][t]))
 
 

@@ -20,25 +20,22 @@ from realitygap.control.genotype import Layout
 from realitygap.control.network import check_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch
-from realitygap.kernels.ambient import ambient
 from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import routine
-from realitygap.kernels.light_bounds import fit_bounds
+from realitygap.kernels.light import ambient
 from realitygap.kernels.network import update_network
 from realitygap.kernels.params import Networks, Path, Robot, Room, Trial, World
 from realitygap.kernels.pointed import met
 from realitygap.kernels.rng import substream, uniform
-from realitygap.kernels.trial import bound_readings, move
+from realitygap.kernels.trial import move
 from realitygap.kernels.work import (
     NO_NETWORK,
     NO_RECORD,
     Record,
     Work,
-    farthest_notice,
     new_noise,
     new_record,
     new_work,
-    spread_fan,
     unfed,
 )
 from realitygap.streams import CONSTANTS
@@ -49,6 +46,7 @@ from realitygap.track import Trajectory
 from realitygap.values import Floats, Pose, as_count, as_stream, shown
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.robot import Profile, load_profile, noise_level
+from realitygap.world.sensors import looks
 
 __all__ = ["Engine", "Simulation", "Streams", "batch_streams", "drawn", "engine_named"]
 
@@ -191,17 +189,11 @@ class Simulation:
             return self.world
         return self.world._replace(robot=drawn(self.robot, stream, self.task.spread, self.task.spread_wheels))
 
-    def worlds(self, streams: Streams) -> list[tuple[World, slice, float]]:
-        """Those that trials happen in: of each world its trials, and its robot's `farthest_notice`."""
+    def worlds(self, streams: Streams) -> list[tuple[World, slice]]:
+        """Those that trials happen in, and of each world its trials."""
         if not self.task.spread:
-            return [(self.world, slice(None), self._far)]
-        each = map(self.world_of, streams)
-        fan = spread_fan(self.robot)
-        return [(world, slice(t, t + 1), farthest_notice(world.robot, fan)) for t, world in enumerate(each)]
-
-    @cached_property
-    def _far(self) -> float:
-        return farthest_notice(self.robot, spread_fan(self.robot))
+            return [(self.world, slice(None))]
+        return [(world, slice(t, t + 1)) for t, world in enumerate(map(self.world_of, streams))]
 
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
@@ -265,7 +257,7 @@ class Simulation:
         streams: Streams,
         paths: Floats,
         work: Work,
-        worlds: list[tuple[World, slice, float]] | None = None,
+        worlds: list[tuple[World, slice]] | None = None,
     ) -> None:
         """Carry out trials in this thread, as of `kernels.trial.run_each`.
 
@@ -274,8 +266,7 @@ class Simulation:
             brain, which, streams, paths, work: what it takes.
             worlds: of the streams, if they are known.
         """
-        for world, some, far in self.worlds(streams) if worlds is None else worlds:
-            work.span[0] = far
+        for world, some in self.worlds(streams) if worlds is None else worlds:
             run_trials(world, brain, which[some], streams[some], paths[some], NO_RECORD, work)
         self.require_finite_path(paths)
 
@@ -284,8 +275,7 @@ class Simulation:
         that feed none."""
         key, kept = (networks.thresholds.shape[1], networks.links.shape[1], whole), self._scratch.kept
         if key not in kept:
-            bounded = not whole and fit_bounds(self.world)
-            kept[key] = new_work(self.robot, self.trial, networks, bounded=bounded, whole=whole)
+            kept[key] = new_work(self.robot, self.trial, networks, whole=whole)
         return kept[key]
 
     @property
@@ -334,7 +324,6 @@ class Simulation:
             free = self.require_free(pose)
             task = task._replace(start=np.array([free.x, free.y, 0.0, free.heading, free.heading], float))
         work = self.scratch(networks, whole=True)
-        work.span[0] = farthest_notice(world.robot, work.fan)
         record = new_record(self.robot, len(task.channels), steps)
         paths = np.zeros((1, len(Path._fields), steps))
         one = np.zeros(1, np.int64), np.array([as_stream(stream)]), paths
@@ -391,13 +380,10 @@ class Simulation:
         self.score.over(self._paths[:1], self.room)
 
     def compile_part(self, name: str) -> None:
-        """Compile a part of the kernels alone: "light", its "bounds", or "near", all else but what encloses
-        them."""
+        """Compile a part of the kernels alone: "light", or "near", all else but what encloses them."""
         robot, arena, work = self.robot, self.arena, self.scratch(NO_NETWORK)
         sensing = (robot, arena, work, work.readings[:])
         calls: list[tuple[Any, tuple[object, ...]]] = [(ambient, sensing)]
-        if name == "bounds":
-            calls = [(bound_readings, (self.world, work))]
         if name == "near":
             calls = [
                 (infrared, sensing),
@@ -501,7 +487,14 @@ def drawn(robot: Robot, stream: int, spread: float, wheels: float | None = None)
     a, gain, turns, track = np.split(factors, [near, near + light, near + light + 2])
     return robot._replace(
         proximity_a=robot.proximity_a * a,
-        proximity_reach=_reach(robot, a),
+        **looks(
+            robot.proximity_place,
+            robot.proximity_facing,
+            _reach(robot, a),
+            robot.proximity_a * a,
+            robot.proximity_b,
+            robot.proximity_offset,
+        ),
         ambient_gain=robot.ambient_gain * gain,
         speed_per_unit=robot.speed_per_unit * turns,
         track=robot.track * float(track[0]),

@@ -14,8 +14,8 @@ from realitygap.work.pool import Pool, Processes, Setup, Tell
 
 __all__ = ["Ahead", "compile_ahead", "compile_side_by_side"]
 
-STAGES = ("light", "near", "breeding", "bounds"), ("trials", "record")
-"""The longest first, its bounds last, which share code; what encloses others comes when they are on file."""
+STAGES = ("light", "near", "breeding"), ("trials", "record")
+"""The longest first; what encloses others comes when they are on file."""
 
 
 class Ahead(Closing):

@@ -23,6 +23,8 @@ MANY = 20
 CELLS = 1024
 ENTRIES = 400_000
 """The most cells of a grid, and the most obstacles in all its cells: some megabytes."""
+TOGETHER = 4
+"""Cylinders that a ray is held against at once, where none overlap: the one whose middle is nearer is met."""
 SPARE_CM = 1e-6
 """Bounds are lower by this: no rounding makes a distance less than its bound."""
 
@@ -47,7 +49,11 @@ def nearest(
     middles = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 1, 2)
     near_cylinders, cylinder_gap = _sorted(_to_cylinders(middles, np.array(cylinders).reshape(-1, 3)) - half)
     near_segments, segment_gap = _sorted(_to_walls(middles, np.array(walls).reshape(-1, 4)) - half)
+    places = np.array(cylinders).reshape(-1, 3)
+    gaps = np.linalg.norm(places[:, None, :2] - places[:, :2], axis=2) - places[:, None, 2] - places[:, 2]
+    overlap = bool((gaps[~np.eye(len(places), dtype=bool)] < 0.0).any())
     return {
+        "together": 1 if overlap else TOGETHER,
         "grid": shape, "cells_per_cm": shape / size,
         "near_cylinders": near_cylinders, "cylinder_gap": cylinder_gap,
         "near_segments": near_segments, "segment_gap": segment_gap,

@@ -1,22 +1,23 @@
 """A robot's sensors as frozen values: infrared, light, rays, look-up tables (§3.2.3, §3.3)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels.params import CONE, LANES, NARROW, RAYS, Seen, Table
+from realitygap.kernels.params import CONE, EYES, F32, RAYS, Seen, Table
+from realitygap.values import Floats
 from realitygap.world.toml import Value, require
 
 __all__ = [
     "FAN", "RAY_ANGLES_DEG", "RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared",
-    "LookUp", "ProximitySensor", "Sensor", "check_both", "fan_weights", "kernel_both", "ray_weights",
-    "rays", "unit",
+    "LookUp", "ProximitySensor", "Sensor", "check_both", "fan", "fan_weights", "kernel_both", "looks",
+    "ray_angles", "ray_weights", "side_by_side", "unit",
 ]  # fmt: skip
 
 
@@ -40,43 +41,31 @@ def unit(direction_deg: float) -> tuple[float, float]:
     return round(math.cos(turned), 15) + 0.0, round(math.sin(turned), 15) + 0.0
 
 
-def rays(
-    directions_deg: list[float], number: int = RAYS, *, aperture_deg: float = 0.0
-) -> NDArray[np.float64]:
-    """Unit vectors [n, 2, LANES] of `number` rays for each sensor, or of a FAN of some aperture; pad lanes
-    point along the sensor."""
-    return _fans(tuple(directions_deg), number, aperture_deg).copy()
+def fan(angles_deg: Sequence[float], weights: Sequence[float]) -> F32:
+    """Rays [3, n] at angles off a sensor's direction, that one of each mirror-image pair which comes first:
+    cosines, sines, weights; one that is its own image has half its weight."""
+    pairs, odd = (len(angles_deg) + 1) // 2, len(angles_deg) % 2
+    rows = np.array([*zip(*map(unit, angles_deg[:pairs]), strict=True), weights[:pairs]], np.float32)
+    rows[2, -1] *= 0.5 if odd else 1.0
+    return rows
 
 
-@lru_cache(maxsize=256)  # a fit asks for the same directions again and again
-def _fans(directions_deg: tuple[float, ...], number: int, aperture_deg: float) -> NDArray[np.float64]:
-    turned = [share * aperture_deg for share in FAN] if aperture_deg else ray_angles(number)
-    angles = [*turned, *[0.0] * (LANES - len(turned))]
-    vectors = [unit(direction + angle) for direction in directions_deg for angle in angles]
-    return np.ascontiguousarray(np.moveaxis(np.reshape(vectors, (-1, LANES, 2)), 2, 1))
+def ray_weights(exponent: float, factor: float = 1.0, number: int = RAYS) -> list[float]:
+    """factor · cos^m β of each of `number` rays, m being the exponent."""
+    return [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in ray_angles(number)]
 
 
-def ray_weights(
-    sensors: int, exponent: float, factor: float = 1.0, shift_deg: float = 0.0, number: int = RAYS
-) -> NDArray[np.float64]:
-    """factor · cos^m β of each ray [sensors, LANES] of a fan turned by a shift; 0 in the pad lanes.
-
-    Args:
-        sensors: how many.
-        exponent: m.
-        factor: of all weights.
-        shift_deg: of the fan.
-        number: of its rays.
-    """
-    angles = [beta + shift_deg for beta in ray_angles(number)]
-    row = [factor * round(math.cos(math.radians(beta)) ** exponent, 15) for beta in angles]
-    return np.tile(np.array(row + [0.0] * (LANES - number)), (sensors, 1))
-
-
-def fan_weights(sensors: int, lobe: Sequence[float]) -> NDArray[np.float64]:
-    """The rays' weights [sensors, LANES] in a FAN: each share of a lobe belongs to two rays."""
+def fan_weights(lobe: Sequence[float]) -> list[float]:
+    """The rays' weights in a FAN: each share of a lobe belongs to two rays."""
     halves = [share / 2 for share in lobe]
-    return np.tile(np.array([*halves[::-1], *halves, *(0.0,) * (LANES - RAYS)]), (sensors, 1))
+    return [*halves[::-1], *halves]
+
+
+def side_by_side(*columns: Iterable[float]) -> F32:
+    """Blocks [n, constants, EYES] of constants of sensors; the last sensor is repeated to a whole block."""
+    rows = np.array([list(column) for column in columns], np.float32)
+    rows = np.concatenate([rows, np.repeat(rows[:, -1:], -rows.shape[1] % EYES, axis=1)], axis=1)
+    return np.ascontiguousarray(np.moveaxis(rows.reshape(len(rows), -1, EYES), 0, 1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +91,7 @@ def kernel_both(kind: str, own: Any) -> dict[str, Any]:
     sensors = own.sensors
     return {
         f"{kind}_place": np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2),
+        f"{kind}_facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
         f"{kind}_curve": _table([s.curve for s in sensors]),
         f"{kind}_noise": _table([s.noise for s in sensors]),
         f"{kind}_rise": np.array([s.noise_rise for s in sensors]),
@@ -134,7 +124,7 @@ class LookUp(Value):
     `nothing` holds each sensor's counts where nothing is near; without any there is no table. `wall_cm` are
     distances from the body's edge, rising; `wall` a row a sensor, of counts: all bearings, at equal steps
     counter-clockwise from the robot's front, at the first distance, then at the next. So for cylinders, from
-    edge to edge, whatever their radius. How readings follow: `kernels/replay.py`.
+    edge to edge, whatever their radius. How readings follow: `kernels/infrared.py`.
     """
 
     nothing: tuple[float, ...] = ()
@@ -184,12 +174,10 @@ class LookUp(Value):
 
 RESPONSES = ("paper", "linear", "measured")
 """Laws from illumination to counts."""
-ONE_SIDED = 0.74
-"""Half of the angle, in apertures, up to which a cylinder meets no ray of a FAN at ¾ or 1 opposite."""
 TURN = "Turn them round: the first becomes input -10, the second +10."
 """The cure for an input range in the wrong order."""
 RAY_NUMBERS = (10, 16, 18, 20, 24, 27, 30, 32, 36, 40, 45, 48, 50, 54, 60)
-"""How many rays reflected light may come in by: up to six fans of eight to ten each."""
+"""How many rays reflected light may come in by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,6 +200,17 @@ class ProximitySensor(Sensor):
     def reach_cm(self) -> float:
         """Distance beyond which no ray adds to the sum: √(a/−b) − offset; none where b ≥ 0."""
         return math.inf if self.b >= 0 else max(0.0, math.sqrt(self.a / -self.b) - self.offset_cm)
+
+
+def looks(
+    place: Floats, facing: Floats, reach: Floats, a: Floats, b: Floats, offset: Floats
+) -> dict[str, Any]:
+    """What the kernels' `Robot` has of proximity sensors' constants: those that a reach follows from."""
+    return {
+        "proximity_reach": reach,
+        "proximity_rows": side_by_side(*place.T, *facing.T, reach, a, b, offset),
+        "proximity_span": float(np.max(np.hypot(*place.T) + reach, initial=0.0)),
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,19 +247,25 @@ class Infrared(Value):
 
     def to_kernel(self) -> dict[str, Any]:
         """Its part of the kernels' `Robot`."""
-        sensors, n = self.sensors, len(self.sensors)
-        fan = self.aperture_deg if self.measured else 0.0
-        weight = fan_weights(n, self.lobe) if fan else ray_weights(n, self.exponent)
+        sensors, aperture = self.sensors, self.aperture_deg if self.measured else 0.0
+        angles = [share * aperture for share in FAN] if aperture else RAY_ANGLES_DEG
+        a, b, offset = (np.array([getattr(s, key) for s in sensors]) for key in ("a", "b", "offset_cm"))
+        own = kernel_both("proximity", self)
         return {
-            **kernel_both("proximity", self),
-            "proximity_ray": rays([s.direction_deg for s in sensors], aperture_deg=fan),
-            "proximity_weight": weight,
-            "proximity_cone": unit(fan)[0] if fan else CONE,
-            "proximity_narrow": min(NARROW, unit(ONE_SIDED * fan)[1] ** 2) if fan else NARROW,
-            "proximity_a": np.array([s.a for s in sensors]),
-            "proximity_b": np.array([s.b for s in sensors]),
-            "proximity_offset": np.array([s.offset_cm for s in sensors]),
-            "proximity_reach": np.array([self.reach_cm(s) for s in sensors]),
+            **own,
+            "proximity_fan": fan(angles, fan_weights(self.lobe) if aperture else ray_weights(self.exponent)),
+            "proximity_cone": unit(aperture)[0] if aperture else CONE,
+            "proximity_a": a,
+            "proximity_b": b,
+            "proximity_offset": offset,
+            **looks(
+                own["proximity_place"],
+                own["proximity_facing"],
+                np.array([self.reach_cm(s) for s in sensors]),
+                a,
+                b,
+                offset,
+            ),
             "proximity_knee": 1.0 / self.curve_cm if self.curve_cm else 0.0,
             "proximity_width2": self.width_cm**2,
             "proximity_least": 1.0 / self.range_cm if self.range_cm else 0.0,
@@ -380,19 +385,17 @@ class Ambient(Value):
 
     def to_kernel(self, body_height_cm: float) -> dict[str, Any]:
         """Its part of the kernels' `Robot`, on a body of this height."""
-        sensors, shifts = self.sensors, self.shifts_deg()
-        per_fan, thrown_back = round(self.rays) // len(shifts), self.reflectance * RAYS / self.rays
-        fans = [ray_weights(1, self.exponent, thrown_back, shift, per_fan) for shift in shifts]
+        sensors, many, own = self.sensors, round(self.rays), kernel_both("ambient", self)
+        weights = ray_weights(self.exponent, self.reflectance * RAYS / many, many)
         floor, dark = np.array(self.ranges()).reshape(-1, 2).T
+        columns = *own["ambient_place"].T, *own["ambient_facing"].T, np.full(len(sensors), math.inf)
         return {
-            **kernel_both("ambient", self),
-            "ambient_facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
-            "ambient_ray": rays([s.direction_deg + shift for s in sensors for shift in shifts], per_fan),
-            "ambient_weight": np.concatenate([np.zeros((0, LANES)), *fans * len(sensors)]),
+            **own,
+            "ambient_fan": fan(ray_angles(many), weights),
+            "ambient_rows": side_by_side(*columns),
             "ambient_gain": np.array([s.gain for s in sensors]),
             "ambient_floor": floor.copy(),
             "ambient_dark": dark.copy(),
-            "ambient_full": self._full(dark - floor),
             "ambient_knee": math.sqrt(self.curve_light),
             "light_linear": float(self.response == "linear"),
             "light_facing": self.facing,
@@ -405,19 +408,10 @@ class Ambient(Value):
             "light_clear": self._clear_share(body_height_cm),
         }
 
-    def _full(self, span: NDArray[np.float64]) -> NDArray[np.float64]:
-        """[A] the light, times the gain, from which on more changes nothing."""
-        return span if self.response == "linear" else np.full(len(self.sensors), math.inf)
-
     def _clear_share(self, body_height_cm: float) -> float:
         """The share of light's way from the lamp to a surface that is above the body's top."""
         top, rise = body_height_cm - self.sensor_height_cm, self.lamp_height_cm
         return 1.0 - top / rise if 0 < top < rise else 0.0
-
-    def shifts_deg(self) -> tuple[float, ...]:
-        """By how much each fan of at most ten rays is turned off the sensor's direction."""
-        fans = -(-round(self.rays) // RAYS)
-        return tuple((i - (fans - 1) / 2) * 180.0 / self.rays for i in range(fans))
 
     def ranges(self) -> tuple[tuple[float, float], ...]:
         """Floor and dark reading of each sensor, counts."""

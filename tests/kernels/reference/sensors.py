@@ -22,7 +22,7 @@ from tests.kernels.reference.rays import (
     reflectance,
 )
 
-DRAWN_BACK = 1e-6
+DRAWN_BACK = 3e-5
 """A ray's end lies this share of its length before the surface it meets, so that the surface
 itself hides nothing that is on the ray's side of it."""
 
