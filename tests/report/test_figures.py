@@ -92,7 +92,7 @@ def test_rays_are_no_longer_than_a_sensor_reaches() -> None:
     """Ten rays a sensor, each from its sensor's place, none longer than the given reach."""
     robot = PROFILE.to_kernel()
     rays = sensor_rays(
-        TASKS[0].arena.to_kernel(), robot.proximity_place, robot.proximity_facing, (25, 25, 0.3), 6.2
+        TASKS[0].arena.to_kernel(), robot.proximity.place, robot.proximity.facing, (25, 25, 0.3), 6.2
     )
     lengths = np.hypot(*(rays[:, 1] - rays[:, 0]).T)
     assert rays.shape == (80, 2, 2)

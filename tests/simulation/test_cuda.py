@@ -128,7 +128,7 @@ def test_tracks_begin_as_the_processors(name, profile):
     if profile == "thymio":  # which is too large for the paper's arena
         task = replace(task, arena=replace(task.arena, cylinders=()), sensors=())
     task = task.of(robot)
-    assert (robot.to_kernel().proximity_noise.shape[1] > 0) is (profile != "paper")
+    assert (robot.to_kernel().proximity.noise.shape[1] > 0) is (profile != "paper")
     nets, streams = random_networks(Simulation(task, robot), stream=5, count=20), batch_streams(6, 40)
     ways = (
         Simulation(task, robot, engine=name).tracks(nets, streams.reshape(20, 2))

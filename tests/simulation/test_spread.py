@@ -33,9 +33,9 @@ def test_factors_fill_the_spread_and_nothing_else():
     assert ((factors > 0.8) & (factors < 1.2)).all() and factors.shape == (400, 19)
     assert (abs(factors.mean(0) - 1) < 0.03).all() and (abs(factors.std(0) - 0.4 / 12**0.5) < 0.01).all()
     assert abs(np.corrcoef(factors.T) - np.eye(19)).max() < 0.25
-    far = np.sqrt(made[0].proximity_a / -robot.proximity_b) - robot.proximity_offset
-    np.testing.assert_allclose(made[0].proximity_reach, far)
-    assert made[0].radius == robot.radius and (made[0].proximity_b == robot.proximity_b).all()
+    far = np.sqrt(made[0].proximity.a / -robot.proximity.b) - robot.proximity.offset
+    np.testing.assert_allclose(made[0].proximity.reach, far)
+    assert made[0].radius == robot.radius and (made[0].proximity.b == robot.proximity.b).all()
 
 
 def test_a_trial_is_its_streams_however_it_is_carried_out():
@@ -61,7 +61,7 @@ def test_a_body_draws_its_constants_with_each_reset():
     for stream in (1, 2, 1):
         body.stream = stream
         body.reset()
-        tracks.append(body._world.robot.track)
+        tracks.append(body._world.robot.wheels.track)
     assert tracks[0] == tracks[2] != tracks[1]
 
 
@@ -76,8 +76,8 @@ def test_the_wheels_may_have_a_share_of_their_own():
     robot = load_profile("paper").to_kernel()
     both, apart = drawn(robot, 5, 0.4), drawn(robot, 5, 0.4, 0.02)
     assert np.array_equal(both.proximity_a, apart.proximity_a)
-    factor = both.speed_per_unit / robot.speed_per_unit - 1
-    assert np.allclose(apart.speed_per_unit / robot.speed_per_unit - 1, factor / 20)
+    factor = both.wheels.speed_per_unit / robot.wheels.speed_per_unit - 1
+    assert np.allclose(apart.wheels.speed_per_unit / robot.wheels.speed_per_unit - 1, factor / 20)
     task = load_task("avoidance").under(0.4, 0.02)
     assert task.name == "obstacle-avoidance-spread-40-wheels-2" and task.plain_name == "obstacle-avoidance"
     again = task.under(0.1)

@@ -188,7 +188,7 @@ def test_a_copied_task_finds_its_arena(mine, tmp_path):
 def test_the_example_robot():
     """The example robot has six proximity and two light sensors."""
     robot = load_profile(EXAMPLES / "hexagon.toml").to_kernel()
-    assert robot.proximity_place.shape == (6, 2) and robot.ambient_place.shape == (2, 2)
+    assert robot.proximity.place.shape == (6, 2) and robot.ambient.place.shape == (2, 2)
 
 
 @pytest.mark.parametrize(

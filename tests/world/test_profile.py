@@ -63,18 +63,18 @@ def test_rays_of_the_kernels(paper):
     """Ten rays from −81° to +81° about each sensor, weighed cos β and 1.5 cos² β, as five mirrored pairs."""
     robot = paper.to_kernel()
     beta = np.radians(np.arange(-81, 0, 18))
-    np.testing.assert_allclose(robot.proximity_fan, [np.cos(beta), np.sin(beta), np.cos(beta)], atol=1e-7)
-    np.testing.assert_allclose(robot.ambient_fan[2], 1.5 * np.cos(beta) ** 2, rtol=1e-6)
+    np.testing.assert_allclose(robot.proximity.fan, [np.cos(beta), np.sin(beta), np.cos(beta)], atol=1e-7)
+    np.testing.assert_allclose(robot.ambient.fan[2], 1.5 * np.cos(beta) ** 2, rtol=1e-6)
     angles = np.radians([sensor.direction_deg for sensor in paper.infrared.sensors])
     np.testing.assert_allclose(
-        robot.proximity_facing, np.stack([np.cos(angles), np.sin(angles)], 1), atol=1e-14
+        robot.proximity.facing, np.stack([np.cos(angles), np.sin(angles)], 1), atol=1e-14
     )
-    np.testing.assert_array_equal(robot.proximity_rows[0, 2:4].T, robot.proximity_facing.astype(np.float32))
+    np.testing.assert_array_equal(robot.proximity.rows[0, 2:4].T, robot.proximity.facing.astype(np.float32))
 
 
 def test_mirror_image_sensors_have_mirror_images(paper):
     """Place and direction of a sensor are, to the last bit, those of its mirror image."""
-    rows = paper.to_kernel().proximity_rows[0, :4]
+    rows = paper.to_kernel().proximity.rows[0, :4]
     for one, other in ((0, 5), (1, 4), (2, 3), (6, 7)):
         np.testing.assert_array_equal(rows[:, one] * [1, -1, 1, -1], rows[:, other])
 
@@ -100,7 +100,7 @@ def test_kernel_arrays_have_one_type(paper):
 def test_reach(paper):
     """Beyond √(a/−b) − offset no ray adds anything; where b ≥ 0 there is no such distance."""
     sensor = paper.infrared.sensors[0]
-    assert paper.to_kernel().proximity_reach == pytest.approx([math.sqrt(3515 / 91.4)] * 8)
+    assert paper.to_kernel().proximity.reach == pytest.approx([math.sqrt(3515 / 91.4)] * 8)
     assert replace(sensor, offset_cm=0.4).reach_cm() == pytest.approx(math.sqrt(3515 / 91.4) - 0.4)
     assert replace(sensor, b=0.0).reach_cm() == math.inf
 

@@ -114,7 +114,7 @@ def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Wor
 
     work, parts = work or work_of(robot), []
     for scene, turn_deg, away_cm in rigs:
-        out = np.zeros((len(scene.poses), len(robot.proximity_place)))
+        out = np.zeros((len(scene.poses), len(robot.proximity.place)))
         sweep_received(robot, scene.arena, scene.turned(turn_deg, away_cm), work, out)
         parts.append(out)
     return np.concatenate(parts)
@@ -131,7 +131,7 @@ def lit_readings(
         more: light of the room beyond the profile's own, 1/cm², [P] or one for all.
     """
     robot, law = _robot(profile), profile.infrared
-    light = received(robot, [(scene, turn_deg, away_cm)]) + more * robot.proximity_a
+    light = received(robot, [(scene, turn_deg, away_cm)]) + more * robot.proximity.a
     return table_at([s.curve for s in law.sensors], up_curve(light, law.curve_cm))[scene.row]
 
 
@@ -160,7 +160,7 @@ def lit_places(robot: Robot, rigs: Sequence[tuple[Scene, float]], work: Work) ->
 
     parts = []
     for scene, turn_deg in rigs:
-        out = np.zeros((len(scene.poses), len(robot.ambient_place)))
+        out = np.zeros((len(scene.poses), len(robot.ambient.place)))
         follow = sweep.sweep_direct if scene.bare else sweep.sweep_light
         follow(robot, scene.arena, scene.turned(turn_deg), work, out)
         parts.append(out)

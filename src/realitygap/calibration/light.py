@@ -225,7 +225,8 @@ class LightMemory:
             rigs = [(scene, turn) for (_, scene), turn in zip(self._scenes, turns, strict=True)]
             if self._robot is None:
                 self._robot = profile.to_kernel()
-            robot = self._robot._replace(**law.to_kernel(profile.body.height_cm))
+            ambient, light = law.to_kernel(profile.body.height_cm)
+            robot = self._robot._replace(ambient=ambient, light=light)
             self._work = self._work or work_of(robot)
             self._kept[key] = lit_places(robot, rigs, self._work)
         return self._kept[key]

@@ -71,11 +71,11 @@ class Optics:
 
     def share(self, profile: Profile, values: Values) -> Floats:
         """[n, S] position of each reading on its curve."""
-        robot = self._robot._replace(**profile.infrared.to_kernel())
+        robot = self._robot._replace(proximity=profile.infrared.to_kernel())
         rigs = []
         for name, scene in self.scenes:
             rigs.append((scene.tried(values), value_of(values, name), value_of(values, shift_of(name))))
-        light = received(robot, rigs, self._work) + np.outer(self._lit(values), robot.proximity_a)
+        light = received(robot, rigs, self._work) + np.outer(self._lit(values), robot.proximity.a)
         return up_curve(light, profile.infrared.curve_cm)[self.place]
 
     def _lit(self, values: Values) -> Floats:

@@ -73,7 +73,7 @@ def probe(world, streams, work, noise, proximity, ambients):
             read(robot, AMBIENT, level, 0.0, noise, ambients[t])
         else:
             for i in range(proximity.shape[1]):
-                proximity[t, i] *= 1.0 if proximity[t, i] >= robot.proximity_dead else 0.0
+                proximity[t, i] *= 1.0 if proximity[t, i] >= robot.proximity.dead else 0.0
 
 
 @kernel

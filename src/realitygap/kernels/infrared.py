@@ -66,8 +66,8 @@ def signal_measured(n, robot, sensors, fan, p):
     """Σ weight ρ cos a / ((d + offset)² + width²), minus the overlap of beams: what a flat surface, at the
     distance of the middle ray, reflects into the outermost."""
     middle = LANES * U(fan.shape[1] - 1)
-    least, width2 = f32(robot.proximity_least), f32(robot.proximity_width2)
-    overlap, cone = f32(robot.proximity_overlap), f32(robot.proximity_cone)
+    least, width2 = f32(robot.proximity.least), f32(robot.proximity.width2)
+    overlap, cone = f32(robot.proximity.overlap), f32(robot.proximity.cone)
     for r in range(fan.shape[1]):
         w, o = fan[2, r], LANES * U(r)
         for i in range(n):
@@ -85,9 +85,9 @@ def signal_measured(n, robot, sensors, fan, p):
 @step
 def is_extended(robot, arena):
     """Whether the light of a ray depends on more than 1/d by the printed law."""
-    extended = robot.proximity_lambertian > 0.0 or arena.reflectance.shape[0] > 0
-    for k in range(robot.proximity_offset.shape[0]):
-        extended = extended or robot.proximity_offset[k] != 0.0
+    extended = robot.proximity.lambertian > 0.0 or arena.reflectance.shape[0] > 0
+    for k in range(robot.proximity.offset.shape[0]):
+        extended = extended or robot.proximity.offset[k] != 0.0
     return extended
 
 
@@ -95,11 +95,11 @@ def is_extended(robot, arena):
 def receive(robot, arena, work, out):
     """The signals of all sensors into `out` ([P]): the printed sums, not clipped; or the light of measured
     sensors, before their curves."""
-    fan, p, matt = robot.proximity_fan, work.eyes, f32(robot.proximity_lambertian)
-    cell, measured = cell_at(arena, work.pose[0], work.pose[1]), robot.proximity_curve.shape[1] > 0
+    fan, p, matt = robot.proximity.fan, work.eyes, f32(robot.proximity.lambertian)
+    cell, measured = cell_at(arena, work.pose[0], work.pose[1]), robot.proximity.curve.shape[1] > 0
     more, shades = FAR if is_bright(arena) else NONE, (matt, ONE - matt)
-    for block in range(robot.proximity_rows.shape[0]):
-        sensors = robot.proximity_rows[block]
+    for block in range(robot.proximity.rows.shape[0]):
+        sensors = robot.proximity.rows[block]
         n = U(sensors.shape[1])
         stand(n, sensors, arena, work.pose, p)
         if measured or is_extended(robot, arena):
@@ -126,17 +126,17 @@ def is_bright(arena):
 @step
 def by_rays(robot, arena, work, out):
     """As `infrared`, for a robot without a table."""
-    if not is_bright(arena) and stands_clear(arena, work.pose[0], work.pose[1], robot.proximity_span):
+    if not is_bright(arena) and stands_clear(arena, work.pose[0], work.pose[1], robot.proximity.span):
         for k in range(out.shape[0]):
             out[k] = 0.0
     else:
         receive(robot, arena, work, out)
-    if robot.proximity_curve.shape[1] > 0:
+    if robot.proximity.curve.shape[1] > 0:
         for k in range(out.shape[0]):
-            out[k] = apply_curve(robot.proximity_curve, k, robot.proximity_knee, out[k])
+            out[k] = apply_curve(robot.proximity.curve, k, robot.proximity.knee, out[k])
     else:
         for k in range(out.shape[0]):
-            out[k] = min(max(out[k], 0.0), robot.proximity_top)
+            out[k] = min(max(out[k], 0.0), robot.proximity.top)
 
 
 @step
@@ -144,7 +144,7 @@ def by_table_or_rays(table, robot, arena, work, out):
     """As `infrared`. Only one of the two is compiled for a robot, since the table's length is part of the
     type."""
     if len(table) > 0:
-        replay(table, robot.radius, robot.proximity_top, arena, work.pose, out)
+        replay(table, robot.radius, robot.proximity.top, arena, work.pose, out)
     else:
         by_rays(robot, arena, work, out)
 
@@ -152,7 +152,7 @@ def by_table_or_rays(table, robot, arena, work, out):
 @apart
 def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
-    by_table_or_rays(robot.proximity_table, robot, arena, work, out)
+    by_table_or_rays(robot.proximity.table, robot, arena, work, out)
 
 
 # Measured sensors: tables of each, with values at equal steps, straight between them.

@@ -71,14 +71,14 @@ def power(x, p):
 @step
 def count_points(robot):
     """Number of distinct points of a lamp."""
-    return 1 if robot.light_narrow >= 1.0 else LAMP_POINTS
+    return 1 if robot.light.narrow >= 1.0 else LAMP_POINTS
 
 
 @step
 def lamp_point(robot, arena, pose, lamp, q):
     """Position (x, y), weight and row of HIDDEN of a lamp's point `q`: moved towards the lamp's centre by the
     share `narrow`, and kept `wall_offset` cm off the room's walls. A lamp of one point has all the weight."""
-    narrow, off = robot.light_narrow, robot.light_wall_offset
+    narrow, off = robot.light.narrow, robot.light.wall_offset
     x, y = arena.lamp_points[lamp, q, 0], arena.lamp_points[lamp, q, 1]
     weight = arena.lamp_weights[lamp, q]
     if narrow >= 1.0:
@@ -203,7 +203,7 @@ def find_surfaces(n, arena, pose, ray, p):
 @step
 def fall_of(robot):
     """(1 − flat, flat, flat · near²): how reflected light falls off with a ray's length."""
-    flat, near = f32(robot.light_flat), f32(robot.light_near)
+    flat, near = f32(robot.light.flat), f32(robot.light.near)
     return ONE - flat, flat, flat * near * near
 
 
@@ -334,10 +334,10 @@ def hide_ends(n, robot, arena, pose, point, low, p):
 @step
 def reflect_lamp(n, robot, arena, pose, lamp, bare, p):
     """Add the light of a lamp that comes back from the ends of all rays to the sums."""
-    fan, points, many = robot.ambient_fan, points_of(robot, arena, pose, lamp), count_points(robot)
-    matt, offset, fall = f32(robot.light_lambertian), f32(arena.lamp_offset[lamp]), fall_of(robot)
+    fan, points, many = robot.ambient.fan, points_of(robot, arena, pose, lamp), count_points(robot)
+    matt, offset, fall = f32(robot.light.lambertian), f32(arena.lamp_offset[lamp]), fall_of(robot)
     radius = robot.radius if robot.outline.shape[0] == 0 else 0.0
-    body = f32(1.0 - robot.light_clear), f32(radius * radius), f32(robot.light_height2)
+    body = f32(1.0 - robot.light.clear), f32(radius * radius), f32(robot.light.height2)
     light = max(points[0][2] + offset, NONE)
     for r in range(fan.shape[1] if bare else 0):
         ray, weight = (fan[0, r], fan[1, r]), fan[2, r]
@@ -366,11 +366,11 @@ def add_reflected(n, robot, arena, pose, sensors, p):
     """Add the light that the rays bring to the sums of the `n` sensors that `stand`."""
     things = arena.cylinders.shape[0] + arena.segments.shape[0] + arena.reflectance.shape[0]
     bare = things + robot.outline.shape[0] == 0 and (
-        robot.light_lambertian == 0.0 or count_points(robot) == 1
+        robot.light.lambertian == 0.0 or count_points(robot) == 1
     )
     if not bare:
         cell = cell_at(arena, pose[0], pose[1])
-        cast_rays(n, arena, pose, cell, robot.radius, sensors, FAR, robot.ambient_fan, p, None)
+        cast_rays(n, arena, pose, cell, robot.radius, sensors, FAR, robot.ambient.fan, p, None)
     for lamp in range(arena.lamp_points.shape[0]):
         reflect_lamp(n, robot, arena, pose, lamp, bare, p)
 
@@ -398,7 +398,7 @@ def add_direct(n, robot, arena, pose, lamp, p):
     """Add direct light of a lamp to the sums: of its points that are neither hidden nor more than 90° off a
     sensor's direction."""
     points, many = points_of(robot, arena, pose, lamp), count_points(robot)
-    offset, height2, facing = f32(arena.lamp_offset[lamp]), f32(robot.light_height2), f32(robot.light_facing)
+    offset, height2, facing = f32(arena.lamp_offset[lamp]), f32(robot.light.height2), f32(robot.light.facing)
     for q in range(many):
         for i in range(n):
             p[points[q][3] + i] = NONE
@@ -422,8 +422,8 @@ def illuminate(robot, arena, reflecting, work, out):
     """Illumination of all ambient sensors into `out` ([A]), before their gains; `reflecting`: not only direct
     light."""
     p = work.eyes
-    for block in range(robot.ambient_rows.shape[0]):
-        sensors = robot.ambient_rows[block]
+    for block in range(robot.ambient.rows.shape[0]):
+        sensors = robot.ambient.rows[block]
         n = U(sensors.shape[1])
         stand(n, sensors, arena, work.pose, p)
         for i in range(n):
@@ -443,15 +443,15 @@ def ambient(robot, arena, work, out):
     each sensor's measured curve.
     """
     illuminate(robot, arena, True, work, out)
-    if robot.ambient_curve.shape[1] > 0:
+    if robot.ambient.curve.shape[1] > 0:
         for k in range(out.shape[0]):
-            out[k] = apply_curve(robot.ambient_curve, k, robot.ambient_knee, out[k] * robot.ambient_gain[k])
+            out[k] = apply_curve(robot.ambient.curve, k, robot.ambient.knee, out[k] * robot.ambient.gain[k])
         return
-    linear = robot.light_linear > 0.0
+    linear = robot.light.linear > 0.0
     for k in range(out.shape[0]):
-        total = out[k] * robot.ambient_gain[k]
-        floor = robot.ambient_floor[k]
-        dark = robot.ambient_dark[k]
+        total = out[k] * robot.ambient.gain[k]
+        floor = robot.ambient.floor[k]
+        dark = robot.ambient.dark[k]
         out[k] = dark
         if linear:
             out[k] = max(dark - total, floor)

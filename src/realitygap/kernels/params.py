@@ -51,19 +51,9 @@ class Table(NamedTuple):
     cylinder: Seen
 
 
-class Robot(NamedTuple):
-    """A robot's constants. `P` proximity and `A` ambient sensors.
+class Wheels(NamedTuple):
+    """The wheels and what turns them (§3.2.2)."""
 
-    One flat tuple: each nested one adds more than half a microsecond to a call.
-    """
-
-    radius: float
-    """Of the disc, or of the circle about the outline whose middle is the axle's."""
-    outline: F
-    """[V, 4] corners (x forward, y left), and the outward normal of the edge from each to the next,
-    counter-clockwise; V = 0: a disc."""
-    period: float
-    """Length of a step, s: 0.1 in the paper."""
     track: float
     speed_per_unit: F
     """[2] cm/s of the left and the right wheel per Khepera unit."""
@@ -83,104 +73,134 @@ class Robot(NamedTuple):
     top_command: float
     """Largest command of the network, Khepera units: 10."""
 
-    proximity_place: F
+
+class Proximity(NamedTuple):
+    """`P` proximity sensors (§3.2.3). Measured ones have curves; empty curves mean the paper's equation."""
+
+    place: F
     """[P, 2] sensor places in the robot's frame (x forward, y left)."""
-    proximity_facing: F
+    facing: F
     """[P, 2] unit vector of each sensor's direction in the robot's frame."""
-    proximity_fan: F32
+    fan: F32
     """[3, RAYS/2] of each pair of a ray and its mirror image, outermost first: cosine and sine of their angle
     off the sensor's direction, and cos^m β."""
-    proximity_rows: F32
+    rows: F32
     """[blocks, 8, EYES] of each sensor, the last one repeated: place, direction, reach, a, b, offset."""
-    proximity_span: float
+    span: float
     """Distance from the robot's middle beyond which no sensor notices anything, cm."""
-    proximity_a: F
-    proximity_b: F
-    proximity_offset: F
+    a: F
+    b: F
+    offset: F
     """[P] of each sensor: Σ cos^m β (a/(d + offset)² + b)."""
-    proximity_reach: F
+    reach: F
     """[P] distance beyond which every ray's term is ≤ 0, √(a/−b) − offset; inf where b ≥ 0."""
-    proximity_top: float
+    top: float
     """The converter's highest count."""
-    proximity_cone: float
+    cone: float
     """The outermost rays' cosine."""
-    proximity_lambertian: float
+    lambertian: float
     """1: surfaces reflect by the cosine of incidence; 0 in the paper."""
-    proximity_low: float
-    proximity_high: float
+    low: float
+    high: float
     """Readings (counts) that become a network's inputs −10 and +10."""
-
-    # Measured sensors: empty curves mean the paper's equation.
-    proximity_curve: F
-    proximity_knee: float
+    curve: F
+    knee: float
     """[P, n] counts at equal steps of √x / (√x + knee), x = Σ weight a / ((d + offset)² + width²)."""
-    proximity_width2: float
-    proximity_least: float
+    width2: float
+    least: float
     """width², cm²; and 1/d of a ray below which nothing returns."""
-    proximity_overlap: float
+    overlap: float
     """Weight of the overlap of beams: light that a flat surface before the middle ray reflects into the
     outermost."""
-    proximity_dead: float
+    dead: float
     """Counts below which the sensors read 0."""
-    proximity_noise: F
-    proximity_rise: F
+    noise: F
+    rise: F
     """[P, n] deviation at equal steps of the reading, 0 … top; [P] its rise with the wheels' speed, s/cm."""
-    proximity_table: Table | tuple[()]
+    table: Table | tuple[()]
     """Replaces equation and rays; (): none."""
 
-    ambient_place: F
+
+class Ambient(NamedTuple):
+    """`A` ambient light sensors (§3.3)."""
+
+    place: F
     """[A, 2] as for proximity."""
-    ambient_facing: F
+    facing: F
     """[A, 2] unit vector of each sensor's direction in the robot's frame."""
-    ambient_fan: F32
+    fan: F32
     """[3, r/2 rounded up] as for proximity; weights: reflectance · cos^m β · RAYS / r of r rays, 1.5 cos² β
     in the paper; an odd one in the middle counts as two halves."""
-    ambient_rows: F32
+    rows: F32
     """[blocks, 5, EYES] place, direction, reach (inf)."""
-    ambient_gain: F
+    gain: F
     """[A] factor on the sensor's total illumination: 1 in the paper."""
-    ambient_floor: F
-    ambient_dark: F
+    floor: F
+    dark: F
     """[A] V = floor + 1/√A clipped at dark, of each sensor: all equal in the paper (55, 484)."""
-    ambient_curve: F
-    ambient_knee: float
-    ambient_noise: F
-    ambient_rise: F
+    curve: F
+    knee: float
+    noise: F
+    rise: F
     """As for proximity, x the illumination times gain."""
-    ambient_top: float
+    top: float
     """The converter's highest count."""
-    ambient_low: float
-    ambient_high: float
+    low: float
+    high: float
     """As for proximity: low is dark."""
 
-    # Extensions of the paper's light model (§3.3), all 0 in it.
-    light_linear: float
+
+class Light(NamedTuple):
+    """Extensions of the paper's light model (§3.3), all 0 in it."""
+
+    linear: float
     """1: V = dark − A, clipped at floor."""
-    light_facing: float
+    facing: float
     """The exponent of direct light's cosine of incidence."""
-    light_height2: float
+    height2: float
     """The lamp's height², cm²."""
-    light_flat: float
+    flat: float
     """1: reflected light falls off as 1/√(d² + near²)."""
-    light_near: float
+    near: float
     """`near` above, cm."""
-    light_lambertian: float
+    lambertian: float
     """1: surfaces are lit by the cosine of incidence."""
-    light_narrow: float
+    narrow: float
     """The share by which a lamp's points are moved to its centre."""
-    light_wall_offset: float
+    wall_offset: float
     """Distance of a lamp from a wall, cm."""
-    light_clear: float
+    clear: float
     """The share of light's path from a lamp to a surface that is above the body's top."""
 
-    noise_proximity: float
+
+class Noise(NamedTuple):
+    """Observed deviations (§6)."""
+
+    proximity: float
     """Observed deviation (§6), counts, where the noise-free reading is above 0."""
-    noise_proximity_dark: float
-    noise_ambient: float
-    noise_wheel: float
+    proximity_dark: float
+    ambient: float
+    wheel: float
     """Share of the speed."""
-    noise_friction: float
+    friction: float
     """Share of the friction's threshold."""
+
+
+class Robot(NamedTuple):
+    """A robot's constants."""
+
+    radius: float
+    """Of the disc, or of the circle about the outline whose middle is the axle's."""
+    outline: F
+    """[V, 4] corners (x forward, y left), and the outward normal of the edge from each to the next,
+    counter-clockwise; V = 0: a disc."""
+    period: float
+    """Length of a step, s: 0.1 in the paper."""
+    wheels: Wheels
+    proximity: Proximity
+    ambient: Ambient
+    light: Light
+    noise: Noise
 
 
 class Arena(NamedTuple):

@@ -53,5 +53,5 @@ def sweep_wheels(robot, commands, first, work, speeds):
             if first[i] != 0:
                 for j in range(work.wheel.shape[1]):
                     work.wheel[w, j] = 0.0
-            target = commands[i, w] * robot.speed_per_unit[w]
+            target = commands[i, w] * robot.wheels.speed_per_unit[w]
             speeds[i, w] = turn_wheel(robot, work.wheel[w], target, 1.0, 0.0)

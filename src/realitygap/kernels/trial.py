@@ -72,11 +72,11 @@ def read(robot, feed, level, speed, noise, readings):
 
     With a table of noise, `noise` is scaled in place.
     """
-    lit, dark, top = robot.noise_proximity, robot.noise_proximity_dark, robot.proximity_top
-    table, rise, dead = robot.proximity_noise, robot.proximity_rise, robot.proximity_dead
+    lit, dark, top = robot.noise.proximity, robot.noise.proximity_dark, robot.proximity.top
+    table, rise, dead = robot.proximity.noise, robot.proximity.rise, robot.proximity.dead
     if feed == AMBIENT:
-        lit, dark, top = robot.noise_ambient, robot.noise_ambient, robot.ambient_top
-        table, rise, dead = robot.ambient_noise, robot.ambient_rise, 0.0
+        lit, dark, top = robot.noise.ambient, robot.noise.ambient, robot.ambient.top
+        table, rise, dead = robot.ambient.noise, robot.ambient.rise, 0.0
     if table.shape[1] > 0 and level > 0.0:
         lit = dark = 1.0
         scale_noise(table, rise, readings, top, speed, noise[MOTOR_NOISE:])
@@ -105,7 +105,7 @@ def scale_input(low, high, reading):
 @step
 def near_fed(robot, feed):
     """Number of fed readings that are proximity sensors'; they come first."""
-    return 0 if feed == AMBIENT else robot.proximity_place.shape[0]
+    return 0 if feed == AMBIENT else robot.proximity.place.shape[0]
 
 
 @step
@@ -148,17 +148,17 @@ def feed_one(robot, task, near, i, work):
     """Scale a reading, the first `near` of which are proximity sensors', to input `i`."""
     channel = task.channels[i]
     if channel < near:
-        feed_input(robot.proximity_low, robot.proximity_high, i, channel, work)
+        feed_input(robot.proximity.low, robot.proximity.high, i, channel, work)
     else:
-        feed_input(robot.ambient_low, robot.ambient_high, i, channel, work)
+        feed_input(robot.ambient.low, robot.ambient.high, i, channel, work)
 
 
 @step
 def to_inputs(robot, task, work):
     """Scale readings to inputs; `change` keeps the difference to the previous step."""
     near = near_fed(robot, task.feed)
-    low = robot.proximity_low if near > 0 else robot.ambient_low
-    high = robot.proximity_high if near > 0 else robot.ambient_high
+    low = robot.proximity.low if near > 0 else robot.ambient.low
+    high = robot.proximity.high if near > 0 else robot.ambient.high
     if task.feed != BOTH:  # tested once: testing each input would take a sixth of a step
         for i in range(task.channels.shape[0]):
             feed_input(low, high, i, task.channels[i], work)
@@ -174,11 +174,11 @@ def turn_wheels(robot, commands, level, work):
         drag = 1.0
         slip = 0.0
         if level > 0.0:
-            drag = 1.0 + level * robot.noise_friction * work.noise[w]
-            slip = level * robot.noise_wheel * work.noise[2 + w]
-        target = commands[w] * (robot.top_command / LIMIT) * robot.speed_per_unit[w]
+            drag = 1.0 + level * robot.noise.friction * work.noise[w]
+            slip = level * robot.noise.wheel * work.noise[2 + w]
+        target = commands[w] * (robot.wheels.top_command / LIMIT) * robot.wheels.speed_per_unit[w]
         turn_wheel(robot, work.wheel[w], target, drag, slip)
-        bound_wheel(work.wheel[w], FASTEST * robot.top_command * robot.speed_per_unit[w])
+        bound_wheel(work.wheel[w], FASTEST * robot.wheels.top_command * robot.wheels.speed_per_unit[w])
 
 
 @step
@@ -186,7 +186,7 @@ def move(robot, arena, work):
     """The wheels' arcs carry the body, as far as walls and cylinders let it."""
     left = work.wheel[0, 0]
     right = work.wheel[1, 0]
-    arc = drive_arc(robot.track, left, right, work.pose[3], work.pose[4], robot.period)
+    arc = drive_arc(robot.wheels.track, left, right, work.pose[3], work.pose[4], robot.period)
     if robot.outline.shape[0] == 0:
         x, y, touched = settle(arena, robot.radius, work.pose[0], work.pose[1], arc.dx, arc.dy)
     else:
@@ -194,7 +194,7 @@ def move(robot, arena, work):
         arc = Arc(arc.dx, arc.dy, turn, arc.share, arc.cos_mean, arc.sin_mean)
     work.ground[2] = 1.0 if touched else 0.0
     if touched:
-        left, right = ground_speeds(x - work.pose[0], y - work.pose[1], arc, robot.track, robot.period)
+        left, right = ground_speeds(x - work.pose[0], y - work.pose[1], arc, robot.wheels.track, robot.period)
     work.ground[0] = left
     work.ground[1] = right
     work.pose[0] = x
@@ -231,7 +231,7 @@ def keep(record, k, commands, robot, feed, work):
         record.pose[k, i] = work.pose[i]
     for w in range(2):
         record.commands[k, w] = commands[w]
-        record.wheels[k, w] = work.wheel[w, 0] / robot.speed_per_unit[w]
+        record.wheels[k, w] = work.wheel[w, 0] / robot.wheels.speed_per_unit[w]
 
 
 @step

@@ -28,7 +28,7 @@ def turn_wheel(robot, wheel, target, drag, slip):
         wheel[ERRORS + i] = wheel[ERRORS + i - 1]
     speed = wheel[SPEED]
     # Not in the paper: a share of the command acts a step late.
-    asked = target + robot.lag * (wheel[TARGET] - target)
+    asked = target + robot.wheels.lag * (wheel[TARGET] - target)
     wheel[TARGET] = target
     proportional = (asked - speed) / STEP_S
     wheel[ERRORS] = proportional
@@ -36,11 +36,13 @@ def turn_wheel(robot, wheel, target, drag, slip):
     for i in range(MEMORY):
         integral += wheel[ERRORS + i]
     # Static friction: a resting wheel does not move until the integral term passes a threshold.
-    if abs(speed) < robot.rest_speed and abs(integral) <= robot.friction * drag:
+    if abs(speed) < robot.wheels.rest_speed and abs(integral) <= robot.wheels.friction * drag:
         wheel[SPEED] = 0.0
         wheel[CHANGE] = 0.0
         return 0.0
-    change = (robot.kp * proportional + robot.ki * integral + robot.kd * wheel[CHANGE]) / robot.divisor
+    change = (
+        robot.wheels.kp * proportional + robot.wheels.ki * integral + robot.wheels.kd * wheel[CHANGE]
+    ) / robot.wheels.divisor
     wheel[CHANGE] = change
     speed = speed + change - take_up_play(robot, wheel, target)
     wheel[SPEED] = speed + slip * speed
@@ -63,14 +65,14 @@ def take_up_play(robot, wheel, target):
     between motor and wheel: the same distance is lost at each reversal, with or without rest, and takes
     longer the lower the commanded speed.
     """
-    half = robot.half_play
+    half = robot.wheels.half_play
     if half <= 0.0 or target == 0.0:
         return 0.0
     side = 1.0 if target > 0.0 else -1.0
     owed = half - side * wheel[PLAY]
     if owed <= 0.0:
         return 0.0
-    room = abs(target) * (1.0 - robot.lag)
+    room = abs(target) * (1.0 - robot.wheels.lag)
     lost = owed * (room / (room + owed))
     wheel[PLAY] += side * lost
     return side * lost

@@ -117,7 +117,7 @@ def new_noise(sensors: int) -> F:
 
 def new_record(robot: Robot, inputs: int, steps: int) -> Record:
     """Room for a trial in full."""
-    near, light = len(robot.proximity_place), len(robot.ambient_place)
+    near, light = len(robot.proximity.place), len(robot.ambient.place)
     return Record(
         pose=np.zeros((steps, 3)), proximity=np.zeros((steps, near)), ambient=np.zeros((steps, light)),
         inputs=np.zeros((steps, inputs), np.int64), commands=np.zeros((steps, 2), np.int64),
@@ -145,7 +145,7 @@ def new_work(robot: Robot, task: Trial, nets: Networks | None = None, *, whole: 
         whole: also for sensors that feed no controller.
     """
     nets = NO_NETWORK if nets is None else nets
-    near, light = len(robot.proximity_place), len(robot.ambient_place)
+    near, light = len(robot.proximity.place), len(robot.ambient.place)
     sensors, unfed = (near, light, near + light)[task.feed], (light, near, 0)[task.feed] if whole else 0
     inputs, neurons, links = len(task.channels), nets.thresholds.shape[1], nets.links.shape[1]
     return Work(

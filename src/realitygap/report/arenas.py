@@ -178,10 +178,10 @@ def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, fl
     found = []
     for kind in feeds.split("+"):
         if kind == "proximity":
-            reach = np.where(np.isfinite(robot.proximity_reach), robot.proximity_reach, AMBIENT_RAYS_CM)
-            found.append(sensor_rays(arena, robot.proximity_place, robot.proximity_facing, pose, reach))
+            reach = np.where(np.isfinite(robot.proximity.reach), robot.proximity.reach, AMBIENT_RAYS_CM)
+            found.append(sensor_rays(arena, robot.proximity.place, robot.proximity.facing, pose, reach))
         else:
-            found.append(sensor_rays(arena, robot.ambient_place, robot.ambient_facing, pose, AMBIENT_RAYS_CM))
+            found.append(sensor_rays(arena, robot.ambient.place, robot.ambient.facing, pose, AMBIENT_RAYS_CM))
     return np.concatenate(found)
 
 

@@ -74,9 +74,9 @@ def draw_network(
 
 def _spots(robot: Robot, feeds: str) -> np.ndarray:
     """Positions [S, 2] of the fed sensors; of two kinds at one position, proximity is inside."""
-    both = {"proximity": robot.proximity_place, "ambient": robot.ambient_place}
+    both = {"proximity": robot.proximity.place, "ambient": robot.ambient.place}
     if "+" in feeds:
-        both["proximity"] = INSIDE * robot.proximity_place
+        both["proximity"] = INSIDE * robot.proximity.place
     return np.concatenate([both[kind] for kind in feeds.split("+")])
 
 

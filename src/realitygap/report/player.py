@@ -94,7 +94,7 @@ def _document(profile: Profile, tasks: Sequence[Json]) -> Json:
     body = profile.to_kernel()
     robot = {
         "radius": float(body.radius), "front": front(body), "outline": body.outline[:, :2].tolist(),
-        "track": float(body.track), "wheel": list(WHEEL_CM),
+        "track": float(body.wheels.track), "wheel": list(WHEEL_CM),
     }  # fmt: skip
     return {"step_s": profile.period_s, "robot": robot, "tasks": list(tasks)}
 

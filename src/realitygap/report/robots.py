@@ -45,7 +45,7 @@ def draw_robot(
     length, width = WHEEL_CM[0] / 2, WHEEL_CM[1] / 2
     shapes: list[Patch] = [body]
     for side in (1, -1):
-        inner, outer = (side * (robot.track / 2 - width) + part for part in (-width, width))
+        inner, outer = (side * (robot.wheels.track / 2 - width) + part for part in (-width, width))
         corners = np.array([[length, inner], [length, outer], [-length, outer], [-length, inner]])
         turned = corners @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
         shapes.append(Polygon(turned, closed=True, facecolor=edge, linewidth=0, zorder=5.1))
@@ -94,8 +94,8 @@ def _draw_sensor(ax: Axes, place: F, ahead: F, name: str) -> None:
 
 def shown_sensors(robot: Robot) -> Iterator[tuple[F, F, str]]:
     """Place, direction and number of every sensor, except ambient ones at a proximity sensor's place."""
-    for i, (place, ahead) in enumerate(zip(robot.proximity_place, robot.proximity_facing, strict=True)):
+    for i, (place, ahead) in enumerate(zip(robot.proximity.place, robot.proximity.facing, strict=True)):
         yield place, ahead, str(i)
-    for i, (place, ahead) in enumerate(zip(robot.ambient_place, robot.ambient_facing, strict=True)):
-        if np.hypot(*(robot.proximity_place - place).T).min(initial=np.inf) > DISC_CM:
+    for i, (place, ahead) in enumerate(zip(robot.ambient.place, robot.ambient.facing, strict=True)):
+        if np.hypot(*(robot.proximity.place - place).T).min(initial=np.inf) > DISC_CM:
             yield place, ahead, f"a{i}"

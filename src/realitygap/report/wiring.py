@@ -122,7 +122,7 @@ def place_neurons(
         else:
             places[i] = np.array([0.8 * unit * (i - (wiring.inputs - 1) / 2), -robot.radius - 0.5 * unit])
     for k, side in enumerate((-1, 1)):
-        wheel = np.array([side * (robot.track / 2 - 0.3 - 0.42 * unit), -0.28 * unit])
+        wheel = np.array([side * (robot.wheels.track / 2 - 0.3 - 0.42 * unit), -0.28 * unit])
         while any(np.hypot(*(wheel - p)) < 0.95 * unit for p in places.values()) and abs(wheel[0]) > unit:
             wheel[0] *= 0.95
         places[wiring.inputs + k] = wheel

@@ -91,7 +91,7 @@ class SimulatedBody:
     @property
     def wheels(self) -> tuple[float, float]:
         """What the wheels do, Khepera units."""
-        speeds, units = self._robots.wheel[0, :, 0].tolist(), self._world.robot.speed_per_unit.tolist()
+        speeds, units = self._robots.wheel[0, :, 0].tolist(), self._world.robot.wheels.speed_per_unit.tolist()
         return speeds[0] / units[0], speeds[1] / units[1]
 
     @property

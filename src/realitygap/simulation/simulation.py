@@ -24,7 +24,7 @@ from realitygap.kernels.infrared import infrared
 from realitygap.kernels.jit import routine
 from realitygap.kernels.light import ambient
 from realitygap.kernels.network import update_network
-from realitygap.kernels.params import Networks, Path, Robot, Room, Trial, World
+from realitygap.kernels.params import Networks, Path, Proximity, Robot, Room, Trial, World
 from realitygap.kernels.pointed import met
 from realitygap.kernels.rng import substream, uniform
 from realitygap.kernels.trial import move
@@ -479,25 +479,20 @@ def drawn(robot: Robot, stream: int, spread: float, wheels: float | None = None)
         spread: 0 to below 1.
         wheels: that of wheels and track, if it is another.
     """
-    near, light = len(robot.proximity_a), len(robot.ambient_gain)
+    many, light = len(robot.proximity.a), len(robot.ambient.gain)
     under = np.uint64(substream(np.uint64(stream), np.uint64(CONSTANTS)))
-    draws = _draws(under, near + light + 3)
-    shares = np.repeat([spread, spread if wheels is None else wheels], [near + light, 3])
+    draws = _draws(under, many + light + 3)
+    shares = np.repeat([spread, spread if wheels is None else wheels], [many + light, 3])
     factors = 1.0 + shares * (2.0 * draws - 1.0)
-    a, gain, turns, track = np.split(factors, [near, near + light, near + light + 2])
+    a, gain, turns, track = np.split(factors, [many, many + light, many + light + 2])
+    near = robot.proximity
+    own = looks(near.place, near.facing, _reach(near, a), near.a * a, near.b, near.offset)
     return robot._replace(
-        proximity_a=robot.proximity_a * a,
-        **looks(
-            robot.proximity_place,
-            robot.proximity_facing,
-            _reach(robot, a),
-            robot.proximity_a * a,
-            robot.proximity_b,
-            robot.proximity_offset,
+        proximity=near._replace(a=near.a * a, **own),
+        ambient=robot.ambient._replace(gain=robot.ambient.gain * gain),
+        wheels=robot.wheels._replace(
+            speed_per_unit=robot.wheels.speed_per_unit * turns, track=robot.wheels.track * float(track[0])
         ),
-        ambient_gain=robot.ambient_gain * gain,
-        speed_per_unit=robot.speed_per_unit * turns,
-        track=robot.track * float(track[0]),
     )
 
 
@@ -510,10 +505,10 @@ def _draws(stream: np.uint64, count: int) -> Floats:
     return out
 
 
-def _reach(robot: Robot, factors: Floats) -> Floats:
+def _reach(near: Proximity, factors: Floats) -> Floats:
     """How far sensors notice anything once more or less comes back: the d of the same a / ((d + o)² + w²)."""
-    square = (robot.proximity_reach + robot.proximity_offset) ** 2 + robot.proximity_width2
-    far = np.sqrt(np.maximum(square * factors - robot.proximity_width2, 0.0)) - robot.proximity_offset
-    end = 1.0 / robot.proximity_least if robot.proximity_least else np.inf
+    square = (near.reach + near.offset) ** 2 + near.width2
+    far = np.sqrt(np.maximum(square * factors - near.width2, 0.0)) - near.offset
+    end = 1.0 / near.least if near.least else np.inf
     reach: Floats = np.clip(far, 0.0, end)
     return reach

@@ -359,19 +359,23 @@ class Profile(Value):
     def to_kernel(self) -> params.Robot:
         """The robot as the kernels' arrays."""
         wheels = self.wheels
+        ambient, light = self.ambient.to_kernel(self.body.height_cm)
         return params.Robot(
             radius=self.body.radius_cm,
             outline=self.body.edges(),
             period=self.period_s,
-            track=wheels.track_cm,
-            speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
-            rest_speed=wheels.rest_speed_cm_s,
-            friction=wheels.friction_cm_s2,
-            half_play=wheels.play_cm / 2 / self.period_s,
-            **{key: getattr(wheels, key) for key in ("kp", "ki", "kd", "divisor", "lag", "top_command")},
-            **{f"noise_{key}": value for key, value in self.noise.to_dict().items()},
-            **self.infrared.to_kernel(),
-            **self.ambient.to_kernel(self.body.height_cm),
+            wheels=params.Wheels(
+                track=wheels.track_cm,
+                speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
+                rest_speed=wheels.rest_speed_cm_s,
+                friction=wheels.friction_cm_s2,
+                half_play=wheels.play_cm / 2 / self.period_s,
+                **{key: getattr(wheels, key) for key in ("kp", "ki", "kd", "divisor", "lag", "top_command")},
+            ),
+            proximity=self.infrared.to_kernel(),
+            ambient=ambient,
+            light=light,
+            noise=params.Noise(**self.noise.to_dict()),
         )
 
     def _repr_html_(self) -> str:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels.params import CONE, EYES, F32, RAYS, Seen, Table
+from realitygap.kernels import params
+from realitygap.kernels.params import CONE, EYES, F32, RAYS, Light, Proximity, Seen, Table
 from realitygap.values import Floats
 from realitygap.world.toml import Value, require
 
@@ -86,18 +87,18 @@ class Sensor(Value):
         require(own.noise_rise >= 0, "noise_rise", "0 or more", own.noise_rise)
 
 
-def kernel_both(kind: str, own: Any) -> dict[str, Any]:
-    """What the kernels' `Robot` has of either kind, "proximity" or "ambient"; `own` is the profile's part."""
+def kernel_both(own: Any) -> dict[str, Any]:
+    """What the kernels' sensors of either kind have; `own` is the profile's part."""
     sensors = own.sensors
     return {
-        f"{kind}_place": np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2),
-        f"{kind}_facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
-        f"{kind}_curve": _table([s.curve for s in sensors]),
-        f"{kind}_noise": _table([s.noise for s in sensors]),
-        f"{kind}_rise": np.array([s.noise_rise for s in sensors]),
-        f"{kind}_top": own.top,
-        f"{kind}_low": own.bands[0],
-        f"{kind}_high": own.bands[1],
+        "place": np.array([(s.x_cm, s.y_cm) for s in sensors]).reshape(-1, 2),
+        "facing": np.array([unit(s.direction_deg) for s in sensors]).reshape(-1, 2),
+        "curve": _table([s.curve for s in sensors]),
+        "noise": _table([s.noise for s in sensors]),
+        "rise": np.array([s.noise_rise for s in sensors]),
+        "top": own.top,
+        "low": own.bands[0],
+        "high": own.bands[1],
     }
 
 
@@ -205,11 +206,11 @@ class ProximitySensor(Sensor):
 def looks(
     place: Floats, facing: Floats, reach: Floats, a: Floats, b: Floats, offset: Floats
 ) -> dict[str, Any]:
-    """What the kernels' `Robot` has of proximity sensors' constants: those that a reach follows from."""
+    """Those of the kernels' constants of proximity sensors that follow from a reach."""
     return {
-        "proximity_reach": reach,
-        "proximity_rows": side_by_side(*place.T, *facing.T, reach, a, b, offset),
-        "proximity_span": float(np.max(np.hypot(*place.T) + reach, initial=0.0)),
+        "reach": reach,
+        "rows": side_by_side(*place.T, *facing.T, reach, a, b, offset),
+        "span": float(np.max(np.hypot(*place.T) + reach, initial=0.0)),
     }
 
 
@@ -245,35 +246,29 @@ class Infrared(Value):
         """Whether the sensors read by curves of their own."""
         return any(sensor.curve for sensor in self.sensors)
 
-    def to_kernel(self) -> dict[str, Any]:
-        """Its part of the kernels' `Robot`."""
+    def to_kernel(self) -> Proximity:
+        """The sensors as the kernels take them."""
         sensors, aperture = self.sensors, self.aperture_deg if self.measured else 0.0
         angles = [share * aperture for share in FAN] if aperture else RAY_ANGLES_DEG
         a, b, offset = (np.array([getattr(s, key) for s in sensors]) for key in ("a", "b", "offset_cm"))
-        own = kernel_both("proximity", self)
-        return {
+        own = kernel_both(self)
+        reach = np.array([self.reach_cm(s) for s in sensors])
+        return Proximity(
             **own,
-            "proximity_fan": fan(angles, fan_weights(self.lobe) if aperture else ray_weights(self.exponent)),
-            "proximity_cone": unit(aperture)[0] if aperture else CONE,
-            "proximity_a": a,
-            "proximity_b": b,
-            "proximity_offset": offset,
-            **looks(
-                own["proximity_place"],
-                own["proximity_facing"],
-                np.array([self.reach_cm(s) for s in sensors]),
-                a,
-                b,
-                offset,
-            ),
-            "proximity_knee": 1.0 / self.curve_cm if self.curve_cm else 0.0,
-            "proximity_width2": self.width_cm**2,
-            "proximity_least": 1.0 / self.range_cm if self.range_cm else 0.0,
-            "proximity_overlap": self.overlap,
-            "proximity_dead": self.dead,
-            "proximity_table": self.table.to_kernel(),
-            "proximity_lambertian": self.matt,
-        }
+            **looks(own["place"], own["facing"], reach, a, b, offset),
+            fan=fan(angles, fan_weights(self.lobe) if aperture else ray_weights(self.exponent)),
+            cone=unit(aperture)[0] if aperture else CONE,
+            a=a,
+            b=b,
+            offset=offset,
+            knee=1.0 / self.curve_cm if self.curve_cm else 0.0,
+            width2=self.width_cm**2,
+            least=1.0 / self.range_cm if self.range_cm else 0.0,
+            overlap=self.overlap,
+            dead=self.dead,
+            table=self.table.to_kernel(),
+            lambertian=self.matt,
+        )
 
     def reach_cm(self, sensor: ProximitySensor) -> float:
         """Distance beyond which a sensor reads what it reads in the dark, whatever is there."""
@@ -383,30 +378,32 @@ class Ambient(Value):
             key = f"sensors[{i}].floor_shift"
             require(0 <= floor < dark <= self.top, key, "0 ≤ floor < dark ≤ top", (floor, dark))
 
-    def to_kernel(self, body_height_cm: float) -> dict[str, Any]:
-        """Its part of the kernels' `Robot`, on a body of this height."""
-        sensors, many, own = self.sensors, round(self.rays), kernel_both("ambient", self)
+    def to_kernel(self, body_height_cm: float) -> tuple[params.Ambient, Light]:
+        """Sensors and law as the kernels take them, on a body of this height."""
+        sensors, many, own = self.sensors, round(self.rays), kernel_both(self)
         weights = ray_weights(self.exponent, self.reflectance * RAYS / many, many)
         floor, dark = np.array(self.ranges()).reshape(-1, 2).T
-        columns = *own["ambient_place"].T, *own["ambient_facing"].T, np.full(len(sensors), math.inf)
-        return {
+        eyes = params.Ambient(
             **own,
-            "ambient_fan": fan(ray_angles(many), weights),
-            "ambient_rows": side_by_side(*columns),
-            "ambient_gain": np.array([s.gain for s in sensors]),
-            "ambient_floor": floor.copy(),
-            "ambient_dark": dark.copy(),
-            "ambient_knee": math.sqrt(self.curve_light),
-            "light_linear": float(self.response == "linear"),
-            "light_facing": self.facing,
-            "light_height2": self.lamp_height_cm**2,
-            "light_flat": float(self.falloff == 1.0),
-            "light_near": self.near_cm,
-            "light_lambertian": self.matt,
-            "light_narrow": self.lamp_narrow,
-            "light_wall_offset": self.lamp_proud_cm,
-            "light_clear": self._clear_share(body_height_cm),
-        }
+            fan=fan(ray_angles(many), weights),
+            rows=side_by_side(*own["place"].T, *own["facing"].T, np.full(len(sensors), math.inf)),
+            gain=np.array([s.gain for s in sensors]),
+            floor=floor.copy(),
+            dark=dark.copy(),
+            knee=math.sqrt(self.curve_light),
+        )
+        light = Light(
+            linear=float(self.response == "linear"),
+            facing=self.facing,
+            height2=self.lamp_height_cm**2,
+            flat=float(self.falloff == 1.0),
+            near=self.near_cm,
+            lambertian=self.matt,
+            narrow=self.lamp_narrow,
+            wall_offset=self.lamp_proud_cm,
+            clear=self._clear_share(body_height_cm),
+        )
+        return eyes, light
 
     def _clear_share(self, body_height_cm: float) -> float:
         """The share of light's way from the lamp to a surface that is above the body's top."""
