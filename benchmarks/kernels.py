@@ -29,7 +29,7 @@ from realitygap.kernels.trial import (
     to_inputs,
     turn_wheels,
 )
-from realitygap.kernels.work import new_work
+from realitygap.kernels.work import new_scratch
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import TASKS, load_task
 from realitygap.world.arena import Arena
@@ -41,58 +41,57 @@ TRIALS, ROUNDS = 1024, 9
 
 
 @kernel
-def run_with_twice(part, world, nets, which, streams, paths, work, twin):
+def run_with_twice(part, world, nets, which, streams, paths, scratch, twin):
     """run_trials with one part of each step done a second time, on `twin` where it has a memory."""
     robot, arena, task, level = world.robot, world.arena, world.task, world.level
+    state, own = scratch.state, twin.state
     for t in range(which.shape[0]):
         stream, n = streams[t], which[t]
         p = paths[t % paths.shape[0]]
         path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-        draw_start(task, stream, work.start)
-        start(work.start, work)
-        load_network(nets, n, work)
-        start(work.start, twin)
-        load_network(nets, n, twin)
+        draw_start(task, stream, scratch.start)
+        start(scratch.start, state)
+        load_network(nets, n, state, scratch)
+        start(scratch.start, own)
+        load_network(nets, n, own, twin)
         for k in range(task.steps):
-            draw_noise(level, stream, k, work)
+            draw_noise(level, stream, k, scratch)
             if part == NOISE:
-                draw_noise(level, stream, k, work)
-            sense(world, stream, k, work)
+                draw_noise(level, stream, k, scratch)
+            sense(world, stream, k, state, scratch)
             if part == SENSING:
-                sense(world, stream, k, work)
-            to_inputs(robot, task, work)
-            commands = decide(nets, n, work)
+                sense(world, stream, k, state, scratch)
+            to_inputs(robot, task, scratch.readings, state)
+            commands = decide(nets, n, state, scratch)
             if part == NETWORK:
-                for i in range(work.inputs.shape[0]):
-                    twin.inputs[i] = work.inputs[i]
-                    twin.change[i] = work.change[i]
-                decide(nets, n, twin)
+                for i in range(state.inputs.shape[0]):
+                    own.inputs[i] = state.inputs[i]
+                    own.change[i] = state.change[i]
+                decide(nets, n, own, twin)
             if part == WHEELS:
                 for w in range(2):
-                    for i in range(work.wheel.shape[1]):
-                        twin.wheel[w, i] = work.wheel[w, i]
-                for i in range(work.pose.shape[0]):
-                    twin.pose[i] = work.pose[i]
-                for i in range(work.noise.shape[0]):
-                    twin.noise[i] = work.noise[i]
-                turn_wheels(robot, commands, level, twin)
-                move(robot, arena, twin)
-            turn_wheels(robot, commands, level, work)
-            move(robot, arena, work)
-            store(path, k, work)
+                    for i in range(state.wheel.shape[1]):
+                        own.wheel[w, i] = state.wheel[w, i]
+                for i in range(state.pose.shape[0]):
+                    own.pose[i] = state.pose[i]
+                turn_wheels(robot, commands, level, scratch.noise, own)
+                move(robot, arena, own)
+            turn_wheels(robot, commands, level, scratch.noise, state)
+            move(robot, arena, state)
+            store(path, k, state)
 
 
 def seconds_for(simulation: Simulation, nets: Networks) -> Callable[[int], float]:
     """A function that runs all trials with a part done twice and says how long it took."""
     which = np.arange(TRIALS) % len(nets.neurons)
-    work, twin = (new_work(simulation.robot, simulation.trial, nets) for _ in range(2))
+    scratch, twin = (new_scratch(simulation.robot, simulation.trial, nets) for _ in range(2))
     paths = np.zeros((1, 6, simulation.trial.steps))
     streams = batch_streams(7, TRIALS)
 
     def seconds(part: int) -> float:
         start = time.perf_counter()
         run_with_twice(
-            part, simulation.world, nets, which, streams, paths, work, twin,
+            part, simulation.world, nets, which, streams, paths, scratch, twin,
         )  # fmt: skip
         return time.perf_counter() - start
 

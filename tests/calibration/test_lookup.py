@@ -52,8 +52,8 @@ def test_a_table_replays_what_it_was_made_of(made, wall):
     np.testing.assert_allclose(made.infrared.model[: len(place)], mean[place], atol=1e-9)
     robot, work, out = made.profile.to_kernel(), work_for(made.profile), np.zeros(8)
     for (x, y, heading), expected in zip(scene.poses, mean, strict=True):
-        work.pose[:] = x, y, heading, np.cos(heading), np.sin(heading)
-        infrared(robot, scene.arena, work, out)
+        work.state.pose[:] = x, y, heading, np.cos(heading), np.sin(heading)
+        infrared(robot, scene.arena, work.state.pose, work.eyes, out)
         np.testing.assert_allclose(out, expected, atol=0.01)
 
 

@@ -13,18 +13,19 @@ from tests.kernels.scenes import MOTOR_NOISE
 
 
 @kernel
-def drive(nets, n, inputs, work, commands):
+def drive(nets, n, inputs, scratch, commands):
     """Network `n` from silence through a sequence of inputs [steps, I] into commands [steps, 2]."""
-    load_network(nets, n, work)
+    state = scratch.state
+    load_network(nets, n, state, scratch)
     for i in range(inputs.shape[1]):
-        work.inputs[i] = 0
+        state.inputs[i] = 0
     for k in range(inputs.shape[0]):
         for i in range(inputs.shape[1]):
-            work.change[i] = inputs[k, i] - work.inputs[i]
-            work.inputs[i] = inputs[k, i]
-        update_network(nets, n, work)
+            state.change[i] = inputs[k, i] - state.inputs[i]
+            state.inputs[i] = inputs[k, i]
+        update_network(nets, n, state, scratch)
         for w in range(2):
-            commands[k, w] = output(nets, n, work, w)
+            commands[k, w] = output(nets, n, state, w)
 
 
 @kernel

@@ -10,7 +10,7 @@ import numpy as np
 from realitygap.kernels import batch
 from realitygap.kernels.params import Arena as KernelArena
 from realitygap.kernels.params import Networks, Trial, World
-from realitygap.kernels.work import MOTOR_NOISE, new_work, noise_blocks
+from realitygap.kernels.work import MOTOR_NOISE, new_scratch, noise_blocks
 from realitygap.world.arena import Arena, Cylinder, Lamp, load_arena
 from realitygap.world.robot import Profile, load_profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
@@ -174,7 +174,7 @@ def nobody() -> Networks:
 def work_for(profile: Profile, *, feed: int = 0, inputs: int = 8, nets: Networks | None = None):
     """Scratch for a robot that stands somewhere."""
     trial = Trial(steps=1, feed=feed, channels=np.arange(inputs), start=np.zeros(5))
-    return new_work(profile.to_kernel(), trial, nobody() if nets is None else nets)
+    return new_scratch(profile.to_kernel(), trial, nobody() if nets is None else nets)
 
 
 def readings(profile: Profile, arena: Arena | KernelArena, pose) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ from scipy.stats import ks_2samp
 from realitygap.control.genotype import Layout, braitenberg
 from realitygap.control.network import decode
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels.work import NO_NETWORK, NO_RECORD, new_work
+from realitygap.kernels.work import NO_NETWORK, NO_RECORD, new_scratch
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
@@ -191,7 +191,7 @@ def exact_parts() -> tuple[Any, tuple[Any, ...]]:
 
     task = load_task("obstacle-avoidance").of(PAPER)
     nets = decode(braitenberg(task.feeds, Layout()), Layout())
-    work = new_work(PAPER.to_kernel(), task.to_kernel(PAPER), nets)
+    work = new_scratch(PAPER.to_kernel(), task.to_kernel(PAPER), nets)
     inputs = np.random.default_rng(5).integers(-10, 11, (100, 8)).astype(np.int64)
     drawn = np.zeros(100, np.uint64), np.zeros(100), np.zeros(100, np.int64)
     return both, (nets, work, inputs, np.zeros((100, 2), np.int64), *drawn)
@@ -288,7 +288,7 @@ def test_trials_compile_for_a_gpu(monkeypatch, compiler, name):
     monkeypatch.setattr(engine.Cuda, "_placed", lambda self, value: value)
     made = engine.Cuda(Simulation(name, PAPER))
     nets = NO_NETWORK
-    work = made._work(new_work(made.simulation.robot, made.simulation.trial, nets), nets, 64)
+    work = made._rows(new_scratch(made.simulation.robot, made.simulation.trial, nets), nets, 64)
     paths = np.zeros((64, 6, made.simulation.trial.steps))
     batch = engine.Batch(np.zeros(64, np.int64), np.zeros(64, np.uint64), paths, np.zeros((64, 2)))
     trial = compiler(engine.trials().py_func, made.simulation.world, nets, NO_RECORD, work, batch)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
 from realitygap.kernels.params import Arena as KernelArena
 from realitygap.kernels.params import Robot
-from realitygap.kernels.work import Work, new_work, unfed
+from realitygap.kernels.work import Scratch, new_scratch, unfed
 from realitygap.values import Floats
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from realitygap.world.robot import Profile
@@ -104,7 +104,7 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
     return np.where(out < profile.infrared.dead, 0.0, out)[scene.row]
 
 
-def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Work | None = None) -> Floats:
+def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Scratch | None = None) -> Floats:
     """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes,
     each with its rig's rotation (degrees) and extra distance (cm).
 
@@ -153,7 +153,7 @@ def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Float
     return lit_places(robot, [(scene, turn_deg)], work_of(robot))[scene.row]
 
 
-def lit_places(robot: Robot, rigs: Sequence[tuple[Scene, float]], work: Work) -> Floats:
+def lit_places(robot: Robot, rigs: Sequence[tuple[Scene, float]], work: Scratch) -> Floats:
     """Illumination A [m, A] of the ambient sensors at the places of several scenes, each with its rig's
     rotation (degrees)."""
     from realitygap.kernels import sweep
@@ -206,6 +206,6 @@ def _robot(profile: Profile) -> Robot:
     return profile.to_kernel()
 
 
-def work_of(robot: Robot) -> Work:
+def work_of(robot: Robot) -> Scratch:
     """Scratch arrays for its sensors and wheels."""
-    return new_work(robot, unfed())
+    return new_scratch(robot, unfed())

@@ -23,7 +23,7 @@ from realitygap.calibration.forward import (
 from realitygap.calibration.recordings.recording import count_unit
 from realitygap.calibration.solve import Free, Values, value_of
 from realitygap.kernels.params import Robot
-from realitygap.kernels.work import Work
+from realitygap.kernels.work import Scratch
 from realitygap.values import Floats
 from realitygap.world.robot import Profile
 
@@ -200,7 +200,7 @@ class LightMemory:
         self._kept: dict[tuple[object, ...], Floats] = {}
         self._last: tuple[Values, Profile] | None = None
         self._robot: Robot | None = None
-        self._work: Work | None = None
+        self._work: Scratch | None = None
 
     def profile(self, base: Profile, values: Values, form: str) -> Profile:
         last = self._last

@@ -16,7 +16,7 @@ from realitygap.calibration.forms import columns_of
 from realitygap.calibration.forward import Scene, received, up_curve, work_of
 from realitygap.calibration.solve import Values, value_of
 from realitygap.kernels.params import Robot
-from realitygap.kernels.work import Work
+from realitygap.kernels.work import Scratch
 from realitygap.values import Floats
 from realitygap.world.robot import Profile
 
@@ -44,7 +44,7 @@ class Optics:
         return self.base.to_kernel()
 
     @cached_property
-    def _work(self) -> Work:
+    def _work(self) -> Scratch:
         return work_of(self._robot)
 
     def profile(self, values: Values) -> Profile:

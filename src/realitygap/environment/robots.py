@@ -17,7 +17,7 @@ from realitygap.errors import UsageError
 from realitygap.kernels import batch
 from realitygap.kernels.params import World
 from realitygap.kernels.rng import substream
-from realitygap.kernels.work import new_robots, new_work
+from realitygap.kernels.work import new_robots, new_scratch
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
@@ -85,9 +85,9 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         """Room for robots of a simulation, none of which has begun."""
         self.simulation, robots = simulation, self.num_envs
         self._worlds: dict[int, tuple[World, slice]] = {}
-        self._work = new_work(simulation.robot, simulation.trial)
+        self._scratch = new_scratch(simulation.robot, simulation.trial)
         steps = simulation.trial.steps
-        self._robots = new_robots(robots, steps, self._work)
+        self._robots = new_robots(robots, steps, self._scratch)
         self._rewards = Rewards(simulation.score, simulation.room, robots, steps)
         self._over = np.ones(robots, bool)
 
@@ -220,12 +220,12 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         """As of `batch.advance`: all robots at once, or each with the constants of its trial."""
         if not self.simulation.task.spread:
             world = self.simulation.world
-            batch.advance(world, self._robots, which, starts, commands, self._work)
+            batch.advance(world, self._robots, which, starts, commands, self._scratch)
             return
         for i, r in enumerate(which):
             world, _ = self._worlds[r]
             one = slice(i, i + 1)
-            batch.advance(world, self._robots, which[one], starts[one], commands[one], self._work)
+            batch.advance(world, self._robots, which[one], starts[one], commands[one], self._scratch)
 
     def _seen(self) -> NDArray[np.float32]:
         return spaces.observations_of(self.simulation, self._robots.readings)

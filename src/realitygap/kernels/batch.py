@@ -22,13 +22,13 @@ from realitygap.streams import UNFED
 
 
 @kernel
-def run_trials(world, nets, which, streams, paths, record, work):
+def run_trials(world, nets, which, streams, paths, record, scratch):
     """Trials of networks, as of `run_each`."""
-    run_each(world, nets, which, streams, paths, record, work)
+    run_each(world, nets, which, streams, paths, record, scratch)
 
 
 @kernel
-def advance(world, robots, which, starts, commands, work):
+def advance(world, robots, which, starts, commands, scratch):
     """Advance robots `which`: the first ones, as many as there are starts, begin a trial at rest at starts[i]
     (x, y, heading); the others do a step under commands[i] (left, right). All then read their sensors for the
     next step.
@@ -36,16 +36,17 @@ def advance(world, robots, which, starts, commands, work):
     One kernel for both, since reading the sensors is most of it. Under the commands of a network the bits are
     those of that network's trial.
     """
+    state = scratch.state
     for i in range(which.shape[0]):
         r = which[i]
         if i < starts.shape[0]:
-            start(starts[i], work)
+            start(starts[i], state)
             robots.step[r] = 0
         else:
-            step_robot(world, robots, r, commands[i], work)
-        draw_noise(world.level, robots.stream[r], robots.step[r], work)
-        sense(world, robots.stream[r], robots.step[r], work)
-        put_back(robots, r, work)
+            step_robot(world, robots, r, commands[i], state, scratch)
+        draw_noise(world.level, robots.stream[r], robots.step[r], scratch)
+        sense(world, robots.stream[r], robots.step[r], state, scratch)
+        put_back(robots, r, state, scratch)
 
 
 @kernel
@@ -56,16 +57,17 @@ def draw_starts(task, streams, starts):
 
 
 @kernel
-def probe(world, streams, work, noise, proximity, ambients):
-    """Readings of all sensors at work.start, once for each stream, into proximity[t], ambients[t].
+def probe(world, streams, scratch, noise, proximity, ambients):
+    """Readings of all sensors at scratch.start, once for each stream, into proximity[t], ambients[t].
 
     Without noise the readings are the model's, unrounded.
     """
     robot, arena, level = world.robot, world.arena, world.level
-    set_pose(work.start, work)
+    pose = scratch.state.pose
+    set_pose(scratch.start, pose)
     for t in range(streams.shape[0]):
-        infrared(robot, arena, work, proximity[t])
-        ambient(robot, arena, work, ambients[t])
+        infrared(robot, arena, pose, scratch.eyes, proximity[t])
+        ambient(robot, arena, pose, scratch.eyes, ambients[t])
         if level > 0.0:
             normals(streams[t], 0, noise)
             read(robot, PROXIMITY, level, 0.0, noise, proximity[t])

@@ -11,26 +11,26 @@ from numba.extending import overload
 
 
 def by_type(stub: Callable[..., Any]) -> Any:
-    """A function of (brain, n, work) that is another one for each type of brain, compiled or not."""
+    """A function of (brain, n, state, scratch), another one for each type of brain, compiled or not."""
     chosen = singledispatch(stub)
 
     @overload(chosen, inline="always", strict=False)
-    def choose(brain: Any, n: Any, work: Any) -> Any:
+    def choose(brain: Any, n: Any, state: Any, scratch: Any) -> Any:
         while not hasattr(brain, "instance_class"):  # a tuple's type is also met behind a pointer
             brain = brain.dtype
         step = chosen.dispatch(brain.instance_class)
-        return lambda brain, n, work: step(brain, n, work)
+        return lambda brain, n, state, scratch: step(brain, n, state, scratch)
 
     return chosen
 
 
 @by_type
-def load(brain, n, work):
+def load(brain, n, state, scratch):
     """Make controller `n` ready for a trial: it has no past."""
     raise NotImplementedError
 
 
 @by_type
-def decide(brain, n, work):
-    """Controller `n`'s commands (left, right), −10 … 10, for work.inputs."""
+def decide(brain, n, state, scratch):
+    """Controller `n`'s commands (left, right), −10 … 10, for state.inputs."""
     raise NotImplementedError

@@ -92,24 +92,24 @@ def is_extended(robot, arena):
 
 
 @step
-def receive(robot, arena, work, out):
+def receive(robot, arena, pose, p, out):
     """The signals of all sensors into `out` ([P]): the printed sums, not clipped; or the light of measured
     sensors, before their curves."""
-    fan, p, matt = robot.proximity.fan, work.eyes, f32(robot.proximity.lambertian)
-    cell, measured = cell_at(arena, work.pose[0], work.pose[1]), robot.proximity.curve.shape[1] > 0
+    fan, matt = robot.proximity.fan, f32(robot.proximity.lambertian)
+    cell, measured = cell_at(arena, pose[0], pose[1]), robot.proximity.curve.shape[1] > 0
     more, shades = FAR if is_bright(arena) else NONE, (matt, ONE - matt)
     for block in range(robot.proximity.rows.shape[0]):
         sensors = robot.proximity.rows[block]
         n = U(sensors.shape[1])
-        stand(n, sensors, arena, work.pose, p)
+        stand(n, sensors, arena, pose, p)
         if measured or is_extended(robot, arena):
-            cast_rays(n, arena, work.pose, cell, robot.radius, sensors, more, fan, p, shades)
+            cast_rays(n, arena, pose, cell, robot.radius, sensors, more, fan, p, shades)
             if measured:
                 signal_measured(n, robot, sensors, fan, p)
             else:
                 signal_printed(n, sensors, fan, p, shades)
         else:
-            cast_rays(n, arena, work.pose, cell, robot.radius, sensors, more, fan, p, None)
+            cast_rays(n, arena, pose, cell, robot.radius, sensors, more, fan, p, None)
             signal_printed(n, sensors, fan, p, None)
         hand_over(p, block, out)
 
@@ -124,13 +124,13 @@ def is_bright(arena):
 
 
 @step
-def by_rays(robot, arena, work, out):
+def by_rays(robot, arena, pose, p, out):
     """As `infrared`, for a robot without a table."""
-    if not is_bright(arena) and stands_clear(arena, work.pose[0], work.pose[1], robot.proximity.span):
+    if not is_bright(arena) and stands_clear(arena, pose[0], pose[1], robot.proximity.span):
         for k in range(out.shape[0]):
             out[k] = 0.0
     else:
-        receive(robot, arena, work, out)
+        receive(robot, arena, pose, p, out)
     if robot.proximity.curve.shape[1] > 0:
         for k in range(out.shape[0]):
             out[k] = apply_curve(robot.proximity.curve, k, robot.proximity.knee, out[k])
@@ -140,19 +140,19 @@ def by_rays(robot, arena, work, out):
 
 
 @step
-def by_table_or_rays(table, robot, arena, work, out):
+def by_table_or_rays(table, robot, arena, pose, p, out):
     """As `infrared`. Only one of the two is compiled for a robot, since the table's length is part of the
     type."""
     if len(table) > 0:
-        replay(table, robot.radius, robot.proximity.top, arena, work.pose, out)
+        replay(table, robot.radius, robot.proximity.top, arena, pose, out)
     else:
-        by_rays(robot, arena, work, out)
+        by_rays(robot, arena, pose, p, out)
 
 
 @apart
-def infrared(robot, arena, work, out):
+def infrared(robot, arena, pose, p, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
-    by_table_or_rays(robot.proximity.table, robot, arena, work, out)
+    by_table_or_rays(robot.proximity.table, robot, arena, pose, p, out)
 
 
 # Measured sensors: tables of each, with values at equal steps, straight between them.

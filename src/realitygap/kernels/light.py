@@ -418,31 +418,30 @@ def add_direct(n, robot, arena, pose, lamp, p):
 
 
 @step
-def illuminate(robot, arena, reflecting, work, out):
+def illuminate(robot, arena, reflecting, pose, p, out):
     """Illumination of all ambient sensors into `out` ([A]), before their gains; `reflecting`: not only direct
     light."""
-    p = work.eyes
     for block in range(robot.ambient.rows.shape[0]):
         sensors = robot.ambient.rows[block]
         n = U(sensors.shape[1])
-        stand(n, sensors, arena, work.pose, p)
+        stand(n, sensors, arena, pose, p)
         for i in range(n):
             p[SUM + i] = NONE
         for lamp in range(arena.lamp_points.shape[0]):
-            add_direct(n, robot, arena, work.pose, lamp, p)
+            add_direct(n, robot, arena, pose, lamp, p)
         if reflecting:
-            add_reflected(n, robot, arena, work.pose, sensors, p)
+            add_reflected(n, robot, arena, pose, sensors, p)
         hand_over(p, block, out)
 
 
 @apart
-def ambient(robot, arena, work, out):
+def ambient(robot, arena, pose, p, out):
     """Noise-free readings of all ambient sensors into `out` ([A], counts, unrounded).
 
     V = 55 + 1/√A, clipped at the dark reading; or, linear in the light, V = dark − A, clipped at 55; or by
     each sensor's measured curve.
     """
-    illuminate(robot, arena, True, work, out)
+    illuminate(robot, arena, True, pose, p, out)
     if robot.ambient.curve.shape[1] > 0:
         for k in range(out.shape[0]):
             out[k] = apply_curve(robot.ambient.curve, k, robot.ambient.knee, out[k] * robot.ambient.gain[k])

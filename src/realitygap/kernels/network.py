@@ -20,7 +20,7 @@ PAST = MAX_DELAY + 1
 """Rows kept from the previous step: the longest delay, and the update before."""
 ROWS = PAST + UPDATES
 TARGET, SOURCE, WEIGHT, DELAY = 0, 1, 2, 3
-"""Columns of a link in params.Networks, and rows of `work.sensor_link`."""
+"""Columns of a link in params.Networks, and rows of `Scratch.sensor_link`."""
 NEVER = 127
 """The delay stored after the last sensor link: a sentinel."""
 
@@ -74,100 +74,100 @@ def first_unfit(nets, inputs, weight, threshold):
 
 @load.register(Networks)
 @step
-def load_network(nets, n, work):
+def load_network(nets, n, state, scratch):
     """Load network `n`; all outputs before the trial are 0."""
     neurons = nets.neurons[n]
     for i in range(neurons):
-        work.base[i] = -nets.thresholds[n, i]
-        work.link_end[i] = nets.link_start[n, i + 1]
+        state.base[i] = -nets.thresholds[n, i]
+        scratch.link_end[i] = nets.link_start[n, i + 1]
         for e in range(nets.link_start[n, i], nets.link_start[n, i + 1]):
             back = (nets.links[n, e, 3] + 1) * neurons
-            work.link_back[e] = back + i - nets.links[n, e, 1]
-            work.link_weight[e] = nets.links[n, e, 2]
+            scratch.link_back[e] = back + i - nets.links[n, e, 1]
+            scratch.link_weight[e] = nets.links[n, e, 2]
     for e in range(nets.sensor_count[n]):
         for i in range(4):
-            work.sensor_link[i, e] = nets.sensor_links[n, e, i]
-    work.sensor_link[DELAY, nets.sensor_count[n]] = NEVER
+            scratch.sensor_link[i, e] = nets.sensor_links[n, e, i]
+    scratch.sensor_link[DELAY, nets.sensor_count[n]] = NEVER
     for i in range(PAST * neurons):
-        work.outputs[i] = 0
-    work.settled[0] = 0
+        state.outputs[i] = 0
+    state.settled[0] = 0
 
 
 @step
-def deliver(update, link, work):
+def deliver(update, link, state, scratch):
     """Add to `base` the changes of inputs that arrive with delay `update`.
 
     Links are sorted by delay; returns the first link that has not arrived yet.
     """
-    links = work.sensor_link
+    links = scratch.sensor_link
     while links[DELAY, link] == update:
-        work.base[links[TARGET, link]] += links[WEIGHT, link] * work.change[links[SOURCE, link]]
+        state.base[links[TARGET, link]] += links[WEIGHT, link] * state.change[links[SOURCE, link]]
         link += 1
     return link
 
 
 @step
-def update_neurons(neurons, place, work):
+def update_neurons(neurons, place, state, scratch):
     """One synchronous update into the row that begins at `place`."""
     e = np.uint64(0)
     one = np.uint64(1)
     for i in range(np.uint64(neurons)):
-        total = work.base[i]
+        total = state.base[i]
         here = place + i
-        end = work.link_end[i]
+        end = scratch.link_end[i]
         while e < end:
-            total += work.link_weight[e] * work.outputs[here - work.link_back[e]]
+            total += scratch.link_weight[e] * state.outputs[here - scratch.link_back[e]]
             e += one
-        work.outputs[here] = min(max(total, -LIMIT), LIMIT)
+        state.outputs[here] = min(max(total, -LIMIT), LIMIT)
 
 
 @step
-def keep_past(neurons, work):
+def keep_past(neurons, state):
     """Move the last rows to the front; note whether they are all equal (the network has settled)."""
     settled = 1
     shift = UPDATES * neurons
     for i in range(PAST * neurons):
-        value = work.outputs[shift + i]
-        settled = settled if value == work.outputs[shift + i - neurons] else 0
-        work.outputs[i] = value
-    work.settled[0] = settled
+        value = state.outputs[shift + i]
+        settled = settled if value == state.outputs[shift + i - neurons] else 0
+        state.outputs[i] = value
+    state.settled[0] = settled
 
 
 @step
-def is_still(work):
+def is_still(state):
     """Whether a step would compute the same outputs again: a settled network whose inputs have not changed,
     for the longest delay reaches only PAST + 1 equal rows."""
     changed = False
-    for i in range(work.change.shape[0]):
-        changed = changed or work.change[i] != 0
-    return work.settled[0] == 1 and not changed
+    for i in range(state.change.shape[0]):
+        changed = changed or state.change[i] != 0
+    return state.settled[0] == 1 and not changed
 
 
 @step
-def update_network(nets, n, work):
-    """One step: ten synchronous updates with work.inputs held."""
+def update_network(nets, n, state, scratch):
+    """One step: ten synchronous updates with state.inputs held."""
     neurons = nets.neurons[n]
-    if is_still(work):
+    if is_still(state):
         return
     link = 0
     place = np.uint64(PAST * neurons)
     for update in range(UPDATES):
         if update <= MAX_DELAY:
-            link = deliver(update, link, work)
-        update_neurons(neurons, place, work)
+            link = deliver(update, link, state, scratch)
+        update_neurons(neurons, place, state, scratch)
         place += np.uint64(neurons)
-    keep_past(neurons, work)
+    keep_past(neurons, state)
 
 
 @step
-def output(nets, n, work, i):
+def output(nets, n, state, i):
     """Output neuron `i`'s value after the last update."""
-    return work.outputs[MAX_DELAY * nets.neurons[n] + i]
+    return state.outputs[MAX_DELAY * nets.neurons[n] + i]
 
 
 @decide.register(Networks)
 @step
-def decide_by_network(nets, n, work):
+def decide_by_network(nets, n, state, scratch):
     """The output neurons' values after the step's updates."""
-    update_network(nets, n, work)
-    return output(nets, n, work, 0), output(nets, n, work, 1)
+    update_network(nets, n, state, scratch)
+    return output(nets, n, state, 0), output(nets, n, state, 1)

@@ -92,7 +92,7 @@ class Weights(NamedTuple):
 
 @load.register(Weights)
 @step
-def load_weights(brain, n, work):
+def load_weights(brain, n, state, scratch):
     """It remembers nothing, and has learnt nothing."""
     for i in range(brain.mine.shape[0]):
         brain.mine[i] = brain.weights[n, i]
@@ -102,10 +102,10 @@ def load_weights(brain, n, work):
 
 @decide.register(Weights)
 @partial(step, fastmath=False)  # whose flags would take every output for a finite one
-def decide_by_weights(brain, n, work):
+def decide_by_weights(brain, n, state, scratch):
     """Its outputs, in tenths of the top command."""
     for i in range(brain.inputs.shape[0]):
-        brain.inputs[i] = work.inputs[i] / LIMIT
+        brain.inputs[i] = state.inputs[i] / LIMIT
     brain.function(brain.mine, brain.memory, brain.inputs, brain.outputs)
     for w in range(2):
         brain.wrong[0] += 0 if math.isfinite(brain.outputs[w]) else 1
@@ -115,9 +115,9 @@ def decide_by_weights(brain, n, work):
 def trials_under(function):
     """Trials under controllers with weights, to be compiled with their function: as of `run_each`."""
 
-    def run(world, brain, which, streams, paths, record, work):
+    def run(world, brain, which, streams, paths, record, scratch):
         weights, mine, memory, inputs, outputs, wrong = brain
         whole = Weights(function, weights, mine, memory, inputs, outputs, wrong)
-        run_each(world, whole, which, streams, paths, record, work)
+        run_each(world, whole, which, streams, paths, record, scratch)
 
     return run

@@ -32,38 +32,38 @@ def draw_start(task, stream, pose):
 
 
 @step
-def update_heading(work):
+def update_heading(pose):
     """Update the cosine and sine of the heading."""
-    s, c = sin_cos(work.pose[2])
-    work.pose[3] = c
-    work.pose[4] = s
+    s, c = sin_cos(pose[2])
+    pose[3] = c
+    pose[4] = s
 
 
 @step
-def set_pose(pose, work):
-    """Put the robot's body at `pose`."""
+def set_pose(there, pose):
+    """Put the robot's body `there` (x, y, heading)."""
     for i in range(3):
-        work.pose[i] = pose[i]
-    update_heading(work)
+        pose[i] = there[i]
+    update_heading(pose)
 
 
 @step
-def start(pose, work):
+def start(pose, state):
     """Robot at rest at `pose`, all inputs 0."""
-    set_pose(pose, work)
+    set_pose(pose, state.pose)
     for i in range(2):
-        for j in range(work.wheel.shape[1]):
-            work.wheel[i, j] = 0.0
-    for i in range(work.inputs.shape[0]):
-        work.inputs[i] = 0
-        work.change[i] = 0
+        for j in range(state.wheel.shape[1]):
+            state.wheel[i, j] = 0.0
+    for i in range(state.inputs.shape[0]):
+        state.inputs[i] = 0
+        state.change[i] = 0
 
 
 @step
-def draw_noise(level, stream, k, work):
+def draw_noise(level, stream, k, scratch):
     """Draw the normal numbers of step `k`: a function of the trial's stream and the step alone."""
     if level > 0.0:
-        normals(stream, DRAWS * noise_blocks(work.readings.shape[0]) * (k + 1), work.noise)
+        normals(stream, DRAWS * noise_blocks(scratch.readings.shape[0]) * (k + 1), scratch.noise)
 
 
 @step
@@ -90,9 +90,9 @@ def read(robot, feed, level, speed, noise, readings):
 
 
 @step
-def wheels_speed(work):
+def wheels_speed(state):
     """The wheels' mean absolute speed, cm/s, which the sensors' noise may rise with."""
-    return 0.5 * (abs(work.wheel[0, 0]) + abs(work.wheel[1, 0]))
+    return 0.5 * (abs(state.wheel[0, 0]) + abs(state.wheel[1, 0]))
 
 
 @step
@@ -109,9 +109,9 @@ def near_fed(robot, feed):
 
 
 @step
-def sense(world, stream, k, work):
+def sense(world, stream, k, state, scratch):
     """Readings of the sensors that feed the controller, and of the others if there is room for them in
-    work.unfed, with noise from a stream of their own.
+    scratch.unfed, with noise from a stream of their own.
 
     One kind of sensor after the other, so that each is compiled once, not once for each array that it may be
     read into.
@@ -120,139 +120,142 @@ def sense(world, stream, k, work):
     near = near_fed(robot, feed)
     for kind in range(BOTH):
         fed = feed == BOTH or feed == kind
-        if not fed and work.unfed.shape[0] == 0:
+        if not fed and scratch.unfed.shape[0] == 0:
             continue
         first = near if kind == AMBIENT else 0
-        last = work.readings.shape[0] if kind == AMBIENT else near
-        readings = work.readings[first:last] if fed else work.unfed[:]
-        noise = work.noise[first:] if fed else work.unfed_noise[:]
+        last = scratch.readings.shape[0] if kind == AMBIENT else near
+        readings = scratch.readings[first:last] if fed else scratch.unfed[:]
+        noise = scratch.noise[first:] if fed else scratch.unfed_noise[:]
         if kind == PROXIMITY:
-            infrared(robot, world.arena, work, readings)
+            infrared(robot, world.arena, state.pose, scratch.eyes, readings)
         else:
-            ambient(robot, world.arena, work, readings)
+            ambient(robot, world.arena, state.pose, scratch.eyes, readings)
         if not fed and level > 0.0:
             normals(substream(stream, UNFED), DRAWS * noise_blocks(readings.shape[0]) * k, noise)
-        read(robot, kind, level, wheels_speed(work), noise, readings)
+        read(robot, kind, level, wheels_speed(state), noise, readings)
 
 
 @step
-def feed_input(low, high, i, channel, work):
+def feed_input(low, high, i, channel, readings, state):
     """Scale a reading to input `i`."""
-    new = scale_input(low, high, work.readings[channel]) if channel >= 0 else 0
-    work.change[i] = new - work.inputs[i]
-    work.inputs[i] = new
+    new = scale_input(low, high, readings[channel]) if channel >= 0 else 0
+    state.change[i] = new - state.inputs[i]
+    state.inputs[i] = new
 
 
 @step
-def feed_one(robot, task, near, i, work):
+def feed_one(robot, task, near, i, readings, state):
     """Scale a reading, the first `near` of which are proximity sensors', to input `i`."""
     channel = task.channels[i]
     if channel < near:
-        feed_input(robot.proximity.low, robot.proximity.high, i, channel, work)
+        feed_input(robot.proximity.low, robot.proximity.high, i, channel, readings, state)
     else:
-        feed_input(robot.ambient.low, robot.ambient.high, i, channel, work)
+        feed_input(robot.ambient.low, robot.ambient.high, i, channel, readings, state)
 
 
 @step
-def to_inputs(robot, task, work):
+def to_inputs(robot, task, readings, state):
     """Scale readings to inputs; `change` keeps the difference to the previous step."""
     near = near_fed(robot, task.feed)
     low = robot.proximity.low if near > 0 else robot.ambient.low
     high = robot.proximity.high if near > 0 else robot.ambient.high
     if task.feed != BOTH:  # tested once: testing each input would take a sixth of a step
         for i in range(task.channels.shape[0]):
-            feed_input(low, high, i, task.channels[i], work)
+            feed_input(low, high, i, task.channels[i], readings, state)
         return
     for i in range(task.channels.shape[0]):
-        feed_one(robot, task, near, i, work)
+        feed_one(robot, task, near, i, readings, state)
 
 
 @step
-def turn_wheels(robot, commands, level, work):
+def turn_wheels(robot, commands, level, noise, state):
     """Commands (left, right) set the wheels' targets; friction and speed are noisy."""
     for w in range(2):
         drag = 1.0
         slip = 0.0
         if level > 0.0:
-            drag = 1.0 + level * robot.noise.friction * work.noise[w]
-            slip = level * robot.noise.wheel * work.noise[2 + w]
+            drag = 1.0 + level * robot.noise.friction * noise[w]
+            slip = level * robot.noise.wheel * noise[2 + w]
         target = commands[w] * (robot.wheels.top_command / LIMIT) * robot.wheels.speed_per_unit[w]
-        turn_wheel(robot, work.wheel[w], target, drag, slip)
-        bound_wheel(work.wheel[w], FASTEST * robot.wheels.top_command * robot.wheels.speed_per_unit[w])
+        turn_wheel(robot, state.wheel[w], target, drag, slip)
+        bound_wheel(state.wheel[w], FASTEST * robot.wheels.top_command * robot.wheels.speed_per_unit[w])
 
 
 @step
-def move(robot, arena, work):
+def move(robot, arena, state):
     """The wheels' arcs carry the body, as far as walls and cylinders let it."""
-    left = work.wheel[0, 0]
-    right = work.wheel[1, 0]
-    arc = drive_arc(robot.wheels.track, left, right, work.pose[3], work.pose[4], robot.period)
+    left = state.wheel[0, 0]
+    right = state.wheel[1, 0]
+    arc = drive_arc(robot.wheels.track, left, right, state.pose[3], state.pose[4], robot.period)
     if robot.outline.shape[0] == 0:
-        x, y, touched = settle(arena, robot.radius, work.pose[0], work.pose[1], arc.dx, arc.dy)
+        x, y, touched = settle(arena, robot.radius, state.pose[0], state.pose[1], arc.dx, arc.dy)
     else:
-        x, y, turn, touched = settle_outline(arena, robot, work.pose, arc.dx, arc.dy, arc.turn)
+        x, y, turn, touched = settle_outline(arena, robot, state.pose, arc.dx, arc.dy, arc.turn)
         arc = Arc(arc.dx, arc.dy, turn, arc.share, arc.cos_mean, arc.sin_mean)
-    work.ground[2] = 1.0 if touched else 0.0
+    state.ground[2] = 1.0 if touched else 0.0
     if touched:
-        left, right = ground_speeds(x - work.pose[0], y - work.pose[1], arc, robot.wheels.track, robot.period)
-    work.ground[0] = left
-    work.ground[1] = right
-    work.pose[0] = x
-    work.pose[1] = y
-    work.pose[2] += arc.turn
-    update_heading(work)
+        left, right = ground_speeds(
+            x - state.pose[0], y - state.pose[1], arc, robot.wheels.track, robot.period
+        )
+    state.ground[0] = left
+    state.ground[1] = right
+    state.pose[0] = x
+    state.pose[1] = y
+    state.pose[2] += arc.turn
+    update_heading(state.pose)
 
 
 @step
-def store(path, k, work):
+def store(path, k, state):
     """Store what the score will see of this step."""
-    path.x[k] = work.pose[0]
-    path.y[k] = work.pose[1]
-    path.heading[k] = work.pose[2]
-    path.left[k] = work.ground[0]
-    path.right[k] = work.ground[1]
-    path.contact[k] = work.ground[2]
+    path.x[k] = state.pose[0]
+    path.y[k] = state.pose[1]
+    path.heading[k] = state.pose[2]
+    path.left[k] = state.ground[0]
+    path.right[k] = state.ground[1]
+    path.contact[k] = state.ground[2]
 
 
 @step
-def keep(record, k, commands, robot, feed, work):
+def keep(record, k, commands, robot, feed, state, scratch):
     """Keep all else of this step, before the body moves: where it is, readings, inputs, commands, wheels."""
     near = near_fed(robot, feed)
     for i in range(near):
-        record.proximity[k, i] = work.readings[i]
-    for i in range(near, work.readings.shape[0]):
-        record.ambient[k, i - near] = work.readings[i]
+        record.proximity[k, i] = scratch.readings[i]
+    for i in range(near, scratch.readings.shape[0]):
+        record.ambient[k, i - near] = scratch.readings[i]
     other = record.ambient if near > 0 else record.proximity
-    for i in range(work.unfed.shape[0]):
-        other[k, i] = work.unfed[i]
-    for i in range(work.inputs.shape[0]):
-        record.inputs[k, i] = work.inputs[i]
+    for i in range(scratch.unfed.shape[0]):
+        other[k, i] = scratch.unfed[i]
+    for i in range(state.inputs.shape[0]):
+        record.inputs[k, i] = state.inputs[i]
     for i in range(3):
-        record.pose[k, i] = work.pose[i]
+        record.pose[k, i] = state.pose[i]
     for w in range(2):
         record.commands[k, w] = commands[w]
-        record.wheels[k, w] = work.wheel[w, 0] / robot.wheels.speed_per_unit[w]
+        record.wheels[k, w] = state.wheel[w, 0] / robot.wheels.speed_per_unit[w]
 
 
 @step
-def run_trial(world, brain, n, stream, path, record, work):
-    """One trial of controller `n` from work.start, stored in `path`, and in `record` if that has rows."""
-    start(work.start, work)
-    load(brain, n, work)  # §5.3: a network without a past
+def run_trial(world, brain, n, stream, path, record, scratch):
+    """One trial of controller `n` from scratch.start, stored in `path`, and in `record` if that has rows."""
+    state = scratch.state
+    start(scratch.start, state)
+    load(brain, n, state, scratch)  # §5.3: a network without a past
     for k in range(world.task.steps):  # §3.2: every 100 ms
-        draw_noise(world.level, stream, k, work)  # §6
-        sense(world, stream, k, work)  # §3.2.3 proximity, §3.3 ambient light
-        to_inputs(world.robot, world.task, work)  # §7.2
-        commands = decide(brain, n, work)  # §5.3
-        turn_wheels(world.robot, commands, world.level, work)  # §3.2.2
+        draw_noise(world.level, stream, k, scratch)  # §6
+        sense(world, stream, k, state, scratch)  # §3.2.3 proximity, §3.3 ambient light
+        to_inputs(world.robot, world.task, scratch.readings, state)  # §7.2
+        commands = decide(brain, n, state, scratch)  # §5.3
+        turn_wheels(world.robot, commands, world.level, scratch.noise, state)  # §3.2.2
         if record.pose.shape[0] > 0:
-            keep(record, k, commands, world.robot, world.task.feed, work)
-        move(world.robot, world.arena, work)  # §3.2.2
-        store(path, k, work)  # for the score: §6.1, §6.2
+            keep(record, k, commands, world.robot, world.task.feed, state, scratch)
+        move(world.robot, world.arena, state)  # §3.2.2
+        store(path, k, state)  # for the score: §6.1, §6.2
 
 
 @step
-def run_each(world, brain, which, streams, paths, record, work):
+def run_each(world, brain, which, streams, paths, record, scratch):
     """Trial t runs controller which[t] on streams[t] from a start drawn there, and is stored in paths[t].
 
     Args:
@@ -262,47 +265,47 @@ def run_each(world, brain, which, streams, paths, record, work):
         streams: [T].
         paths: [T, 6, steps], the rows of params.Path.
         record: of the one trial, or without rows.
-        work: scratch.
+        scratch: see work.py.
     """
     for t in range(which.shape[0]):
-        draw_start(world.task, streams[t], work.start)
+        draw_start(world.task, streams[t], scratch.start)
         p = paths[t]
         path = Path(p[0], p[1], p[2], p[3], p[4], p[5])
-        run_trial(world, brain, which[t], streams[t], path, record, work)
+        run_trial(world, brain, which[t], streams[t], path, record, scratch)
 
 
 @step
-def take_up(robots, r, work):
-    """Copy robot `r` into the scratch arrays."""
-    set_pose(robots.pose[r], work)
+def take_up(robots, r, state):
+    """Copy robot `r` into the state."""
+    set_pose(robots.pose[r], state.pose)
     for i in range(2):
-        for j in range(work.wheel.shape[1]):
-            work.wheel[i, j] = robots.wheel[r, i, j]
+        for j in range(state.wheel.shape[1]):
+            state.wheel[i, j] = robots.wheel[r, i, j]
 
 
 @step
-def put_back(robots, r, work):
-    """Copy the scratch arrays back into robot `r`, with its readings."""
-    for i in range(work.readings.shape[0]):
-        robots.readings[r, i] = work.readings[i]
-    for i in range(work.unfed.shape[0]):
-        robots.unfed[r, i] = work.unfed[i]
+def put_back(robots, r, state, scratch):
+    """Copy the state back into robot `r`, with its readings."""
+    for i in range(scratch.readings.shape[0]):
+        robots.readings[r, i] = scratch.readings[i]
+    for i in range(scratch.unfed.shape[0]):
+        robots.unfed[r, i] = scratch.unfed[i]
     for i in range(3):
-        robots.pose[r, i] = work.pose[i]
+        robots.pose[r, i] = state.pose[i]
     for i in range(2):
-        for j in range(work.wheel.shape[1]):
-            robots.wheel[r, i, j] = work.wheel[i, j]
+        for j in range(state.wheel.shape[1]):
+            robots.wheel[r, i, j] = state.wheel[i, j]
 
 
 @step
-def step_robot(world, robots, r, commands, work):
+def step_robot(world, robots, r, commands, state, scratch):
     """Robot `r`'s step under commands (left, right; −10 … 10), stored in its path as far as that reaches."""
     k = robots.step[r]
-    take_up(robots, r, work)
-    draw_noise(world.level, robots.stream[r], k, work)
-    turn_wheels(world.robot, commands, world.level, work)
-    move(world.robot, world.arena, work)
+    take_up(robots, r, state)
+    draw_noise(world.level, robots.stream[r], k, scratch)
+    turn_wheels(world.robot, commands, world.level, scratch.noise, state)
+    move(world.robot, world.arena, state)
     if k < robots.path.shape[2]:
         p = robots.path[r]
-        store(Path(p[0], p[1], p[2], p[3], p[4], p[5]), k, work)
+        store(Path(p[0], p[1], p[2], p[3], p[4], p[5]), k, state)
     robots.step[r] += 1

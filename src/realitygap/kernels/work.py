@@ -16,9 +16,33 @@ MOTOR_NOISE = 4
 """Normal numbers of a step for the motors: friction left, right; speed left, right."""
 
 
-class Work(NamedTuple):
-    """Arrays of one trial; the letters are those of params.py."""
+class State(NamedTuple):
+    """What a trial carries from one step to the next; the letters are those of params.py."""
 
+    pose: F
+    """[5] x, y, heading and the heading's cosine and sine."""
+    wheel: F
+    """[2, 9] see wheels.py."""
+    ground: F
+    """[3] speeds of the wheels over the ground (cm/s), contact (0 or 1)."""
+    inputs: NDArray[np.int32]
+    """[I] the step's inputs."""
+    change: NDArray[np.int32]
+    """[I] their change since the previous step."""
+    base: NDArray[np.int32]
+    """[M] −threshold plus the inputs' contribution, of each computing neuron."""
+    outputs: NDArray[np.int32]
+    """[ROWS · M] see network.py."""
+    settled: NDArray[np.int64]
+    """[1] 1 if the network repeats itself until an input changes."""
+
+
+class Scratch(NamedTuple):
+    """Arrays that a step works in, and the state."""
+
+    state: State
+    start: F
+    """[3] the trial's start: x, y, heading."""
     eyes: F32
     """Rows of eight sensors, see rays.py."""
     noise: F
@@ -29,18 +53,6 @@ class Work(NamedTuple):
     """[A, P or 0] readings of the other sensors; 0: they are not read."""
     unfed_noise: F
     """[16·m] their normal numbers."""
-    pose: F
-    """[5] x, y, heading and the heading's cosine and sine."""
-    start: F
-    """[3] the trial's start: x, y, heading."""
-    wheel: F
-    """[2, 9] see wheels.py."""
-    ground: F
-    """[3] speeds of the wheels over the ground (cm/s), contact (0 or 1)."""
-    base: NDArray[np.int32]
-    """[M] −threshold plus the inputs' contribution, of each computing neuron."""
-    outputs: NDArray[np.int32]
-    """[ROWS · M] see network.py."""
     link_end: NDArray[np.uint64]
     """[M] number of the first link that is not this neuron's."""
     link_back: NDArray[np.uint64]
@@ -49,12 +61,6 @@ class Work(NamedTuple):
     """[K]."""
     sensor_link: NDArray[np.int64]
     """[4, K + 1] the network's links from sensors: target, source, weight, delay."""
-    settled: NDArray[np.int64]
-    """[1] 1 if the network repeats itself until an input changes."""
-    inputs: NDArray[np.int32]
-    """[I] the step's inputs."""
-    change: NDArray[np.int32]
-    """[I] their change since the previous step."""
 
 
 class Record(NamedTuple):
@@ -125,17 +131,17 @@ def new_record(robot: Robot, inputs: int, steps: int) -> Record:
     )  # fmt: skip
 
 
-def new_robots(count: int, steps: int, work: Work) -> Robots:
+def new_robots(count: int, steps: int, scratch: Scratch) -> Robots:
     """Robots that stand at (0, 0), with room for paths of so many steps."""
     return Robots(
-        pose=np.zeros((count, 3)), wheel=np.zeros((count, *work.wheel.shape)),
+        pose=np.zeros((count, 3)), wheel=np.zeros((count, *scratch.state.wheel.shape)),
         step=np.zeros(count, np.int64), stream=np.zeros(count, np.uint64),
         path=np.zeros((count, len(Path._fields), steps)),
-        readings=np.zeros((count, len(work.readings))), unfed=np.zeros((count, len(work.unfed))),
+        readings=np.zeros((count, len(scratch.readings))), unfed=np.zeros((count, len(scratch.unfed))),
     )  # fmt: skip
 
 
-def new_work(robot: Robot, task: Trial, nets: Networks | None = None, *, whole: bool = False) -> Work:
+def new_scratch(robot: Robot, task: Trial, nets: Networks | None = None, *, whole: bool = False) -> Scratch:
     """Scratch arrays for trials of `task` by `robot`.
 
     Args:
@@ -148,14 +154,15 @@ def new_work(robot: Robot, task: Trial, nets: Networks | None = None, *, whole: 
     near, light = len(robot.proximity.place), len(robot.ambient.place)
     sensors, unfed = (near, light, near + light)[task.feed], (light, near, 0)[task.feed] if whole else 0
     inputs, neurons, links = len(task.channels), nets.thresholds.shape[1], nets.links.shape[1]
-    return Work(
-        eyes=np.zeros(int(INVERSE + MIRROR + MIRROR), np.float32),
+    state = State(
+        pose=np.zeros(5), wheel=np.zeros((2, 9)), ground=np.zeros(3), inputs=np.zeros(inputs, np.int32),
+        change=np.zeros(inputs, np.int32), base=np.zeros(neurons, np.int32),
+        outputs=np.zeros(ROWS * neurons, np.int32), settled=np.zeros(1, np.int64),
+    )  # fmt: skip
+    return Scratch(
+        state=state, start=np.zeros(3), eyes=np.zeros(int(INVERSE + MIRROR + MIRROR), np.float32),
         noise=new_noise(sensors), readings=np.zeros(sensors),
         unfed=np.zeros(unfed), unfed_noise=new_noise(unfed),
-        pose=np.zeros(5), start=np.zeros(3), wheel=np.zeros((2, 9)), ground=np.zeros(3),
-        base=np.zeros(neurons, np.int32), outputs=np.zeros(ROWS * neurons, np.int32),
         link_end=np.zeros(neurons, np.uint64), link_back=np.zeros(links, np.uint64),
-        link_weight=np.zeros(links, np.int32),
-        sensor_link=np.zeros((4, links + 1), np.int64), settled=np.zeros(1, np.int64),
-        inputs=np.zeros(inputs, np.int32), change=np.zeros(inputs, np.int32),
+        link_weight=np.zeros(links, np.int32), sensor_link=np.zeros((4, links + 1), np.int64),
     )  # fmt: skip

@@ -30,7 +30,7 @@ from realitygap.control.operators import Variation
 from realitygap.errors import UsageError
 from realitygap.kernels import batch
 from realitygap.kernels.params import Networks, Path
-from realitygap.kernels.work import new_work
+from realitygap.kernels.work import new_scratch
 from realitygap.problem.controllers import WeightedController, form_of, stopped
 from realitygap.simulation.simulation import Simulation, Streams, batch_streams
 from realitygap.tasks.load import load_task
@@ -201,13 +201,13 @@ class Problem:
         """Scores [b, trials] and measures [b, 2] of some solutions, one after the other, in one thread."""
         simulation, trials = self.simulation, len(streams)
         networks = made if isinstance(made, Networks) else None
-        work = new_work(simulation.robot, simulation.trial, networks)
+        scratch = new_scratch(simulation.robot, simulation.trial, networks)
         run, brain = (batch.run_trials, made) if networks else (self.form.run, self.form.brain(made))
         paths = np.zeros((trials, len(Path._fields), simulation.trial.steps))
         scores, measures = np.empty((len(part), trials)), np.empty((len(part), 2))
         for i, one in enumerate(part):
             try:
-                simulation.run(run, brain, np.full(trials, one), streams, paths, work, worlds)
+                simulation.run(run, brain, np.full(trials, one), streams, paths, scratch, worlds)
             except UsageError:
                 raise
             except Exception as error:  # a user's controller

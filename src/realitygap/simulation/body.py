@@ -14,7 +14,7 @@ from realitygap.files import must_be
 from realitygap.kernels import batch
 from realitygap.kernels.jit import entry_for
 from realitygap.kernels.params import Path
-from realitygap.kernels.work import new_record, new_robots, new_work
+from realitygap.kernels.work import new_record, new_robots, new_scratch
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
@@ -76,8 +76,8 @@ class SimulatedBody:
             if part.sensors
         )
         whole = not set(self.kinds) <= set(simulation.task.kinds)
-        self._work = new_work(robot, trial, whole=whole)
-        self._robots = new_robots(1, 0, self._work)
+        self._scratch = new_scratch(robot, trial, whole=whole)
+        self._robots = new_robots(1, 0, self._scratch)
         self.period_s = simulation.profile.period_s
         self.clock = SteppedClock(self._step, self.period_s)
         self._set_down(simulation.start(stream))
@@ -154,7 +154,7 @@ class SimulatedBody:
 
     def _find_entry(self) -> None:
         """Of the kernel that every step calls: the types of what it is given stay until a reset."""
-        given = self._world, self._robots, ONE, NOWHERE, self._commands, self._work
+        given = self._world, self._robots, ONE, NOWHERE, self._commands, self._scratch
         self._entry = entry_for(batch.advance, *given)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -165,7 +165,7 @@ class SimulatedBody:
         self._find_entry()
 
     def _advance(self, starts: Floats) -> None:
-        self._entry((self._world, self._robots, ONE, starts, self._commands, self._work))
+        self._entry((self._world, self._robots, ONE, starts, self._commands, self._scratch))
 
     def _step(self) -> None:
         self._advance(NOWHERE)

@@ -6,7 +6,7 @@ without fast-math flags. With NUMBA_ENABLE_CUDASIM=1 launches are simulated, and
 
 import importlib.util
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from functools import cache, cached_property
 from threading import RLock
@@ -23,7 +23,7 @@ from realitygap.control.network import decode
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, trial
 from realitygap.kernels.params import Networks, Path
-from realitygap.kernels.work import NO_RECORD, Work, new_work
+from realitygap.kernels.work import NO_RECORD, Scratch, State, new_scratch
 from realitygap.values import Floats
 
 __all__ = ["SIMULATED", "Batch", "Cuda", "device", "require_gpu", "scoring", "trials"]
@@ -118,33 +118,35 @@ class Cuda:
         """Trials as they are carried out, as many at a time as there is memory for."""
         which, flat = self.simulation.checked(networks, streams)
         trial = self.simulation.trial
-        one = new_work(self.simulation.robot, trial, networks)
+        one = new_scratch(self.simulation.robot, trial, networks)
         path = 8 * len(Path._fields) * trial.steps
-        most = max(BLOCK, MOST_BYTES // (path + sum(row.nbytes for row in one)))
-        nets, work = self._placed(networks), self._work(one, networks, min(most, len(flat)))
+        most = max(BLOCK, MOST_BYTES // (path + sum(row.nbytes for row in _arrays(one))))
+        nets, scratch = self._placed(networks), self._rows(one, networks, min(most, len(flat)))
         for first in range(0, len(flat), most):
             some = slice(first, first + most)
-            yield self._run(nets, work, which[some], flat[some])
+            yield self._run(nets, scratch, which[some], flat[some])
 
-    def _run(self, nets: Any, work: Any, which: NDArray[np.int64], streams: NDArray[np.uint64]) -> Batch:
+    def _run(self, nets: Any, scratch: Any, which: NDArray[np.int64], streams: NDArray[np.uint64]) -> Batch:
         """Carry out trials; their paths stay on the GPU."""
         empty: Any = np.zeros if SIMULATED else cuda.device_array
         paths = empty((len(which), len(Path._fields), self.simulation.trial.steps))
         made = Batch(self._placed(which), self._placed(streams), paths, empty((len(which), 2)))
-        _launch(trials(), self._stream, len(which), self._world, nets, self._record, work, made)
+        _launch(trials(), self._stream, len(which), self._world, nets, self._record, scratch, made)
         return made
 
-    def _work(self, one: Work, networks: Networks, count: int) -> Any:
+    def _rows(self, one: Scratch, networks: Networks, count: int) -> Any:
         """Scratch of at least so many trials, in an order in which threads side by side read side by side."""
         size = networks.thresholds.shape[1], networks.links.shape[1]
         kept = self._scratch.get(size)
-        if kept is None or len(kept.pose) < count:
+        if kept is None or len(kept.start) < count:
             order: Any = "C" if SIMULATED else "F"
-            rows = {
-                name: np.array(np.broadcast_to(array, (max(BLOCK, count), *array.shape)), order=order)
-                for name, array in one._asdict().items()
-            }
-            kept = self._scratch[size] = self._placed(Work(**rows))
+
+            def widened(value: Any) -> Any:
+                if isinstance(value, tuple):
+                    return type(value)(*map(widened, value))
+                return np.array(np.broadcast_to(value, (max(BLOCK, count), *value.shape)), order=order)
+
+            kept = self._scratch[size] = self._placed(widened(one))
         return kept
 
     def _scored(self, batch: Batch) -> Floats:
@@ -230,13 +232,13 @@ def device(made: Any) -> Any:
 @cache
 def trials() -> Any:
     """The kernel that carries out a trial in each thread."""
-    scratch_of, run = _scratch_of(), batch.run_trials if SIMULATED else device(trial.run_each)
+    scratch_of, run = _one_of(Scratch), batch.run_trials if SIMULATED else device(trial.run_each)
 
-    def carry_out(world: Any, nets: Any, record: Any, work: Any, batch: Any) -> None:
+    def carry_out(world: Any, nets: Any, record: Any, scratch: Any, batch: Any) -> None:
         t = cuda.grid(1)
         if t < batch.which.shape[0]:
             which, streams, paths = batch.which[t : t + 1], batch.streams[t : t + 1], batch.paths[t : t + 1]
-            run(world, nets, which, streams, paths, record, scratch_of(work, t))
+            run(world, nets, which, streams, paths, record, scratch_of(scratch, t))
 
     return cuda.jit(carry_out)
 
@@ -260,23 +262,26 @@ def scoring(score: Any) -> Any:
     return cuda.jit(take)
 
 
-def _scratch_of() -> Callable[[Work, int], Work]:
-    """What gives a trial its scratch: rows of all trials'."""
-    parts = _parts_before(len(Work._fields))
-
-    def scratch_of(work: Any, t: int) -> Work:
-        return Work(*parts(work, t))
-
-    made: Callable[[Work, int], Work] = cuda.jit(device=True)(scratch_of)
-    return made
+def _arrays(value: Any) -> list[Any]:
+    """All arrays in a tuple, however deep."""
+    return sum(map(_arrays, value), []) if isinstance(value, tuple) else [value]
 
 
-def _parts_before(end: int) -> Any:
+def _one_of(kind: Any) -> Any:
+    """What gives a trial its own of a tuple of that kind: its row of each array."""
+    parts = _parts_before(kind, len(kind._fields))
+    return cuda.jit(device=True)(lambda rows, t: kind(*parts(rows, t)))
+
+
+def _parts_before(kind: Any, end: int) -> Any:
     """What gives the first `end` of those: compiled code cannot loop over fields of several types."""
     if end == 0:
-        return cuda.jit(device=True)(lambda work, t: ())
-    before, i = _parts_before(end - 1), end - 1
-    return cuda.jit(device=True)(lambda work, t: (*before(work, t), work[i][t]))
+        return cuda.jit(device=True)(lambda rows, t: ())
+    before, i = _parts_before(kind, end - 1), end - 1
+    if kind is Scratch and kind._fields[i] == "state":
+        state = _one_of(State)
+        return cuda.jit(device=True)(lambda rows, t: (*before(rows, t), state(rows[i], t)))
+    return cuda.jit(device=True)(lambda rows, t: (*before(rows, t), rows[i][t]))
 
 
 def _launch(kernel: Any, stream: Any, count: int, *given: Any) -> None:

@@ -32,10 +32,10 @@ from realitygap.kernels.work import (
     NO_NETWORK,
     NO_RECORD,
     Record,
-    Work,
+    Scratch,
     new_noise,
     new_record,
-    new_work,
+    new_scratch,
     unfed,
 )
 from realitygap.streams import CONSTANTS
@@ -256,26 +256,26 @@ class Simulation:
         which: NDArray[np.int64],
         streams: Streams,
         paths: Floats,
-        work: Work,
+        scratch: Scratch,
         worlds: list[tuple[World, slice]] | None = None,
     ) -> None:
         """Carry out trials in this thread, as of `kernels.trial.run_each`.
 
         Args:
             run_trials: compiled for the brain.
-            brain, which, streams, paths, work: what it takes.
+            brain, which, streams, paths, scratch: what it takes.
             worlds: of the streams, if they are known.
         """
         for world, some in self.worlds(streams) if worlds is None else worlds:
-            run_trials(world, brain, which[some], streams[some], paths[some], NO_RECORD, work)
+            run_trials(world, brain, which[some], streams[some], paths[some], NO_RECORD, scratch)
         self.require_finite_path(paths)
 
-    def scratch(self, networks: Networks, *, whole: bool = False) -> Work:
+    def scratch(self, networks: Networks, *, whole: bool = False) -> Scratch:
         """This thread's scratch for networks of this size, kept for its next batch; `whole`: also for sensors
         that feed none."""
         key, kept = (networks.thresholds.shape[1], networks.links.shape[1], whole), self._scratch.kept
         if key not in kept:
-            kept[key] = new_work(self.robot, self.trial, networks, whole=whole)
+            kept[key] = new_scratch(self.robot, self.trial, networks, whole=whole)
         return kept[key]
 
     @property
@@ -323,11 +323,11 @@ class Simulation:
         if pose is not None:  # a disc of starts that has no other place
             free = self.require_free(pose)
             task = task._replace(start=np.array([free.x, free.y, 0.0, free.heading, free.heading], float))
-        work = self.scratch(networks, whole=True)
+        scratch = self.scratch(networks, whole=True)
         record = new_record(self.robot, len(task.channels), steps)
         paths = np.zeros((1, len(Path._fields), steps))
         one = np.zeros(1, np.int64), np.array([as_stream(stream)]), paths
-        batch.run_trials(world._replace(task=task), networks, *one, record, work)
+        batch.run_trials(world._replace(task=task), networks, *one, record, scratch)
         return self.told(record, Path(*paths[0]))
 
     def told(self, record: Record, path: Path) -> tuple[Trajectory, float]:
@@ -362,11 +362,11 @@ class Simulation:
         repeat = as_count(repeat, "repeat", most=MOST_READINGS)
         proximity_n, ambient_n = len(self.profile.infrared.sensors), len(self.profile.ambient.sensors)
         world = World(robot=self.robot, arena=self.arena, task=unfed(), level=self.noise)
-        work, free = new_work(world.robot, world.task), self.require_free(pose)
-        work.start[:] = free.x, free.y, free.heading
+        scratch, free = new_scratch(world.robot, world.task), self.require_free(pose)
+        scratch.start[:] = free.x, free.y, free.heading
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
-        batch.probe(world, streams, work, new_noise(max(proximity_n, ambient_n)), proximity, ambient)
+        batch.probe(world, streams, scratch, new_noise(max(proximity_n, ambient_n)), proximity, ambient)
         self.require_finite_path(proximity, ambient)
         return proximity, ambient
 
@@ -381,14 +381,14 @@ class Simulation:
 
     def compile_part(self, name: str) -> None:
         """Compile a part of the kernels alone: "light", or "near", all else but what encloses them."""
-        robot, arena, work = self.robot, self.arena, self.scratch(NO_NETWORK)
-        sensing = (robot, arena, work, work.readings[:])
+        robot, arena, scratch = self.robot, self.arena, self.scratch(NO_NETWORK)
+        sensing = (robot, arena, scratch.state.pose, scratch.eyes, scratch.readings[:])
         calls: list[tuple[Any, tuple[object, ...]]] = [(ambient, sensing)]
         if name == "near":
             calls = [
                 (infrared, sensing),
-                (move, (robot, arena, work)),
-                (update_network, (NO_NETWORK, 0, work)),
+                (move, (robot, arena, scratch.state)),
+                (update_network, (NO_NETWORK, 0, scratch.state, scratch)),
             ]
         for part, arguments in calls:
             part.compile(tuple(met(numba.typeof(one)) for one in arguments))
@@ -459,7 +459,7 @@ class _Scratch(threading.local):
     """Arrays of one thread, by the size of its networks; they go with the thread."""
 
     def __init__(self) -> None:
-        self.kept: dict[tuple[int, int, bool], Work] = {}
+        self.kept: dict[tuple[int, int, bool], Scratch] = {}
         self.paths: Floats | None = None
 
     def __reduce__(self) -> tuple[type, tuple[()]]:
