@@ -9,7 +9,7 @@ from realitygap.kernels.rng import sin_cos
 MEMORY = 5
 """The integral term is the sum of the proportional terms of the last five steps."""
 
-# A row of `work.wheel`: speed U, last change δv, then the last five P, newest first, then the last target,
+# A row of `State.wheel`: speed U, last change δv, then the last five P, newest first, then the last target,
 # and the wheel's distance (cm/s over a step) from the middle of its play.
 SPEED, CHANGE, ERRORS, TARGET, PLAY = 0, 1, 2, 7, 8
 

@@ -120,7 +120,7 @@ class Cuda:
         trial = self.simulation.trial
         one = new_scratch(self.simulation.robot, trial, networks)
         path = 8 * len(Path._fields) * trial.steps
-        most = max(BLOCK, MOST_BYTES // (path + sum(row.nbytes for row in _arrays(one))))
+        most = max(BLOCK, MOST_BYTES // (path + sum(_bytes(row) for row in one)))
         nets, scratch = self._placed(networks), self._rows(one, networks, min(most, len(flat)))
         for first in range(0, len(flat), most):
             some = slice(first, first + most)
@@ -262,9 +262,9 @@ def scoring(score: Any) -> Any:
     return cuda.jit(take)
 
 
-def _arrays(value: Any) -> list[Any]:
-    """All arrays in a tuple, however deep."""
-    return sum(map(_arrays, value), []) if isinstance(value, tuple) else [value]
+def _bytes(value: Any) -> int:
+    """Of an array, or of all in a tuple."""
+    return sum(map(_bytes, value)) if isinstance(value, tuple) else int(value.nbytes)
 
 
 def _one_of(kind: Any) -> Any:
