@@ -244,11 +244,11 @@ def find_ends(n, ray, row, fall, p):
 
 
 @step
-def seen_from(seen, point, end, body, hidden, slants):
+def seen_from(seen, point, end, body, hidden, incident):
     """Add a lamp's point, as a ray's end sees it, to (Σ distance, Σ light, Σ cosine of incidence).
 
     body: the share of the way that is below the body's top, its radius², the lamp's height²; hidden: whether
-    anything else hides the point; slants: None, and there is no cosine.
+    anything else hides the point; incident: None, and there is no cosine.
     """
     ex, ey = point[0] - end[0], point[1] - end[1]
     square = ex * ex + ey * ey
@@ -256,32 +256,32 @@ def seen_from(seen, point, end, body, hidden, slants):
         in_shadow(-end[0], -end[1], ex, ey, square, body[0], body[1]),
         root(max(square + body[2], LEAST2)),
     )
-    slant = seen[2]
-    if slants is not None:
-        slant = slant + max(ex * end[3] + ey * end[4], NONE) / d
-    return seen[0] + d, seen[1] + (NONE if shaded | hidden else point[2]), slant
+    cosine = seen[2]
+    if incident is not None:
+        cosine = cosine + max(ex * end[3] + ey * end[4], NONE) / d
+    return seen[0] + d, seen[1] + (NONE if shaded | hidden else point[2]), cosine
 
 
 @step
-def sent_far(points, end, offset, weight, body, hidden, slants):
+def sent_far(points, end, offset, weight, body, hidden, incident):
     """Light of a lamp of five points that comes back from a ray's end."""
-    seen = seen_from((NONE, offset, NONE), points[0], end, body, hidden[0], slants)
-    seen = seen_from(seen, points[1], end, body, hidden[1], slants)
-    seen = seen_from(seen, points[2], end, body, hidden[2], slants)
-    seen = seen_from(seen, points[3], end, body, hidden[3], slants)
-    seen = seen_from(seen, points[4], end, body, hidden[4], slants)
+    seen = seen_from((NONE, offset, NONE), points[0], end, body, hidden[0], incident)
+    seen = seen_from(seen, points[1], end, body, hidden[1], incident)
+    seen = seen_from(seen, points[2], end, body, hidden[2], incident)
+    seen = seen_from(seen, points[3], end, body, hidden[3], incident)
+    seen = seen_from(seen, points[4], end, body, hidden[4], incident)
     far, sent = seen[0] * SHARE, weight * end[5] * max(seen[1], NONE)
-    if slants is not None:
+    if incident is not None:
         sent = sent * (seen[2] * SHARE)
     return sent / (far * far * root(end[2]))
 
 
 @step
-def reflect_points(n, points, offset, weight, body, ray, fall, bare, slants, p):
+def reflect_points(n, points, offset, weight, body, ray, fall, bare, incident, p):
     """Add the light of a lamp of five points that comes back from the end of a ray to the sums; in a bare
     room from that of its mirror image too.
 
-    bare: None, and the ends are in rows; slants: None, and there is no cosine of incidence.
+    bare: None, and the ends are in rows; incident: None, and there is no cosine of incidence.
     """
     other, clear = (ray[0], -ray[1]), (False, False, False, False, False)
     for i in range(n):
@@ -290,11 +290,11 @@ def reflect_points(n, points, offset, weight, body, ray, fall, bare, slants, p):
                 p[HIDDEN[0] + i] > HALF, p[HIDDEN[1] + i] > HALF, p[HIDDEN[2] + i] > HALF,
                 p[HIDDEN[3] + i] > HALF, p[HIDDEN[4] + i] > HALF,
             )  # fmt: skip
-            p[SUM + i] += sent_far(points, end_in_rows(p, i), offset, weight, body, hidden, slants)
+            p[SUM + i] += sent_far(points, end_in_rows(p, i), offset, weight, body, hidden, incident)
         else:
             one, two = end_on_wall(p, i, ray, fall), end_on_wall(p, i, other, fall)
-            sent = sent_far(points, one, offset, weight, body, clear, slants)
-            p[SUM + i] += sent + sent_far(points, two, offset, weight, body, clear, slants)
+            sent = sent_far(points, one, offset, weight, body, clear, incident)
+            p[SUM + i] += sent + sent_far(points, two, offset, weight, body, clear, incident)
 
 
 @step
