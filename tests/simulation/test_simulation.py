@@ -267,7 +267,7 @@ def test_threads_leave_no_scratch_behind():
     streams = np.arange(4, dtype=np.uint64).reshape(2, 2)
 
     def score() -> np.ndarray:
-        left.append(weakref.ref(simulation.scratch(nets).pose))
+        left.append(weakref.ref(simulation.scratch(nets).start))
         return simulation.scores(nets, streams)
 
     with ThreadPoolExecutor(3) as pool:
