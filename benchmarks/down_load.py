@@ -12,8 +12,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from realitygap.control.genotype import Layout
-from realitygap.control.operators import random_genotype
+from realitygap.control.genotype import Genotype
 from realitygap.export import on_board, sizes, write_source
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
@@ -26,7 +25,7 @@ def measured(folder: Path) -> dict[str, list[tuple[int, int]]]:
     run = run_study(folder / "study", StudyConfig.single("avoidance", evaluations=2), workers=1).runs[0]
     found: dict[str, list[tuple[int, int]]] = {chip: [] for chip in LOOKS}
     for i, full in enumerate(np.linspace(0.0, 1.0, 16)):
-        genes = random_genotype(Layout(), np.uint64(i), start_neurons=full, start_links=0.2 + 0.8 * full)
+        genes = Genotype.random(i, start_neurons=full, start_links=0.2 + 0.8 * full).genes
         board = on_board(run, "random", genes)
         _, source, _ = write_source(board, "c99", folder / f"{i}")
         taken = sizes(source)

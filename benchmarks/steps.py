@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from realitygap import Simulation, decode, load_task, noise_level, random_genotype
+from realitygap import Genotype, Simulation, load_task, noise_level
 from realitygap.kernels.params import Networks
 from realitygap.tasks import TASKS
 from realitygap.work.workers import cores
@@ -23,9 +23,9 @@ NETWORKS, TRIALS = 64, 4
 
 def random_networks(simulation: Simulation, *, stream: int, count: int = NETWORKS) -> Networks:
     """`count` networks of a run's random start."""
-    layout = simulation.layout
-    genes = [random_genotype(layout, np.uint64(stream * count + k)) for k in range(count)]
-    return decode(np.stack(genes), layout)
+    inputs = len(simulation.task.sensors)
+    genes = [Genotype.random(stream * count + k, inputs=inputs).genes for k in range(count)]
+    return Genotype.decode(np.stack(genes), inputs)
 
 
 def steps_per_second(task: str, profile: str, noise: float, seconds: float, threads: int) -> float:

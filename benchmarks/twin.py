@@ -14,8 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from realitygap.control.genotype import Layout, braitenberg
-from realitygap.control.network import NetworkController
+from realitygap.control.genotype import Genotype
 from realitygap.robots.clock import Clock, RealClock, VirtualClock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.khepera.twin import TwinBody
@@ -50,8 +49,7 @@ def trial(twin: TwinProcess, clock: Clock, kinds: tuple[str, ...], pose: Pose, s
     with Khepera.connect(twin.device, clock=clock) as khepera:
         body = KheperaBody(khepera, kinds=kinds, carry=twin.place)
         body.reset(pose)
-        layout = Layout()
-        controller = NetworkController(braitenberg(kinds[0], layout), layout)
+        controller = Genotype.braitenberg(kinds[0]).controller()
         return drive(body, controller, seconds=seconds, clock=clock, inputs=lambda r: inputs(kinds[0], r))
 
 
@@ -67,9 +65,8 @@ def spent(pid: int | None = None) -> float:
 
 def parts(task: str, pose: Pose, folder: Path) -> None:
     """Processor time of a watched trial's parts."""
-    layout = Layout()
     with Rig(load_task(task), load_profile("paper"), robot="twin:1", folder_for_camera=folder) as rig:
-        driver = NetworkController(braitenberg(rig.task.feeds, layout), layout)
+        driver = Genotype.braitenberg(rig.task.feeds).controller()
         rig.drive(driver, 1, pose, 2.0)
         assert isinstance(rig.body, TwinBody) and rig.body.twin is not None
         pid = rig.body.twin.pid

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from realitygap import Layout, decode
+from realitygap import Genotype
 from realitygap.evolution import Batch, Population
 
 
@@ -34,15 +34,14 @@ class Weights:
     def decode(self, genes: np.ndarray) -> Any:
         """By the same networks as genotypes of slots: a link from everybody to every neuron."""
         neurons, sources = self.shape[0], self.shape[1] - 1
-        layout = Layout(inputs=self.inputs, slots=sources, links=sources)
-        slots = np.zeros((len(genes), *layout.shape), np.int8)
+        slots = np.zeros((len(genes), sources, 2 + 4 * sources), np.int8)
         slots[:, :, 0] = 1  # expressed
         slots[:, self.inputs :, 1] = np.rint(np.clip(2.5 * genes[:, :, 0], -10, 10))
         links = np.zeros((len(genes), neurons, sources, 4), np.int8)  # expressed, source, weight, delay
         links[..., 0], links[..., 1] = 1, np.arange(sources)
         links[..., 2] = np.rint(np.clip(genes[:, :, 1:], -4, 4))
         slots[:, self.inputs :, 2:] = links.reshape(len(genes), neurons, -1)
-        return decode(slots, layout)
+        return Genotype.decode(slots, self.inputs)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,9 +39,9 @@ def scores() -> Iterator[tuple[str, str]]:
         for task in TASKS:
             for noise in (0.0, 1.0, 2.0):
                 simulation = rg.Simulation(task, profile, noise)
-                genes = [rg.random_genotype(simulation.layout, np.uint64(k)) for k in range(20)]
+                genes = [rg.Genotype.random(k).genes for k in range(20)]
                 streams = np.arange(80, dtype=np.uint64).reshape(20, 4)
-                found = simulation.scores(rg.decode(np.array(genes), simulation.layout), streams)
+                found = simulation.scores(rg.Genotype.decode(np.array(genes), 8), streams)
                 yield f"scores {profile.name} {task} {noise:g}", digest(found)
 
 

@@ -10,9 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.control.genotype import Layout
-from realitygap.control.network import NetworkController, decode
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
+from realitygap.control.genotype import Genotype
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.body import Body
@@ -30,7 +29,6 @@ from realitygap.world.arena import Arena
 from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
-LAYOUT = Layout()
 MIDDLE = Pose.from_degrees(25, 25, 90)
 EMPTY = Arena(name="empty", size_cm=(50, 50), walls=(), cylinders=())
 NAMES = ("avoidance", "light")
@@ -76,7 +74,7 @@ class TestStranger(TestTwinBody):
 
 
 def _genes(k: int) -> np.ndarray:
-    return Variation(layout=LAYOUT, start_neurons=0.2).random(substream(np.uint64(31), k))
+    return Variation(start_neurons=0.2).random(substream(np.uint64(31), k))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -89,9 +87,9 @@ def test_the_body_lives_the_simulations_trial(name: str, noise: str | float, pos
     for k in range(4):
         genes = _genes(k)
         stream = int(substream(np.uint64(32), k))
-        wanted, _ = simulation.trajectory(decode(genes, LAYOUT), stream=stream, pose=pose)
+        wanted, _ = simulation.trajectory(Genotype.decode(genes, 8), stream=stream, pose=pose)
         body = SimulatedBody(simulation, stream=stream, kinds=("ambient", "proximity"))
-        controller = NetworkController(genes, LAYOUT)
+        controller = Genotype(genes, 8).controller()
         body.reset(pose)
         for step in range(len(wanted.t)):
             at = body.pose
@@ -113,9 +111,9 @@ def test_the_body_lives_the_simulations_trial(name: str, noise: str | float, pos
 def test_the_control_loop_drives_it_as_the_kernels_do(name: str) -> None:
     """`robot.loop.drive` records the trajectory's own readings, inputs and commands, none late."""
     simulation = Simulation(load_task(name), PAPER, "observed")
-    wanted, _ = simulation.trajectory(decode(_genes(9), LAYOUT), stream=33, seconds=5)
+    wanted, _ = simulation.trajectory(Genotype.decode(_genes(9), 8), stream=33, seconds=5)
     body = SimulatedBody(simulation, stream=33)
-    controller, inputs = NetworkController(_genes(9), LAYOUT), network_inputs(simulation)
+    controller, inputs = Genotype(_genes(9), 8).controller(), network_inputs(simulation)
     made = drive(body, controller, seconds=5, clock=body.clock, inputs=inputs)
     fed = simulation.task.feeds
     assert np.array_equal(getattr(made, fed), getattr(wanted, fed))

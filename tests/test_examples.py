@@ -17,8 +17,7 @@ from click.testing import CliRunner
 from realitygap import load_profile, load_study, load_transfers
 from realitygap.calibration.recordings.files import STEP_COLUMNS, load_recording
 from realitygap.cli import realitygap
-from realitygap.control.encoding import Encoding, controller_of, make_encoding
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Encoding, Variation, genotype_of, make_encoding
 from realitygap.errors import StudyInterruptedError, UsageError
 from realitygap.evolution import make_algorithm
 from realitygap.plugins import named_object
@@ -92,7 +91,7 @@ def test_an_algorithm_of_ones_own_evolves_and_resumes(tmp_path, monkeypatch, set
     shown = run("show", tmp_path / "moved", "1")
     assert "realitygap genotype 1" in shown
     lived = json.loads(run("replay", tmp_path / "moved", "1", "--json", "--pose", "25", "25", "90"))
-    again = controller_of(half.encoding("obstacle-avoidance"), half.runs[0].champion)
+    again = genotype_of(half.encoding("obstacle-avoidance"), half.runs[0].champion)
     decided = [again.decide(fed) for fed in lived["inputs"]]
     assert [[one.left, one.right] for one in decided] == lived["commands"]
 
@@ -261,7 +260,7 @@ def test_the_how_tos_network_drives_any_robot(tmp_path, monkeypatch):
     study = run_study(tmp_path / "out" / "reproduce", config.with_settings(["task.seconds=2"]), workers=1)
     text = (EXAMPLES.parent / "docs" / "how-to.md").read_text("utf-8")
     shown = next(
-        block for block in re.findall(r"```python\n(.*?)```", text, re.S) if "NetworkController" in block
+        block for block in re.findall(r"```python\n(.*?)```", text, re.S) if "study.controller" in block
     )
     speeds = []
     yours = {

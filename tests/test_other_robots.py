@@ -13,9 +13,8 @@ from realitygap.calibration.forward import proximity, scene_of
 from realitygap.calibration.judge import judge
 from realitygap.calibration.recordings.files import load_recording
 from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
-from realitygap.control.genotype import Layout
-from realitygap.control.network import decode
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
+from realitygap.control.slots import decode
 from realitygap.correspondence.trials import trial_of
 from realitygap.errors import CalibrationError, ConfigError, RecordingError, TaskError
 from realitygap.simulation.body import SimulatedBody
@@ -31,7 +30,6 @@ from tests.calibration.written import save_recording
 from tests.kernels.reference import trial as reference
 
 FULL, LOOKS = 4095.0, (70.0, 30.0, 0.0, -30.0, -70.0)
-LAYOUT = Layout(inputs=5)
 
 
 @pytest.fixture(scope="module")
@@ -84,9 +82,9 @@ def test_its_profile_comes_back(five, file):
 def test_its_trials_are_the_references(five, level):
     """Five inputs, counts up to 4095: readings, inputs and commands are those of the slow reference."""
     task = replace(load_task("obstacle-avoidance"), seconds=8.0)
-    genes = Variation(layout=LAYOUT, start_neurons=0.3).random(np.uint64(7))
+    genes = Variation(inputs=5, start_neurons=0.3).random(np.uint64(7))
     expected = reference.run(task, five, genes, level=level, stream=3)
-    got, _ = Simulation(task, five, level).trajectory(decode(genes, LAYOUT), stream=3)
+    got, _ = Simulation(task, five, level).trajectory(decode(genes, 5), stream=3)
     assert got.proximity.tolist() == expected.readings
     assert got.inputs.tolist() == expected.inputs and got.inputs.shape[1] == 5
     assert [tuple(row) for row in got.commands.tolist()] == expected.commands
@@ -167,8 +165,8 @@ def test_any_period_of_control(five, tmp_path, period_s):
     (tmp_path / "robot.toml").write_text(robot.to_toml(), "utf-8")
     assert load_profile(tmp_path / "robot.toml") == robot
     simulation = Simulation("obstacle-avoidance", robot, 0.0)
-    genes = Variation(layout=LAYOUT, start_neurons=0.3).random(np.uint64(7))
-    made, _ = simulation.trajectory(decode(genes, LAYOUT), stream=3, seconds=4.0)
+    genes = Variation(inputs=5, start_neurons=0.3).random(np.uint64(7))
+    made, _ = simulation.trajectory(decode(genes, 5), stream=3, seconds=4.0)
     assert len(made.t) == round(4.0 / period_s) and made.track.t[-1] == pytest.approx(4.0)
     body = SimulatedBody(simulation)
     body.reset(Pose(x=20.0, y=25.0, heading=0.0))

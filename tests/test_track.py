@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from realitygap import track as track_file
-from realitygap.control import Layout, braitenberg, decode
+from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError, TrackError, UsageError
 from realitygap.kernels.params import STEP_S
 from realitygap.simulation import Simulation
@@ -32,7 +32,7 @@ class TestSimulatedTrack(TrackContract):
 
     def track(self) -> Track:
         simulation = Simulation(load_task("avoidance"), load_profile("paper"), "observed")
-        networks = decode(braitenberg("proximity", Layout()), Layout())
+        networks = Genotype.braitenberg("proximity").networks()
         return simulation.trajectory(networks, stream=3, seconds=3)[0].track
 
 

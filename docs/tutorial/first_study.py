@@ -100,7 +100,12 @@ panels_figure(Scene.of(task, robot), drives)
 from realitygap.report.network import network_figure
 
 champion = study.run("obstacle-avoidance/observed/1")
-network_figure(champion.champion, robot, feeds=task.feeds, sensors=task.sensors)
+network_figure(
+    study.slots(task, champion.champion),
+    robot,
+    feeds=task.feeds,
+    sensors=task.sensors,
+)
 
 # %% [markdown]
 # ## Try it on other noise

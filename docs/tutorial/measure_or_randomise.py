@@ -71,9 +71,7 @@ PLACES = [
     realitygap.Pose(x=4.5, y=4.5, heading=h) for h in np.arange(6) * np.pi / 3
 ]
 START = realitygap.Pose(x=25, y=10, heading=np.pi / 2)
-straight = realitygap.decode(
-    realitygap.constant(8, 8, realitygap.Layout())[None], realitygap.Layout()
-)
+straight = realitygap.Genotype.constant(8, 8).networks()
 
 
 def read(robot, noise, stream=0):

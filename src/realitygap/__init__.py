@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from realitygap.api import calibrate, evolve, merge, reproduce
     from realitygap.calibration.recordings.files import load_recording
     from realitygap.calibration.unit import calibrated_unit
-    from realitygap.control.genotype import Layout, braitenberg, constant, load_genotype, save_genotype
-    from realitygap.control.network import NetworkController, decode
-    from realitygap.control.operators import Variation, random_genotype
+    from realitygap.control.encoding import Variation
+    from realitygap.control.genotype import Genotype
     from realitygap.correspondence.descriptors import describe
     from realitygap.correspondence.names import namer
     from realitygap.correspondence.reading import read_trials
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from realitygap.correspondence.setting import setting_of
     from realitygap.errors import RealityGapError, UsageError
     from realitygap.evolution import make_algorithm
-    from realitygap.problem.problem import Problem
+    from realitygap.problem import Problem
     from realitygap.report.build import build_report
     from realitygap.simulation.body import SimulatedBody, drive_simulated
     from realitygap.simulation.simulation import Simulation
@@ -49,22 +48,20 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Arena", "Command", "Layout", "NetworkController", "Pose", "Problem", "Profile", "Readings",
-    "RealityGapError", "SimulatedBody", "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory",
-    "Transfer", "UsageError", "Variation", "__version__", "braitenberg", "build_report", "calibrate",
-    "calibrated_unit", "compare", "constant", "decode", "describe", "drive", "drive_simulated", "evolve",
-    "load_arena", "load_genotype", "load_profile", "load_recording", "load_study", "load_task",
-    "load_transfers", "make_algorithm", "marks_of", "merge", "namer", "noise_level", "random_genotype",
-    "read_trials", "reproduce", "run_study", "run_transfer", "save_genotype", "setting_of",
+    "Arena", "Command", "Genotype", "Pose", "Problem", "Profile", "Readings", "RealityGapError",
+    "SimulatedBody", "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory", "Transfer",
+    "UsageError", "Variation", "__version__", "build_report", "calibrate", "calibrated_unit", "compare",
+    "describe", "drive", "drive_simulated", "evolve", "load_arena", "load_profile", "load_recording",
+    "load_study", "load_task", "load_transfers", "make_algorithm", "marks_of", "merge", "namer",
+    "noise_level", "read_trials", "reproduce", "run_study", "run_transfer", "setting_of",
 ]  # fmt: skip
 
 _, __getattr__ = names_of(__name__, {
     "api": "calibrate evolve merge reproduce",
     "calibration.recordings.files": "load_recording",
     "calibration.unit": "calibrated_unit",
-    "control.genotype": "Layout braitenberg constant load_genotype save_genotype",
-    "control.network": "NetworkController decode",
-    "control.operators": "Variation random_genotype",
+    "control.encoding": "Variation",
+    "control.genotype": "Genotype",
     "correspondence.descriptors": "describe",
     "correspondence.names": "namer",
     "correspondence.reading": "read_trials",
@@ -72,7 +69,7 @@ _, __getattr__ = names_of(__name__, {
     "correspondence.setting": "setting_of",
     "errors": "RealityGapError UsageError",
     "evolution": "make_algorithm",
-    "problem.problem": "Problem",
+    "problem": "Problem",
     "report.build": "build_report",
     "study.config": "StudyConfig",
     "study.load": "load_study",

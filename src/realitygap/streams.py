@@ -25,7 +25,7 @@ CELL, MATE, REPLACED, OFFSPRING = 0, 1, 2, 3
 """Under an evaluation's of the algorithm: the draws of selection, and all that makes the individual."""
 
 CROSSOVER, MUTATION, ADD_NEURON, DELETE_NEURON, ADD_LINK, DELETE_LINK, START = range(7)
-"""Under OFFSPRING, as `controller/breeding.py` says."""
+"""Under OFFSPRING, as `control/slots.py` says."""
 
 
 def named_stream(seed: int, *names: object) -> int:

@@ -31,9 +31,7 @@ from unittest import SkipTest, TestCase
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.control.encoding import Encoding, controller_of
-from realitygap.control.network import check_networks
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Encoding, Variation, check_networks, count_networks, genotype_of
 from realitygap.correspondence.trials import SLOWEST_HZ
 from realitygap.errors import ConfigError, RealityGapError, StudyError, UsageError
 from realitygap.evolution.algorithm import Algorithm, Batch, State
@@ -350,7 +348,10 @@ class EncodingContract:
         for inputs in (2, 8):
             encoding = self.made(inputs)
             genes = np.stack([encoding.random(stream) for stream in STREAMS])
-            assert check_networks(encoding.decode(genes), inputs) == len(genes)
+            networks = encoding.decode(genes)
+            assert count_networks(networks, inputs) == len(genes)
+            check_networks(networks, inputs)
+            assert all(genotype_of(encoding, one).inputs == inputs for one in genes)
 
     def test_a_genotype_decodes_alone_as_among_others(self) -> None:
         """Row k of a batch is the network of genotype k, and decoding changes no gene."""
@@ -370,7 +371,7 @@ class EncodingContract:
         for stream in STREAMS[:4]:
             genes = encoding.random(stream)
             lived, _ = simulation.trajectory(encoding.decode(genes[np.newaxis]), stream=int(stream))
-            controller = controller_of(encoding, genes)
+            controller = genotype_of(encoding, genes).controller()
             decided = [controller.decide(fed) for fed in lived.inputs.tolist()]
             assert [[one.left, one.right] for one in decided] == lived.commands.tolist()
 

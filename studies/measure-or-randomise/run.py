@@ -25,7 +25,7 @@ from common import told
 
 from realitygap.calibration.unit import calibrated_again, calibrated_unit
 from realitygap.calibration.unit_folder import PROFILE
-from realitygap.control.encoding import controller_of
+from realitygap.control.encoding import genotype_of
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import compare
 from realitygap.correspondence.setting import setting_of
@@ -265,7 +265,7 @@ class Bench:
         encoding = study.encoding_for(task.of(job.profile))
         drawn = task.under(*job.spread) if one.condition.randomised else task
         simulation = Simulation(drawn, job.profile, one.condition.noise)
-        driver, networks = controller_of(encoding, job.genes), encoding.decode(job.genes[None])
+        driver, networks = genotype_of(encoding, job.genes).controller(), encoding.decode(job.genes[None])
         start, pairs = Simulation(task, job.truth).start, []
         for k in range(1, config.starts + 1):
             pose, names = start(named_stream(config.seed, "start", one.unit, k)), (*one.condition, one.run, k)

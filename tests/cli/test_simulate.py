@@ -77,7 +77,7 @@ def test_a_genotype_can_be_saved_and_driven(json_of, tmp_path):
     import realitygap
 
     file = tmp_path / "mine.txt"
-    realitygap.save_genotype(file, realitygap.constant(2, 2, realitygap.Layout()))
+    realitygap.Genotype.constant(2, 2).save(file)
     assert json_of(*FORWARD[:3], file, *FORWARD[4:])["x_cm"] == json_of(*FORWARD)["x_cm"]
 
 

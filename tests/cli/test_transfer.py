@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 import realitygap.transfer.run as study_transfer
-from realitygap import load_study, load_transfers, save_genotype
+from realitygap import Genotype, load_study, load_transfers
 from realitygap.cli import realitygap
 from realitygap.film.video import FilmWriter
 from realitygap.study.config import StudyConfig
@@ -54,7 +54,7 @@ def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of,
     What was driven by another text of the file is not gone on with."""
     words = ("transfer", study, "--robot", "twin:1", "--no-watch", *SHORT)
     run, own = load_study(study).run(1), tmp_path / "own.py"
-    save_genotype(tmp_path / "champion.txt", run.champion)
+    Genotype(run.champion, 8).save(tmp_path / "champion.txt")
     own.write_text("class Turn:\n    def decide(self, inputs):\n        return 5, -5\n")
     evolved = json_of(*words, 1)["transfers"]
     told = json_of(*words, 1, "--controller", tmp_path / "champion.txt")["transfers"]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from realitygap.control.genotype import Layout
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
 
 MANY = 1500 if numba.config.DISABLE_JIT else 20000
 SURE = 1e-5
@@ -46,8 +45,7 @@ def offspring(variation: Variation, first, second=None, n: int = MANY) -> np.nda
 
 def parent() -> np.ndarray:
     """Hidden neurons in slots 10 and 20; half of all link fields expressed, some of them dormant."""
-    layout = Layout()
-    genes = np.zeros(layout.shape, np.int8)
+    genes = np.zeros((30, 34), np.int8)
     genes[:10, 0] = 1
     genes[[10, 20], 0] = 1
     for slot in (8, 9, 10, 20):

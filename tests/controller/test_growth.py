@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from realitygap.control.genotype import Layout
-from realitygap.control.network import neurons
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
+from realitygap.control.genotype import Genotype
 from tests.controller.laws import (
     MANY,
     STILL,
@@ -109,13 +108,13 @@ def test_operators_are_independent(name):
 
 def test_nothing_to_add_or_delete():
     """A full genotype gains nothing and an empty one loses nothing."""
-    layout = Layout(slots=10, links=1)
-    bare = np.zeros(layout.shape, np.int8)
+    size = {"slots": 10, "links": 1}
+    bare = np.zeros((10, 6), np.int8)
     bare[:, 0] = 1
     full = bare.copy()
     full[8:, 2] = 1
-    loses = Variation(**{**STILL, "layout": layout, "delete_neuron": 1.0, "delete_link": 1.0})
-    gains = Variation(**{**STILL, "layout": layout, "add_neuron": 1.0, "add_link": 1.0})
+    loses = Variation(**{**STILL, **size, "delete_neuron": 1.0, "delete_link": 1.0})
+    gains = Variation(**{**STILL, **size, "add_neuron": 1.0, "add_link": 1.0})
     assert (offspring(loses, bare, n=20) == bare).all()
     assert (offspring(gains, full, n=20) == full).all()
 
@@ -145,9 +144,9 @@ def test_a_deleted_neuron_changes_only_its_own_links():
         (slot,) = np.flatnonzero((new != old).any(axis=1))
         kept = [
             n._replace(links=tuple(link for link in n.links if link.source != slot))
-            for n in neurons(old, Layout())
+            for n in Genotype(old, 8).neurons
             if n.slot != slot
         ]
-        assert list(neurons(new, Layout())) == kept
+        assert list(Genotype(new, 8).neurons) == kept
         new[slot] = old[slot]
         assert (new == old).all()

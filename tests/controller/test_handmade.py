@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from realitygap.control.genotype import (
-    Layout,
-    braitenberg,
-    check_genes,
-    constant,
-    controller_genes,
-    from_text,
-    save_genotype,
-    to_text,
-)
-from realitygap.control.network import NetworkController
+from realitygap.control.controllers import named_controller
+from realitygap.control.genotype import Genotype
 from realitygap.errors import UsageError
 
 OPEN = [-10] * 8
 LEFT, FRONT, RIGHT, BACK = (0, 1), (2, 3), (4, 5), (6, 7)
 
 
-def drive(genes, inputs) -> tuple[int, int]:
-    controller = NetworkController(genes, Layout())
+def drive(genotype, inputs) -> tuple[int, int]:
+    controller = genotype.controller()
     for _ in range(3):
         command = controller.decide(inputs)
     return command.left, command.right
@@ -40,8 +30,7 @@ def sensing(*groups, strength: int = 10) -> list[int]:
 @pytest.mark.parametrize(("left", "right"), [(10, -10), (0, 0), (3, 7), (-1, 2)])
 def test_constant_is_constant(left, right):
     """A constant controller commands its two numbers from the first step on, whatever it senses."""
-    genes = constant(left, right, Layout())
-    controller = NetworkController(genes, Layout())
+    controller = Genotype.constant(left, right).controller()
     for inputs in (OPEN, sensing(LEFT), sensing(FRONT, RIGHT)):
         command = controller.decide(inputs)
         assert (command.left, command.right) == (left, right)
@@ -51,12 +40,12 @@ def test_constant_is_constant(left, right):
 def test_wrong_constants_are_refused(value):
     """A command that is no whole number of −10 to 10 is refused, with the number."""
     with pytest.raises(UsageError, match=r"the right command of a constant controller: .* -10 to 10"):
-        constant(0, value, Layout())
+        Genotype.constant(0, value)
 
 
 def test_avoiding_vehicle():
     """Straight on in the open, away from a wall at a side, and off on the spot or left head-on."""
-    genes = braitenberg("proximity", Layout())
+    genes = Genotype.braitenberg("proximity")
     assert drive(genes, OPEN) == (8, 8)
     assert drive(genes, sensing(BACK)) == (8, 8)
     for strength in (-6, 0, 10):
@@ -72,7 +61,7 @@ def test_avoiding_vehicle():
 
 def test_light_seeking_vehicle():
     """On to a lamp ahead, a turn towards one at a side, and a turn to search otherwise."""
-    genes = braitenberg("ambient", Layout())
+    genes = Genotype.braitenberg("ambient")
     assert min(drive(genes, [8, 9, 9, 9, 9, 8, 1, 1])) >= 8
     left, right = drive(genes, [9, 9, 9, 9, 0, 1, 1, 0])
     assert left < right
@@ -86,33 +75,28 @@ def test_light_seeking_vehicle():
 @pytest.mark.parametrize("feeds", ["proximity", "ambient"])
 def test_handmade_genotypes_are_genotypes(feeds):
     """A vehicle is in range and survives its text form."""
-    genes = braitenberg(feeds, Layout())
-    check_genes(genes, Layout())
-    assert (from_text(to_text(genes)) == genes).all()
+    genotype = Genotype.braitenberg(feeds)
+    assert Genotype.parse(str(genotype)) == genotype
 
 
-@pytest.mark.parametrize(
-    ("feeds", "layout", "message"),
-    [
-        ("sound", Layout(), '"proximity" or "ambient", got .sound.'),
-        ("proximity", Layout(inputs=6), "eight sensors; this task feeds 6"),
-        ("ambient", Layout(links=2), "needs 6 link fields a slot; the layout has 2"),
-    ],
-)
-def test_vehicles_that_cannot_be_built(feeds, layout, message):
-    """Another feed, another number of sensors or too few links is refused with the reason."""
-    with pytest.raises(UsageError, match=message):
-        braitenberg(feeds, layout)
+def test_vehicles_that_cannot_be_built():
+    """Another feed or another number of sensors is refused with the reason."""
+    with pytest.raises(UsageError, match=r'"proximity" or "ambient", got .sound.'):
+        Genotype.braitenberg("sound")
+    with pytest.raises(UsageError, match="eight sensors; this task feeds 6"):
+        named_controller("braitenberg", "proximity", 6)
 
 
 def test_named_controllers(tmp_path):
     """A controller is named as a person names it: constant:L,R, braitenberg, or a file."""
-    layout = Layout()
-    assert (controller_genes("constant:5, -5", "proximity", layout) == constant(5, -5, layout)).all()
-    seeker = braitenberg("ambient", layout)
-    assert (controller_genes("braitenberg", "ambient", layout) == seeker).all()
-    save_genotype(tmp_path / "mine", seeker)
-    assert (controller_genes(str(tmp_path / "mine"), "ambient", layout) == seeker).all()
+    seeker = Genotype.braitenberg("ambient")
+    seeker.save(tmp_path / "mine")
+    for spec, genotype in (
+        ("constant:5, -5", Genotype.constant(5, -5)),
+        ("braitenberg", seeker),
+        (str(tmp_path / "mine"), seeker),
+    ):
+        assert named_controller(spec, "ambient", 8).genotype == genotype
 
 
 @pytest.mark.parametrize(
@@ -131,13 +115,11 @@ def test_named_controllers(tmp_path):
 def test_controllers_that_are_none_are_refused(spec, message):
     """Anything else is refused with what a controller may be."""
     with pytest.raises(UsageError, match=message):
-        controller_genes(spec, "proximity", Layout())
+        named_controller(spec, "proximity", 8)
 
 
 def test_files_keep_their_own_slots(tmp_path):
-    """A genotype file with other slots or link fields than the task's layout still drives."""
-    layout = Layout(slots=12, links=3)
-    genes = constant(4, 2, layout)
-    save_genotype(tmp_path / "small", genes, layout)
-    loaded = controller_genes(str(tmp_path / "small"), "proximity", Layout())
-    assert loaded.shape == layout.shape and loaded.dtype == np.int8
+    """A genotype file with other slots or link fields than usual still drives."""
+    small = Genotype.written(8, [(-4, []), (-2, [])], slots=12, links=3)
+    small.save(tmp_path / "small")
+    assert named_controller(str(tmp_path / "small"), "proximity", 8).genotype == small

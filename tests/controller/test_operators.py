@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.control.genotype import Layout
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
 from realitygap.errors import GenotypeError, UsageError
 from tests.controller.laws import (
     MANY,
@@ -79,8 +78,7 @@ def test_mutation_leaves_expression_alone():
 
 def test_crossover_rate_and_cut():
     """Crossover happens with probability 0.8, at one cut, uniform between two slots; `crosses` knows."""
-    layout = Layout()
-    first, second = np.ones(layout.shape, np.int8), np.ones(layout.shape, np.int8)
+    first, second = np.ones((2, 30, 34), np.int8)
     first[:, 1], second[:, 1] = 2, 5
     variation = only(crossover=0.8)
     made = offspring(variation, first, second)

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
-from realitygap.control.genotype import Layout, braitenberg, load_network
-from realitygap.control.network import NetworkController, named_controller, own_controller
+from realitygap.control.controllers import named_controller, own_controller
+from realitygap.control.genotype import Genotype
 from realitygap.errors import GenotypeError, UsageError
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -19,7 +19,7 @@ AVOIDER = (EXAMPLES / "avoider.toml").read_text("utf-8")
 
 def test_a_written_network_decides_as_it_says():
     """In the open both wheels go at 10; each side, and what is ahead, does what the file's comments say."""
-    network = NetworkController(load_network(EXAMPLES / "avoider.toml", 8), Layout(slots=11, links=2))
+    network = Genotype.load(EXAMPLES / "avoider.toml").controller()
     for near, wheels in (((), (10, 10)), ((1,), (10, -10)), ((4,), (-10, 10)), ((3,), (-10, 10))):
         network.reset()
         for _ in range(2):
@@ -34,14 +34,14 @@ def test_a_written_network_decides_as_it_says():
         (
             "from = 4",
             "from = 8",
-            r"left.links\[0\].from: expected an input, 0 to 7, or a neuron: left, right",
+            r"left.links\[0\].from: expected an input or a neuron: 0, .*7, left, right",
         ),
         ('from = "ahead"', 'from = "a"', r"left.links\[1\].from: .*ahead; got 'a'"),
         ("threshold = 10", "treshold = 1", "treshold: unknown key. Did you mean 'threshold'"),
         ("delay = 1", "delay = 5", r"hidden.ahead.links\[1\].delay|ahead.links\[1\].delay: .* 0 to 4, got 5"),
         ("inputs = 8", "inputs = 3", "inputs: expected the task's 8, got 3"),
         ("[right]", "[right", "not a TOML file"),
-        ("hidden.ahead", "hidden.left", "hidden.left: expected another name"),
+        ("hidden.ahead", "hidden.left", "hidden: expected other names than the motors'"),
     ],
 )
 def test_a_wrong_network_is_refused_by_its_key(tmp_path, was, becomes, told):
@@ -49,7 +49,7 @@ def test_a_wrong_network_is_refused_by_its_key(tmp_path, was, becomes, told):
     file = tmp_path / "mine.toml"
     file.write_text(AVOIDER.replace(was, becomes, 1))
     with pytest.raises(GenotypeError, match=f"mine.toml: (.|\n)*{told}"):
-        load_network(file, 8)
+        Genotype.load(file, 8)
 
 
 def test_functions_classes_and_objects_decide(tmp_path):
@@ -62,7 +62,7 @@ def test_functions_classes_and_objects_decide(tmp_path):
         "def odd(inputs):\n    return 11, 0\n\n\n"
         "def broken(inputs):\n    return 1 / 0\n"
     )
-    steady, counting = (named_controller(f"{file}:{name}", "", Layout()) for name in ("steady", "Counting"))
+    steady, counting = (named_controller(f"{file}:{name}", "", 8) for name in ("steady", "Counting"))
     assert (steady.decide([0]).left, steady.decide([0]).right) == (3, -4)
     for _ in range(2):
         counting.reset()
@@ -96,5 +96,5 @@ def test_a_missing_controller_is_one_message():
 
 def test_genotypes_keep_their_names():
     """What named a controller before still does."""
-    made = named_controller("braitenberg", "proximity", Layout())
-    assert (made.genes == braitenberg("proximity", Layout())).all()
+    made = named_controller("braitenberg", "proximity", 8)
+    assert made.genotype == Genotype.braitenberg("proximity")

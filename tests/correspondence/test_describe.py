@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from realitygap import Layout, Simulation, decode, describe, load_profile, load_task
-from realitygap.control.genotype import braitenberg, constant
+from realitygap import Genotype, Simulation, describe, load_profile, load_task
 from realitygap.correspondence.catalogue import chosen
 from realitygap.correspondence.descriptors import describe_all
 from realitygap.correspondence.trials import Trial
@@ -15,13 +14,13 @@ from realitygap.errors import UsageError
 def test_each_trial_of_a_batch_is_told_as_alone(name):
     """Tracks are the trajectories', descriptors those of their trials; an array [networks, trials] each."""
     simulation = Simulation(load_task(name), load_profile("paper"))
-    genes = [braitenberg(simulation.task.feeds, Layout()), constant(3, 2, Layout())]
-    networks, streams = decode(np.stack(genes), Layout()), np.arange(6, dtype=np.uint64).reshape(2, 3)
+    genes = [Genotype.braitenberg(simulation.task.feeds).genes, Genotype.constant(3, 2).genes]
+    networks, streams = Genotype.decode(np.stack(genes), 8), np.arange(6, dtype=np.uint64).reshape(2, 3)
     path = simulation.tracks(networks, streams)
     told = describe(path, name, "paper")
     assert {d.name for d in chosen(simulation.task.arena)} <= set(told)
     for n in range(2):
-        alone, _ = simulation.trajectory(decode(genes[n], Layout()), stream=int(streams[n, 1]))
+        alone, _ = simulation.trajectory(Genotype.decode(genes[n], 8), stream=int(streams[n, 1]))
         track = alone.track
         assert (path.x[n, 1] == track.x[1:]).all() and (
             path.contact[n, 1] > 0
@@ -36,7 +35,7 @@ def test_each_trial_of_a_batch_is_told_as_alone(name):
 def path():
     """Two trials at light seeking."""
     light = Simulation("light", "paper")
-    return light.tracks(decode(braitenberg("ambient", Layout()), Layout()), np.array([[1, 2]], np.uint64))
+    return light.tracks(Genotype.braitenberg("ambient").networks(), np.array([[1, 2]], np.uint64))
 
 
 @pytest.mark.parametrize(

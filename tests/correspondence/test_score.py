@@ -8,8 +8,7 @@ import pytest
 from studies.correspondence.kinds import Behaviour
 from studies.correspondence.ladders import against, behaviours, climb, ladders_of, lives, setting_for
 
-from realitygap.control.genotype import Layout, braitenberg
-from realitygap.control.network import decode
+from realitygap.control.genotype import Genotype
 from realitygap.correspondence.catalogue import chosen
 from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.judging import read_marks
@@ -266,7 +265,7 @@ def test_behaviour_score_goes_from_standing_to_ideal():
         ends = ends_of(task, profile)
         assert behaviour_score([ends[0]], ends) == 0 and behaviour_score([ends[1]] * 3, ends) == 10
         simulation = Simulation(task, profile)
-        networks = decode(braitenberg(task.feeds, Layout()), Layout())
+        networks = Genotype.braitenberg(task.feeds).networks()
         scores = simulation.scores(networks, np.arange(20, dtype=np.uint64)[None])
         assert 2 < behaviour_score(scores, ends) < 10
         trajectory, score = simulation.trajectory(networks, stream=1)
@@ -276,7 +275,7 @@ def test_behaviour_score_goes_from_standing_to_ideal():
 def test_noise_of_the_simulation_is_seen():
     """Braitenberg's vehicle at levels 0, ½, 1, 2, 4: each level's jitter is above the last one's."""
     task = load_task("avoidance")
-    networks = decode(braitenberg(task.feeds, Layout()), Layout())
+    networks = Genotype.braitenberg(task.feeds).networks()
     sets = []
     for level in (0, 0.5, 1, 2, 4):
         simulation = Simulation(task, load_profile("paper"), level)

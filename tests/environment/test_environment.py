@@ -13,8 +13,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="no gymnasium here: pip inst
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
-from realitygap.control.genotype import Layout, braitenberg  # noqa: E402
-from realitygap.control.network import NetworkController, decode  # noqa: E402
+from realitygap.control.genotype import Genotype  # noqa: E402
 from realitygap.environment import RobotEnv, RobotVectorEnv  # noqa: E402
 from realitygap.errors import RealityGapError, TaskError, UsageError  # noqa: E402
 from realitygap.kernels.rng import substream  # noqa: E402
@@ -84,11 +83,11 @@ def test_robot_i_lives_the_trials_of_a_single_one(name):
 def test_a_networks_trial_is_the_simulations(task, feeds, spread):
     """Driven as a network drives, its path is the simulation's, bit for bit, and rewards make its score: with
     constants drawn anew for the trial, too."""
-    genes = braitenberg(feeds, Layout())
-    one, network = RobotEnv(task, spread=spread), NetworkController(genes)
+    genotype = Genotype.braitenberg(feeds)
+    one, network = RobotEnv(task, spread=spread), genotype.controller()
     simulation = Simulation(load_task(task).under(spread), "paper")
     stream = int(substream(np.uint64(9), np.uint64(0)))
-    expected, score = simulation.trajectory(decode(genes, Layout()), stream=stream)
+    expected, score = simulation.trajectory(genotype.networks(), stream=stream)
     one.reset(seed=9)
     total, inner = 0.0, one._inner
     network.reset()

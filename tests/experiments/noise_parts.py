@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from realitygap.control.network import decode
 from realitygap.experiments.noise import NoiseConfig
 from realitygap.simulation.simulation import Simulation
 from realitygap.world.robot import FittedChannel, Profile, Provenance, load_profile
@@ -42,7 +41,7 @@ class SimulatedRig:
     def drive(self, driver: Any, stream: int, pose: Any, seconds: float | None = None) -> tuple[Any, Any]:
         """A trial's track and recording; who drives a unit that was let go is told."""
         assert self.open
-        networks = decode(driver.genes, driver.layout)
+        networks = driver.genotype.networks()
         one, _ = self.simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
         lived = {name: getattr(one, name) for name in ("proximity", "ambient", "commands")}
         return one.track, SimpleNamespace(**lived, speeds=one.wheels)

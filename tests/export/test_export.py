@@ -13,9 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.control.genotype import Layout, constant
-from realitygap.control.network import decode
-from realitygap.control.operators import random_genotype
+from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError, UsageError
 from realitygap.export.onboard import OnBoard, on_board, sizes, write_source
 from realitygap.study.load import Study
@@ -32,9 +30,9 @@ STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror"
 ARDUINO = Path("/usr/share/arduino/hardware/arduino/avr")
 CHIP = ("-mmcu=atmega328p", "-DF_CPU=16000000L", "-DARDUINO=10819", "-DARDUINO_ARCH_AVR", "-Os",
         "-ffunction-sections", "-fdata-sections")  # fmt: skip
-RICH = random_genotype(Layout(), np.uint64(8), start_neurons=1.0, start_links=1.0)
+RICH = Genotype.random(8, start_neurons=1.0, start_links=1.0).genes
 """As full as a genotype may be."""
-WIDE = random_genotype(Layout(inputs=12), np.uint64(8), start_neurons=1.0, start_links=1.0)
+WIDE = Genotype.random(8, inputs=12, start_neurons=1.0, start_links=1.0).genes
 CORTEX_M4 = ("-mcpu=cortex-m4", "-mthumb", "-fno-pie", "-fstack-protector-all")
 LIBRARY = {
     "ch.h": """
@@ -159,7 +157,7 @@ def by_kernel(board: OnBoard, study: Study, genes: np.ndarray, readings: np.ndar
         calls.scale_inputs(*study.profile.channel(fed.kind).bands, given, made)
         inputs[:, those], first = made, first + fed.there
     inputs = np.ascontiguousarray(inputs[:, list(board.sensors)])
-    nets = decode(genes, Layout.of(genes, inputs=inputs.shape[1]))
+    nets = Genotype.decode(genes, inputs.shape[1])
     outputs = np.zeros((len(readings), 2), np.int64)
     calls.drive(nets, 0, inputs, work_for(PAPER, inputs=inputs.shape[1], nets=nets), outputs)
     return np.array(board.commands)[outputs + 10]
@@ -233,7 +231,7 @@ def test_a_wrong_weight_is_found(study, tmp_path):
     assert done.returncode == 1 and "expected" in done.stdout
 
 
-@pytest.mark.parametrize("genes", [RICH, constant(3, -2, Layout())], ids=["rich", "without links"])
+@pytest.mark.parametrize("genes", [RICH, Genotype.constant(3, -2).genes], ids=["rich", "without links"])
 def test_python(study, tmp_path, genes):
     """The module needs nothing but Python, and passes its test vectors."""
     write_source(on_board(study.runs[1], "random", genes), "micropython", str(tmp_path))

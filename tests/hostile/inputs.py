@@ -140,9 +140,9 @@ def _camera() -> bytes:
 
 
 def _genotype() -> bytes:
-    from realitygap.control.genotype import Layout, braitenberg, to_text
+    from realitygap.control.genotype import Genotype
 
-    return to_text(braitenberg("proximity", Layout()), Layout()).encode()
+    return str(Genotype.braitenberg("proximity")).encode()
 
 
 def _npz() -> bytes:

@@ -17,8 +17,6 @@ from itertools import islice
 
 import numpy as np
 
-from realitygap.control.genotype import Layout
-from realitygap.control.network import decode
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.track import Trajectory
@@ -27,7 +25,7 @@ from realitygap.values import Pose
 from realitygap.world.arena import Arena
 from tests.kernels.reference.rays import overlap
 from tests.kernels.scenes import PAPER, RADIUS, random_scenes
-from tests.report.scenes import random_genes
+from tests.report.scenes import random_genotype
 
 TRIAL_STEPS = 1000
 TOUCHES_CM = 1e-6
@@ -66,7 +64,7 @@ def simulated(steps: int, seed: int) -> str:
         here = replace(task.start, x_cm=x, y_cm=y, radius_cm=0.0)
         task = replace(task, arena=arena, start=here)
         level = float(draw.choice([0.0, 1.0, 2.0, 10.0, draw.uniform(0, 10)]))
-        networks = decode(random_genes(seed * trials + k, hidden=0.3), Layout())
+        networks = random_genotype(seed * trials + k, hidden=0.3).networks()
         made, _ = Simulation(task, PAPER, level).trajectory(
             networks, stream=k, pose=Pose(x=x, y=y, heading=heading), seconds=TRIAL_STEPS / 10
         )

@@ -17,9 +17,8 @@ from pathlib import Path
 import numpy as np
 from numba.core import event
 
-from realitygap.control.genotype import Layout, braitenberg
-from realitygap.control.network import decode
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
+from realitygap.control.genotype import Genotype
 from realitygap.kernels.jit import SHELF
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
@@ -75,20 +74,20 @@ def compile_ahead() -> list[str]:
 
 def fingerprints(seconds: float, count: int, *, whole: bool = True) -> list[str]:
     """A line a task and noise level: the hash of every bit of `count` trials' scores (and courses)."""
-    layout, profile = Layout(), load_profile("paper")
+    profile = load_profile("paper")
     variation = Variation(start_neurons=0.3)
     lines = []
     for name in ("obstacle-avoidance", "light-seeking"):
         task = replace(load_task(name), seconds=seconds)
-        genes = [braitenberg(task.feeds, layout)]
+        genes = [Genotype.braitenberg(task.feeds).genes]
         genes += [variation.random(substream(np.uint64(33), i)) for i in range(count - 1)]
-        nets = decode(np.stack(genes), layout)
+        nets = Genotype.decode(np.stack(genes), 8)
         for level in (0.0, 1.0):
             simulation = Simulation(task, profile, level)
             scores = simulation.scores(nets, np.arange(2 * count, dtype=np.uint64).reshape(count, 2))
             digest = hashlib.sha256(scores.tobytes())
             if whole:
-                course, _ = simulation.trajectory(decode(genes[0], layout), stream=7)
+                course, _ = simulation.trajectory(Genotype.decode(genes[0], 8), stream=7)
                 for column in ("x", "y", "heading", "proximity", "ambient", "commands", "wheels"):
                     digest.update(np.ascontiguousarray(getattr(course, column)).tobytes())
             lines.append(f"{name} {level:g} {digest.hexdigest()}")
@@ -102,9 +101,7 @@ if __name__ == "__main__":
             if SHELF.folder is not None:
                 shutil.copy(path, SHELF.folder)
         one = Simulation("obstacle-avoidance", "paper")
-        course, _ = one.trajectory(
-            decode(braitenberg(one.task.feeds, Layout()), Layout()), stream=0, seconds=0.1
-        )
+        course, _ = one.trajectory(Genotype.braitenberg(one.task.feeds).networks(), stream=0, seconds=0.1)
         one.probe(course.end)
         twin = TwinBody({"size_cm": [50, 50]}, unit=1)
         twin.advance(1), twin.proximity(), twin.ambient()

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from realitygap.control.genotype import Layout
-from realitygap.control.network import decode
+from realitygap.control.encoding import Variation
+from realitygap.control.slots import decode
 from realitygap.kernels.params import Networks
 from tests.controller.reference import ReferenceNetwork
 from tests.controller.strategies import SMALL, drives, genotypes
 from tests.kernels import calls
 from tests.kernels.scenes import PAPER, work_for
 
-WHOLE = Layout()
+WHOLE = Variation()
 
 
 def driven(nets: Networks, inputs, n: int = 0) -> list[tuple[int, int]]:
@@ -26,10 +26,10 @@ def driven(nets: Networks, inputs, n: int = 0) -> list[tuple[int, int]]:
     return [tuple(row) for row in commands.tolist()]
 
 
-def agree(genes, layout: Layout, inputs) -> None:
+def agree(genes, layout: Variation, inputs) -> None:
     expected = ReferenceNetwork(genes, layout.inputs).drive(inputs)
     for prune in (True, False):
-        assert driven(decode(genes, layout, prune=prune), inputs) == expected
+        assert driven(decode(genes, layout.inputs, prune=prune), inputs) == expected
 
 
 @settings(max_examples=200)
@@ -60,11 +60,11 @@ def sequence(random: np.random.Generator, kind: str, steps: int, inputs: int) ->
     return rows.tolist()
 
 
-def chain(delays, layout: Layout = WHOLE, threshold: int = 0) -> np.ndarray:
+def chain(delays, layout: Variation = WHOLE, threshold: int = 0) -> np.ndarray:
     """Sensor 0 → hidden → hidden → … → left motor, each link of weight 1 with its own delay."""
     genes = np.zeros(layout.shape, np.int8)
-    genes[: layout.first_hidden, 0] = 1
-    slots = list(range(layout.first_hidden, layout.first_hidden + len(delays) - 1))
+    genes[: layout.inputs + 2, 0] = 1
+    slots = list(range(layout.inputs + 2, layout.inputs + 2 + len(delays) - 1))
     genes[slots, 0] = 1
     genes[slots, 1] = threshold
     for source, target, delay in zip([0, *slots], [*slots, layout.inputs], delays, strict=True):
@@ -80,7 +80,7 @@ def test_a_signal_in_a_long_chain_is_never_lost(first, rest):
         genes = chain([first] + [rest] * length)
         inputs = [[0] * 8] * 3 + [[7] + [0] * 7] * 30 + [[0] * 8] + [[7] + [0] * 7] * 29
         agree(genes, WHOLE, inputs)
-        commands = [left for left, _ in driven(decode(genes, WHOLE), inputs)]
+        commands = [left for left, _ in driven(decode(genes, 8), inputs)]
         # Each link takes its delay and one update; the first change is at update 30.
         arrived = 30 + (first + 1) + length * (rest + 1)
         expected = [7 if 10 * (k + 1) >= arrived else 0 for k in range(33)]
@@ -111,7 +111,7 @@ def test_slow_oscillators():
         genes[9, 2:6] = 1, ring[0], 1, 0
         inputs = [[0] * 8] * 40
         agree(genes, WHOLE, inputs)
-        commands = driven(decode(genes, WHOLE), inputs)
+        commands = driven(decode(genes, 8), inputs)
         moved += len(set(commands[20:])) > 1
     assert moved > 30, "hardly a network oscillated"
 
@@ -126,7 +126,7 @@ def test_networks_of_one_population_do_not_meet():
     links[..., 0] = random.random(links.shape[:3]) < 0.6
     links[..., 1] = random.integers(0, 30, links.shape[:3])
     links[..., 3] = random.integers(0, 5, links.shape[:3])
-    nets = decode(genes, WHOLE)
+    nets = decode(genes, 8)
     inputs = np.array(sequence(random, "rare", 15, 8))
     work, commands = work_for(PAPER, nets=nets), np.zeros((15, 2), np.int64)
     for n in [*range(12), *range(11, -1, -1)]:

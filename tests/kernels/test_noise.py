@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from realitygap.control.genotype import Layout, constant
-from realitygap.control.network import decode
+from realitygap.control.genotype import Genotype
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.values import Pose
@@ -60,7 +59,7 @@ def ambient(level: float) -> np.ndarray:
 def turning(level: float) -> np.ndarray:
     """Relative errors of the speeds that the wheels achieved, over one long trial."""
     simulation = Simulation(AVOIDANCE, PAPER, level)
-    nets = decode(constant(6, -9, Layout()), Layout())
+    nets = Genotype.constant(6, -9).networks()
     trajectory, _ = simulation.trajectory(nets, stream=20, seconds=REPEAT / 10)
     errors = []
     for w, command in enumerate((6, -9)):
@@ -159,7 +158,7 @@ def starts_at_once(level: float, command: float, count: int = 20_000) -> int:
     wheels = replace(PAPER.wheels, speed_per_unit_cm_s=(command, command))
     task = replace(AVOIDANCE, seconds=0.1, score=first_speed)
     simulation = Simulation(task, replace(PAPER, wheels=wheels), level)
-    nets = decode(constant(1, 1, Layout()), Layout())
+    nets = Genotype.constant(1, 1).networks()
     streams = np.random.default_rng(23).integers(0, 2**63, (1, count)).astype(np.uint64)
     return int(np.count_nonzero(simulation.scores(nets, streams)))
 
@@ -187,7 +186,7 @@ def test_zero_noise_is_none():
     simulation = Simulation(AVOIDANCE, PAPER, 0)
     proximity, light = simulation.probe(pose, repeat=5)
     assert (proximity == proximity[0]).all() and (light == light[0]).all()
-    nets = decode(constant(4, 5, Layout()), Layout())
+    nets = Genotype.constant(4, 5).networks()
     paths = [simulation.trajectory(nets, stream=s, pose=pose)[0].x for s in (1, 2)]
     assert (paths[0] == paths[1]).all()
 

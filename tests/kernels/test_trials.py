@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.control.genotype import FIRST_LINK, Layout, braitenberg, constant
-from realitygap.control.network import decode
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
+from realitygap.control.genotype import Genotype
+from realitygap.control.slots import FIRST_LINK, decode
 from realitygap.kernels.rng import substream
 from realitygap.kernels.trial import run_trial
 from realitygap.simulation.simulation import Simulation
@@ -23,7 +23,6 @@ from tests.kernels.reference import trial as reference
 from tests.kernels.reference.rays import overlap
 from tests.kernels.scenes import PAPER, RADIUS, random_profile
 
-LAYOUT = Layout()
 TASKS = {name: load_task(name) for name in ("obstacle-avoidance", "light-seeking")}
 CROWDED = Arena(
     name="crowded", size_cm=(60, 45), walls=((0, 20, 15, 20), (40, 45, 40, 30)),
@@ -32,9 +31,9 @@ CROWDED = Arena(
 )  # fmt: skip
 
 
-def networks(count: int, seed: int = 25, layout: Layout = LAYOUT) -> np.ndarray:
+def networks(count: int, seed: int = 25, inputs: int = 8) -> np.ndarray:
     """Random genotypes with hidden neurons."""
-    variation = Variation(layout=layout, start_neurons=0.3)
+    variation = Variation(inputs=inputs, start_neurons=0.3)
     return np.stack([variation.random(substream(np.uint64(seed), i)) for i in range(count)])
 
 
@@ -47,7 +46,7 @@ def streams(count: int, trials: int, seed: int = 26) -> np.ndarray:
 def test_agrees_with_the_reference(name, level):
     """A trial goes, step by step, as the slow reference goes: readings, inputs, commands, path."""
     task = replace(TASKS[name], seconds=20.0 if name == "obstacle-avoidance" else 6.0)
-    genes = [braitenberg(task.feeds, LAYOUT), *networks(3)]
+    genes = [Genotype.braitenberg(task.feeds).genes, *networks(3)]
     for stream, gene in enumerate(genes):
         judge(task, PAPER, gene, level, stream)
 
@@ -65,8 +64,9 @@ def test_agrees_in_other_rooms_with_other_robots(feeds):
             TASKS["obstacle-avoidance"], arena=CROWDED, feeds=feeds, sensors=sensors, seconds=4.0,
             start=replace(TASKS["obstacle-avoidance"].start, x_cm=20, y_cm=30, heading_deg=(-90, 30)),
         )  # fmt: skip
-        layout = Layout(inputs=len(sensors), slots=30)
-        contacts += judge(task, profile, networks(1, seed=k, layout=layout)[0], 1.0, 100 + k, layout)
+        contacts += judge(
+            task, profile, networks(1, seed=k, inputs=len(sensors))[0], 1.0, 100 + k, len(sensors)
+        )
     assert contacts > 0
 
 
@@ -86,11 +86,11 @@ def test_noise_of_the_light_by_its_reading_agrees_with_the_reference(feeds):
         judge(task, noisy, networks(1)[0], level, 3)
 
 
-def judge(task, profile, genes, level: float, stream: int, layout: Layout = LAYOUT) -> int:
+def judge(task, profile, genes, level: float, stream: int, inputs: int = 8) -> int:
     """Compare one trial with the reference's; how many steps were in contact."""
     simulation = Simulation(task, profile, level)
     expected = reference.run(task, profile, genes, level=level, stream=stream)
-    got, score = simulation.trajectory(decode(genes, layout), stream=stream)
+    got, score = simulation.trajectory(decode(genes, inputs), stream=stream)
     assert fed(got, task.feeds).tolist() == expected.readings
     assert got.inputs.tolist() == expected.inputs
     assert [tuple(row) for row in got.commands.tolist()] == expected.commands
@@ -147,10 +147,10 @@ def test_mirror_symmetry(feeds):
     for genes in networks(25):
         x, y, heading = 22.0, 24.0, random.uniform(-3, 3)
         one, score = Simulation(task, PAPER, 0).trajectory(
-            decode(genes, LAYOUT), stream=0, pose=Pose(x=x, y=y, heading=heading)
+            decode(genes, 8), stream=0, pose=Pose(x=x, y=y, heading=heading)
         )
         two, mirror_score = Simulation(other, PAPER, 0).trajectory(
-            decode(mirrored(genes), LAYOUT), stream=0, pose=Pose(x=x, y=45 - y, heading=-heading)
+            decode(mirrored(genes), 8), stream=0, pose=Pose(x=x, y=45 - y, heading=-heading)
         )
         assert one.commands.tolist() == two.commands[:, ::-1].tolist()
         np.testing.assert_allclose(one.x, two.x, atol=1e-9)
@@ -167,25 +167,25 @@ def test_each_trial_is_a_function_of_its_stream():
     for task in TASKS.values():
         simulation = Simulation(replace(task, seconds=3.0), PAPER, "observed")
         genes, draws = networks(40), streams(40, 4)
-        together = simulation.scores(decode(genes, LAYOUT), draws)
+        together = simulation.scores(decode(genes, 8), draws)
         assert np.unique(together).size > 30
-        turned = simulation.scores(decode(genes[::-1], LAYOUT), draws[::-1])[::-1]
-        swapped = simulation.scores(decode(genes, LAYOUT), draws[:, ::-1])[:, ::-1]
+        turned = simulation.scores(decode(genes[::-1], 8), draws[::-1])[::-1]
+        swapped = simulation.scores(decode(genes, 8), draws[:, ::-1])[:, ::-1]
         fresh = Simulation(replace(task, seconds=3.0), PAPER, "observed")
         assert (turned == together).all() and (swapped == together).all()
         for i in range(9):
             for t in range(4):
-                alone = fresh.scores(decode(genes[i], LAYOUT), draws[i : i + 1, t : t + 1])
+                alone = fresh.scores(decode(genes[i], 8), draws[i : i + 1, t : t + 1])
                 assert alone[0, 0] == together[i, t]
 
 
 def test_other_streams_other_trials():
     """Two streams give two trials; two networks on one stream start alike."""
     simulation = Simulation(TASKS["obstacle-avoidance"], PAPER, 1)
-    nets = decode(networks(1), LAYOUT)
+    nets = decode(networks(1), 8)
     a, b = (simulation.trajectory(nets, stream=s)[0] for s in (1, 2))
     assert a.x[0] != b.x[0] and a.heading[0] != b.heading[0]
-    other = simulation.trajectory(decode(networks(2)[1:], LAYOUT), stream=1)[0]
+    other = simulation.trajectory(decode(networks(2)[1:], 8), stream=1)[0]
     assert (other.x[0], other.y[0], other.heading[0]) == (a.x[0], a.y[0], a.heading[0])
 
 
@@ -212,8 +212,8 @@ def test_nothing_is_entered_in_a_whole_trial(level):
     """In every step of trials of random networks the body overlaps nothing."""
     for task in (TASKS["obstacle-avoidance"], replace(TASKS["obstacle-avoidance"], arena=CROWDED)):
         simulation = Simulation(replace(task, start=replace(task.start, x_cm=24, y_cm=25)), PAPER, level)
-        for k, genes in enumerate([*networks(15), constant(10, 10, LAYOUT), constant(10, 9, LAYOUT)]):
-            trajectory, _ = simulation.trajectory(decode(genes, LAYOUT), stream=k)
+        for k, genes in enumerate([*networks(15), *(Genotype.constant(10, k).genes for k in (10, 9))]):
+            trajectory, _ = simulation.trajectory(decode(genes, 8), stream=k)
             for x, y in zip(trajectory.x, trajectory.y, strict=True):
                 assert overlap(simulation.task.arena, x, y, RADIUS) <= 1.001e-9
 
@@ -223,17 +223,17 @@ def test_pushing_a_wall_head_on_is_no_progress():
     task = replace(TASKS["obstacle-avoidance"], score=mean_ground_speed, seconds=2.0)
     pose = Pose(x=50 - RADIUS, y=25, heading=0.0)
     trajectory, speed = Simulation(task, PAPER, 0).trajectory(
-        decode(constant(10, 10, LAYOUT), LAYOUT), stream=0, pose=pose
+        Genotype.constant(10, 10).networks(), stream=0, pose=pose
     )
     assert abs(speed) < 1e-9 and trajectory.wheels[-1].min() > 9 and trajectory.contact.all()
     assert trajectory.end.x == pytest.approx(pose.x) and trajectory.end.y == 25
     # It can turn away, and drive away backwards.
     turned, _ = Simulation(task, PAPER, 0).trajectory(
-        decode(constant(5, -5, LAYOUT), LAYOUT), stream=0, pose=pose
+        Genotype.constant(5, -5).networks(), stream=0, pose=pose
     )
     assert abs(turned.end.heading) > 2
     away, speed = Simulation(task, PAPER, 0).trajectory(
-        decode(constant(-10, -10, LAYOUT), LAYOUT), stream=0, pose=pose
+        Genotype.constant(-10, -10).networks(), stream=0, pose=pose
     )
     assert away.end.x < pose.x - 10 and speed < -6 and not away.contact.any()
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from realitygap.control.genotype import Genotype
 from realitygap.kernels.params import MAX_DELAY
 from realitygap.report.page import Picture
 from realitygap.report.statistics import Mean, mean_of
@@ -41,10 +42,10 @@ def circle(steps: int = 50, *, radius: float = 8.0, centre: tuple[float, float] 
     )
 
 
-def random_genes(
+def random_genotype(
     seed: int, *, hidden: float = 0.1, slots: int = 30, links: int = 8, inputs: int = 8
-) -> np.ndarray:
-    """A random genotype [slots, 2 + 4 · links], every field filled whether expressed or not."""
+) -> Genotype:
+    """A random genotype, every field filled whether expressed or not."""
     random = np.random.default_rng(seed)
     genes = np.zeros((slots, 2 + 4 * links), np.int8)
     genes[:, 0] = random.random(slots) < hidden
@@ -54,7 +55,7 @@ def random_genes(
     genes[:, 3::4] = random.integers(0, slots, (slots, links))
     genes[:, 4::4] = random.integers(-4, 5, (slots, links))
     genes[:, 5::4] = random.integers(0, MAX_DELAY + 1, (slots, links))
-    return genes
+    return Genotype(genes, inputs)
 
 
 def table(

@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from realitygap.control.genotype import Layout
-from realitygap.control.network import NetworkController
 from realitygap.export import logs as trial
 from realitygap.report import player
 from realitygap.report.build import scripts
@@ -23,7 +21,7 @@ from realitygap.report.player_tracks import LOST, activity, pack, track
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.recording import Recording
 from realitygap.study.load import Study
-from tests.report.scenes import random_genes
+from tests.report.scenes import random_genotype
 from tests.report.situations import STEPS, write_transfer
 
 AVOID, LIGHT = 0, 1
@@ -94,17 +92,17 @@ def test_the_motors_of_the_network_are_the_commands(played: Study, who: str) -> 
 
 def test_activity_is_that_of_the_one_who_drove() -> None:
     """Another's commands, even in one step, are not explained by this network."""
-    genes = random_genes(4)
-    network, random = NetworkController(genes, Layout.of(genes)), np.random.default_rng(1)
+    genotype = random_genotype(4)
+    network, random = genotype.controller(), np.random.default_rng(1)
     inputs = random.integers(-10, 11, (30, 8))
     commands = np.array([list(vars(network.decide(row.tolist())).values()) for row in inputs])
     slots = [0, 8, 9]
-    shown = activity(genes, inputs, commands, slots)
+    shown = activity(genotype, inputs, commands, slots)
     assert shown is not None
     assert np.array_equal(shown[:, 0], inputs[:, 0]) and np.array_equal(shown[:, 1:], commands)
     other = commands.copy()
     other[-1, 1] += 1
-    assert activity(genes, inputs, other, slots) is None
+    assert activity(genotype, inputs, other, slots) is None
 
 
 def test_a_run_without_a_transfer_is_simulated_alone(played: Study) -> None:

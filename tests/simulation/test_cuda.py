@@ -24,8 +24,7 @@ import pytest
 from benchmarks.steps import random_networks
 from scipy.stats import ks_2samp
 
-from realitygap.control.genotype import Layout, braitenberg
-from realitygap.control.network import decode
+from realitygap.control.genotype import Genotype
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.work import NO_NETWORK, NO_RECORD, new_scratch
 from realitygap.simulation.simulation import Simulation, batch_streams
@@ -80,7 +79,7 @@ class TestCuda(EngineContract):
 
 def scores(engine, profile, seed: int, trials: int, name: str = "obstacle-avoidance") -> np.ndarray:
     """Of a Braitenberg vehicle at a task."""
-    nets = decode(braitenberg(load_task(name).feeds, Layout()), Layout())
+    nets = Genotype.braitenberg(load_task(name).feeds).networks()
     return Simulation(name, profile, engine=engine).scores(nets, batch_streams(seed, trials)[np.newaxis])[0]
 
 
@@ -151,7 +150,7 @@ def test_a_large_batch_is_carried_out_in_parts(monkeypatch):
 def test_too_little_memory_is_told(monkeypatch, way):
     """Whatever the driver calls it; other failures stay what they are."""
     task = load_task("avoidance").of(PAPER)
-    made, nets = Simulation(task, PAPER, engine="cuda"), decode(braitenberg(task.feeds, Layout()), Layout())
+    made, nets = Simulation(task, PAPER, engine="cuda"), Genotype.braitenberg(task.feeds).networks()
 
     def fail(*_given: Any) -> None:
         raise RuntimeError(why)
@@ -190,7 +189,7 @@ def exact_parts() -> tuple[Any, tuple[Any, ...]]:
             draw(np.uint64(1995), np.int64(1000), raw, uniforms, whole)
 
     task = load_task("obstacle-avoidance").of(PAPER)
-    nets = decode(braitenberg(task.feeds, Layout()), Layout())
+    nets = Genotype.braitenberg(task.feeds).networks()
     work = new_scratch(PAPER.to_kernel(), task.to_kernel(PAPER), nets)
     inputs = np.random.default_rng(5).integers(-10, 11, (100, 8)).astype(np.int64)
     drawn = np.zeros(100, np.uint64), np.zeros(100), np.zeros(100, np.int64)
@@ -216,7 +215,7 @@ def test_a_users_score_is_taken_by_the_processor(tmp_path):
     (tmp_path / "wrong.py").write_text(text.replace("path.x[-1]", "path.x[path.x.size]"), "utf-8")
     robot = load_profile("paper")
     mine, wrong = (load_task(tmp_path / f"{name}.py").of(robot) for name in ("mine", "wrong"))
-    nets = decode(braitenberg(mine.feeds, Layout()), Layout())
+    nets = Genotype.braitenberg(mine.feeds).networks()
     streams = batch_streams(4, 6)[np.newaxis]
     found = Simulation(mine, robot, engine="cuda").scores(nets, streams)
     assert np.allclose(found, Simulation(mine, robot, 1.0).scores(nets, streams), rtol=1e-6)

@@ -103,7 +103,7 @@ def test_what_makes_no_engine_is_refused(engine):
 def test_no_trials_have_no_tracks():
     """As they have no scores: each array is [N, 0, steps]."""
     simulation = Simulation("light", "paper")
-    networks = realitygap.decode(realitygap.constant(5, 5, simulation.layout), simulation.layout)
+    networks = realitygap.Genotype.constant(5, 5).networks()
     none = np.zeros((1, 0), np.uint64)
     assert simulation.scores(networks, none).shape == (1, 0)
     assert simulation.tracks(networks, none).x.shape == (1, 0, simulation.task.steps_of(simulation.profile))

@@ -11,9 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.control.genotype import Layout, braitenberg, constant
-from realitygap.control.network import NetworkController, decode
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
+from realitygap.control.genotype import Genotype
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
@@ -25,7 +24,6 @@ from tests.kernels.reference import sensors as reference
 from tests.kernels.scenes import COUNTS, random_pose, random_profile
 
 PAPER = load_profile("paper")
-LAYOUT = Layout()
 AVOIDANCE, SEEKING = load_task("avoidance"), load_task("light")
 TASKS = pytest.mark.parametrize("task", [AVOIDANCE, SEEKING], ids=["avoidance", "light"])
 HALL = Arena(
@@ -34,10 +32,12 @@ HALL = Arena(
 )  # fmt: skip
 
 
-def networks(count: int, layout: Layout = LAYOUT):
-    variation = Variation(layout=layout, start_neurons=0.2)
+RANDOM = Variation(start_neurons=0.2)
+
+
+def networks(count: int, variation: Variation = RANDOM):
     genes = np.stack([variation.random(substream(np.uint64(29), i)) for i in range(count)])
-    return genes, decode(genes, layout)
+    return genes, variation.decode(genes)
 
 
 @TASKS
@@ -51,16 +51,16 @@ def test_trajectory_has_the_bits_of_scores(task, noise):
     assert scores.shape == (20, 2) and np.unique(scores).size > 8
     for i in range(20):
         for t in range(2):
-            _, score = simulation.trajectory(decode(genes[i], LAYOUT), stream=int(streams[i, t]))
+            _, score = simulation.trajectory(Genotype.decode(genes[i], 8), stream=int(streams[i, t]))
             assert score == scores[i, t]
 
 
 @TASKS
 def test_trajectory_rows(task):
     """A row a step: what the robot read at t, decided there, where it stood; and its end."""
-    genes = braitenberg(task.feeds, LAYOUT)
+    genotype = Genotype.braitenberg(task.feeds)
     simulation = Simulation(task, PAPER, "observed")
-    trajectory, _ = simulation.trajectory(decode(genes, LAYOUT), stream=3)
+    trajectory, _ = simulation.trajectory(genotype.networks(), stream=3)
     n = 200
     assert trajectory.t.tolist() == pytest.approx([0.1 * k for k in range(n)])
     for name, shape in {
@@ -70,7 +70,7 @@ def test_trajectory_rows(task):
         assert getattr(trajectory, name).shape == shape
     start = simulation.start(3)
     assert (trajectory.x[0], trajectory.y[0], trajectory.heading[0]) == (start.x, start.y, start.heading)
-    controller = NetworkController(genes, LAYOUT)
+    controller = genotype.controller()
     for k in range(n):
         command = controller.decide(trajectory.inputs[k])
         assert (command.left, command.right) == tuple(trajectory.commands[k])
@@ -145,7 +145,7 @@ def test_poses_in_obstacles_are_refused(pose, words):
 def test_a_pose_in_contact_is_free():
     """Touching is not overlapping: where a robot stopped at a wall it can be set down again."""
     simulation = Simulation(AVOIDANCE, PAPER, 0)
-    nets = decode(constant(10, 10, LAYOUT), LAYOUT)
+    nets = Genotype.constant(10, 10).networks()
     end = simulation.trajectory(nets, stream=5)[0].end
     assert simulation.trajectory(nets, stream=5, pose=end)[0].contact[5]
 
@@ -187,7 +187,7 @@ def test_another_arena():
     proximity, _ = simulation.probe(Pose(x=100 - 2.9 - 0.5, y=20, heading=0.0))
     assert proximity[0, 2] > 500
     end = simulation.trajectory(
-        decode(constant(10, 10, LAYOUT), LAYOUT), stream=0, pose=Pose(x=100 - 20, y=20, heading=0.0)
+        Genotype.constant(10, 10).networks(), stream=0, pose=Pose(x=100 - 20, y=20, heading=0.0)
     )[0].end
     assert end.x == pytest.approx(100 - 2.9)
     with pytest.raises(UsageError, match="start"):
@@ -202,9 +202,9 @@ def test_other_robots():
         profile = random_profile(random)
         for task, part in ((AVOIDANCE, profile.infrared), (SEEKING, profile.ambient)):
             sensors = tuple(range(len(part.sensors)))
-            layout = Layout(inputs=len(sensors), slots=len(sensors) + 10)
+            random = Variation(inputs=len(sensors), slots=len(sensors) + 10)
             simulation = Simulation(replace(task, sensors=sensors, seconds=2.0), profile, 1)
-            trajectory, score = simulation.trajectory(networks(1, layout)[1], stream=1)
+            trajectory, score = simulation.trajectory(networks(1, random)[1], stream=1)
             assert trajectory.proximity.shape == (20, len(profile.infrared.sensors))
             assert trajectory.ambient.shape == (20, len(profile.ambient.sensors))
             assert trajectory.inputs.shape == (20, len(sensors)) and math.isfinite(score)
@@ -216,7 +216,7 @@ def test_sensors_in_the_tasks_order():
     """Input i is fed by sensor sensors[i], twice if the task says so."""
     task = replace(AVOIDANCE, sensors=(7, 2, 2))
     pose = Pose(x=50 - 2.45 - 3.5, y=25, heading=0.0)
-    nets = networks(1, Layout(inputs=3))[1]
+    nets = networks(1, Variation(inputs=3))[1]
     trajectory, _ = Simulation(task, PAPER, 0).trajectory(nets, stream=0, pose=pose, seconds=0.1)
     low, front, same = trajectory.inputs[0]
     assert low == -10 and front == same > -10
@@ -228,7 +228,7 @@ def test_absurd_noise_stays_in_the_room(noise, wheel):
     profile = replace(PAPER, noise=replace(PAPER.noise, wheel=wheel))
     simulation = Simulation(AVOIDANCE, profile, noise)
     for stream in range(20):
-        trajectory, score = simulation.trajectory(decode(constant(8, 8, LAYOUT), LAYOUT), stream=stream)
+        trajectory, score = simulation.trajectory(Genotype.constant(8, 8).networks(), stream=stream)
         assert math.isfinite(score)
         fastest = np.abs(trajectory.wheels).max()
         assert fastest == pytest.approx(127) if wheel == 1.0 else fastest < 127

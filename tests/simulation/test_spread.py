@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap import NetworkController, SimulatedBody, Simulation, decode, drive_simulated, load_task
-from realitygap.control.genotype import Layout, braitenberg
+from realitygap import Genotype, SimulatedBody, Simulation, drive_simulated, load_task
 from realitygap.errors import ConfigError
 from realitygap.simulation.simulation import drawn
 from realitygap.study.config import StudyConfig
@@ -19,7 +18,7 @@ from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
 TASK = replace(load_task("avoidance"), seconds=5.0)
-GENES = braitenberg("proximity", Layout())
+GENOTYPE = Genotype.braitenberg("proximity")
 
 
 def test_factors_fill_the_spread_and_nothing_else():
@@ -41,13 +40,13 @@ def test_factors_fill_the_spread_and_nothing_else():
 def test_a_trial_is_its_streams_however_it_is_carried_out():
     """In a batch, alone, in full and step by step: one score; without a spread another one."""
     spread = Simulation(replace(TASK, spread=0.2), PAPER)
-    networks, streams = decode(GENES, Layout()), np.arange(70, dtype=np.uint64)[np.newaxis]
+    networks, streams = GENOTYPE.networks(), np.arange(70, dtype=np.uint64)[np.newaxis]
     scores = spread.scores(networks, streams)[0]
     assert (spread.scores(networks, streams[:, ::-1])[0][::-1] == scores).all()
     for stream in (3, 69):
         trajectory, score = spread.trajectory(networks, stream=stream)
         assert score == scores[stream]
-        network = NetworkController(GENES)
+        network = GENOTYPE.controller()
         network_like = type("Passing", (), {"reset": network.reset, "decide": network.decide})()
         steps, again = drive_simulated(spread, network_like, stream=stream)
         assert again == score and (steps.wheels == trajectory.wheels).all()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
 from realitygap.errors import ConfigError
 from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather

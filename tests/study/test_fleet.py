@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
 from realitygap.errors import StudyInterruptedError
 from realitygap.simulation import simulation
 from realitygap.study import fleet, jobs

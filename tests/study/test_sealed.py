@@ -110,7 +110,7 @@ def test_every_row_of_a_run_is_sealed(copy, change, finished):
         ("DELETE FROM tested WHERE run = 1 AND cell = 5", lambda study: study.retests(1)),
         ("UPDATE run SET champion = 3 WHERE id = 1", lambda study: study.runs),
         ("UPDATE session SET pid = 1", lambda study: study.versions()),
-        ("UPDATE task SET facts = '{}'", lambda study: study.layout("light-seeking")),
+        ("UPDATE task SET facts = '{}'", lambda study: study.encoding("light-seeking")),
         ("UPDATE checkpoint SET state = (SELECT state FROM checkpoint WHERE run = 2) WHERE run = 1",
          lambda study: study.runs[0].population),
     ],

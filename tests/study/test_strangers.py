@@ -66,7 +66,7 @@ def test_looking_runs_no_code(stranger):
     folder, trace = stranger
     study = load_study(folder)
     run = study.run("touch/observed/1")
-    assert run.champion.shape == study.layout("touch").shape and study.layout("touch").inputs == 2
+    assert run.champion.shape == study.encoding("touch").shape and study.encoding("touch").inputs == 2
     assert study.facts("touch")["feeds"] == "proximity" and study.profile.name == "paper"
     assert len(study.genotypes(1)) == len(study.evaluations()["number"]) == 66
     assert run.plan.name == run.name

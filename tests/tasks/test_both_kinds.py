@@ -8,9 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.control.genotype import Layout
-from realitygap.control.network import NetworkController, decode
-from realitygap.control.operators import Variation
+from realitygap.control.genotype import Genotype
 from realitygap.errors import TaskError
 from realitygap.report.network import network_drawing
 from realitygap.report.player import _sensors
@@ -31,9 +29,8 @@ def task() -> Task:
     return load_task(EXAMPLE)
 
 
-def genes_for(task: Task) -> tuple[np.ndarray, Layout]:
-    layout = Layout(inputs=len(task.sensors))
-    return Variation(layout=layout).random(np.uint64(5)), layout
+def genotype_for(task: Task) -> Genotype:
+    return Genotype.random(5, inputs=len(task.sensors))
 
 
 def test_kinds_are_kept_in_one_order(task):
@@ -55,11 +52,11 @@ def test_a_robot_must_have_both_kinds(task):
 
 def test_a_body_lives_the_simulations_trial(task):
     """The loop that drives robots records the kernels' readings, inputs and commands, bit for bit."""
-    genes, layout = genes_for(task)
+    genotype = genotype_for(task)
     simulation = Simulation(task, PAPER, "observed")
-    wanted, _ = simulation.trajectory(decode(genes, layout), stream=33, seconds=5)
+    wanted, _ = simulation.trajectory(genotype.networks(), stream=33, seconds=5)
     body = SimulatedBody(simulation, stream=33)
-    controller = NetworkController(genes, layout)
+    controller = genotype.controller()
     made = drive(body, controller, seconds=5, clock=body.clock, inputs=network_inputs(simulation))
     assert (fed(made, task.feeds) == fed(wanted, task.feeds)).all() and fed(made, task.feeds).shape[1] == 16
     assert (made.inputs == wanted.inputs).all() and (made.commands == wanted.commands).all()
@@ -68,10 +65,10 @@ def test_a_body_lives_the_simulations_trial(task):
 
 def test_the_twin_feeds_both(task):
     """On the twin, inputs are made of the readings of both kinds by the profile's ranges."""
-    genes, layout = genes_for(task)
+    genotype = genotype_for(task)
     with Rig(task, PAPER, robot="twin:1") as rig:
         start = Simulation(task, PAPER).start(3)
-        made = rig.trial(NetworkController(genes, layout), 3, start, 1.0).recording
+        made = rig.trial(genotype.controller(), 3, start, 1.0).recording
     rows = fed(made, task.feeds)
     assert rows.shape[1] == 16 and made.ambient.any()
     assert made.inputs.tolist() == [PAPER.inputs(row.tolist(), task.feeds, task.sensors) for row in rows]
@@ -81,7 +78,7 @@ def test_pictures_show_each_sensor_once(task):
     """The player knows sixteen sensors, each with its own scale; no two of the network's inputs overlap."""
     shown = _sensors(task, PAPER)["each"]
     assert [one["petals"] for one in shown] == [False] * 8 + [True] * 8
-    drawing, _ = network_drawing(genes_for(task)[0], task, PAPER)
+    drawing, _ = network_drawing(genotype_for(task), task, PAPER)
     inputs = [n for n in drawing["neurons"] if n["kind"] == "input"]
     gaps = [np.hypot(a["x"] - b["x"], a["y"] - b["y"]) for i, a in enumerate(inputs) for b in inputs[i + 1 :]]
     assert len(inputs) == 12 and min(gaps) > 1.5 * inputs[0]["r"]

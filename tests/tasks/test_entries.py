@@ -16,7 +16,6 @@ from realitygap.kernels.params import Networks
 from realitygap.simulation.body import SimulatedBody
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "follow_the_wall.py"
-LAYOUT = rg.Layout()
 VARIATION = rg.Variation(start_neurons=0.4)
 GENES = np.stack([VARIATION.random(np.uint64(k)) for k in range(2)])
 STREAMS = np.zeros((2, 3), np.uint64)
@@ -32,7 +31,7 @@ def simulation() -> rg.Simulation:
 
 def nets(**change: object) -> Networks:
     """Two networks with another array, or one value of an array changed: name=(place, value)."""
-    made = rg.decode(GENES, LAYOUT)
+    made = rg.Genotype.decode(GENES, 8)
     for name, new in change.items():
         if isinstance(new, tuple):
             array = getattr(made, name).copy()
@@ -51,9 +50,7 @@ SCORES: dict[str, Callable[[rg.Simulation], object]] = {
     "streams behind a mask": lambda s: s.scores(nets(), np.ma.array(STREAMS, mask=STREAMS == 0)),
     "genes for networks": lambda s: s.scores(GENES, STREAMS),  # type: ignore[arg-type]
     "more inputs": lambda s: s.scores(nets(inputs=np.full(2, 12)), STREAMS),
-    "other inputs than the task": lambda s: s.scores(
-        rg.decode(rg.random_genotype(rg.Layout(inputs=4), np.uint64(1)), rg.Layout(inputs=4)), STREAMS[:1]
-    ),
+    "other inputs than the task": lambda s: s.scores(rg.Genotype.random(1, inputs=4).networks(), STREAMS[:1]),
     "more neurons than there are": lambda s: s.scores(nets(neurons=(0, 23)), STREAMS),
     "no motors": lambda s: s.scores(nets(neurons=(1, 1)), STREAMS),
     "a link from nowhere": lambda s: s.scores(nets(links=((0, 0, 1), 20000)), STREAMS),
@@ -72,11 +69,11 @@ SCORES: dict[str, Callable[[rg.Simulation], object]] = {
     "arrays in a list": lambda s: s.scores(nets(neurons=[2, 2]), STREAMS),
     "arrays with gaps": lambda s: s.scores(nets(neurons=np.full(4, 2)[::2]), STREAMS),
     "two networks for one trajectory": lambda s: s.trajectory(nets(), stream=1),
-    "a stream below 0": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=-1),
+    "a stream below 0": lambda s: s.trajectory(rg.Genotype.decode(GENES[0], 8), stream=-1),
     "a stream of 65 bits": lambda s: s.start(2**64),
     "no repetition": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), repeat=0),
     "repetitions without end": lambda s: s.probe(rg.Pose(x=25, y=25, heading=0), repeat=10**12),
-    "seconds without end": lambda s: s.trajectory(rg.decode(GENES[0], LAYOUT), stream=1, seconds=1e12),
+    "seconds without end": lambda s: s.trajectory(rg.Genotype.decode(GENES[0], 8), stream=1, seconds=1e12),
     "a command beyond the robot's": lambda s: SimulatedBody(s).act(rg.Command(left=10**12, right=0)),
     "a body on half a stream": lambda s: reset_on(s, 2.5),
     "a body on a stream below 0": lambda s: reset_on(s, -2),
@@ -103,7 +100,7 @@ def test_a_simulation_refuses_what_does_not_fit(simulation, call):
 def test_what_fits_is_scored(simulation):
     """The networks that the table spoils are scored as they are; none at all have no scores."""
     assert np.isfinite(simulation.scores(nets(), STREAMS)).all()
-    nobody = rg.decode(GENES[:0], LAYOUT)
+    nobody = rg.Genotype.decode(GENES[:0], 8)
     assert simulation.scores(nobody, STREAMS[:0]).shape == (0, 3)
     assert simulation.tracks(nobody, STREAMS[:0]).x.shape[:2] == (0, 3)
 
@@ -116,16 +113,15 @@ def genes(*place: object) -> np.ndarray:
 
 
 OTHERS: dict[str, Callable[[], object]] = {
-    "genes of another layout": lambda: rg.decode(np.zeros((1, 40, 14), np.int8), LAYOUT),
-    "genes as floats": lambda: rg.decode(GENES.astype(float), LAYOUT),
-    "genes in a list": lambda: rg.decode(GENES.tolist(), LAYOUT),
-    "a source that is no slot": lambda: rg.decode(genes(8, 3, 120), LAYOUT),
-    "a source below 0": lambda: rg.decode(genes(8, 3, -1), LAYOUT),
-    "a delay beyond the longest": lambda: rg.decode(genes(8, 5, 100), LAYOUT),
-    "a motor left out": lambda: rg.decode(genes(8, 0, 0), LAYOUT),
-    "a controller of another layout": lambda: rg.NetworkController(GENES[0], rg.Layout(slots=12)),
-    "inputs beyond the ten": lambda: rg.NetworkController(GENES[0]).decide([11] * 8),
-    "inputs that are no numbers": lambda: rg.NetworkController(GENES[0]).decide([float("nan")] * 8),
+    "genes of another layout": lambda: rg.Genotype.decode(np.zeros((1, 40, 14), np.int8), 8),
+    "genes as floats": lambda: rg.Genotype.decode(GENES.astype(float), 8),
+    "genes in a list": lambda: rg.Genotype.decode(GENES.tolist(), 8),
+    "a source that is no slot": lambda: rg.Genotype.decode(genes(8, 3, 120), 8),
+    "a source below 0": lambda: rg.Genotype.decode(genes(8, 3, -1), 8),
+    "a delay beyond the longest": lambda: rg.Genotype.decode(genes(8, 5, 100), 8),
+    "a motor left out": lambda: rg.Genotype.decode(genes(8, 0, 0), 8),
+    "inputs beyond the ten": lambda: rg.Genotype(GENES[0], 8).controller().decide([11] * 8),
+    "inputs that are no numbers": lambda: rg.Genotype(GENES[0], 8).controller().decide([float("nan")] * 8),
     "a parent of another layout": lambda: VARIATION.offspring(GENES[0], GENES[0, :20], np.uint64(1)),
     "a stream of breeding below 0": lambda: VARIATION.random(-1),
     "a population beyond all memory": lambda: make_algorithm("torus", VARIATION, rows=10**6, columns=10**6),
@@ -138,7 +134,7 @@ OTHERS: dict[str, Callable[[], object]] = {
     "starts drawn by a seed below 0": lambda: rg.Transfer(seed=-1),
     "a transfer's noise beyond the largest": lambda: rg.Transfer(twin_noise=11),
     "runs by half their numbers": lambda: rg.Transfer(runs=[1.5]),
-    "a genotype's place with a NUL": lambda: rg.save_genotype("\0", GENES[0]),
+    "a genotype's place with a NUL": lambda: rg.Genotype(GENES[0], 8).save("\0"),
     "a setting of no kind": lambda: rg.evolve("light", settings={"evolution.rows": np.int64(10)}),
     "a study's engine by another name": lambda: rg.evolve("light", engine="gpu"),
     "a reproduction's engine by another name": lambda: rg.reproduce("nowhere", engine="gpu"),
@@ -215,7 +211,7 @@ def test_a_study_goes_where_its_folder_goes(tmp_path: Path):
     study = rg.run_study(tmp_path / "study", config.with_settings(["task.seconds=0.5"]), workers=1)
     task = study.task("light-seeking")
     assert rg.load_study(study).folder == study.folder and rg.load_transfers(study) == []
-    assert study.layout(task) == study.layout(task.name) and study.task(task) == task
+    assert study.task(task) == task
     assert rg.marks_of(study.folder) == rg.marks_of(study)
     assert rg.run_study(study, resume=True, workers=1).runs == study.runs
     assert rg.build_report(study) == study.folder / "report" / "index.html"

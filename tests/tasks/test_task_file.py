@@ -264,12 +264,11 @@ def test_a_score_without_end_can_be_stopped(monkeypatch):
 @compiler
 def test_an_index_out_of_range_is_never_read(mine):
     """An index that no example reaches is refused where it happens: a shorter trial, a rare value."""
-    from realitygap import Simulation, constant, decode
-    from realitygap.control.genotype import Layout
+    from realitygap import Genotype, Simulation
 
     text = "def score(path, room):\n    return path.x[150]\n"
     simulation = Simulation(load_task(mine(text + HEAD + TAIL)), "paper")
-    still = decode(constant(0, 0, Layout()), Layout())
+    still = Genotype.constant(0, 0).networks()
     assert simulation.trajectory(still, stream=1)[1] > 0
     with pytest.raises(TaskError, match=r"mine.py, line 2: .*IndexError.* This path has 10 rows"):
         simulation.trajectory(still, stream=1, seconds=1.0)

@@ -5,8 +5,7 @@ from pathlib import Path as File
 
 import numpy as np
 
-from realitygap import Layout, Simulation, Task, decode, load_task
-from realitygap.control.genotype import constant
+from realitygap import Genotype, Simulation, Task, load_task
 from realitygap.kernels.params import Path, Room
 from realitygap.study.config import StudyConfig
 
@@ -22,7 +21,7 @@ def listed(what: str) -> dict[str, str]:
 def test_every_array_is_listed_with_its_shape():
     """In the code's order; a field that is added or renamed has to be told."""
     simulation = Simulation("light", "paper")
-    path = simulation.tracks(decode(constant(3, 3, Layout()), Layout()), np.zeros((1, 1), np.uint64))
+    path = simulation.tracks(Genotype.constant(3, 3).networks(), np.zeros((1, 1), np.uint64))
     room, sizes = simulation.task.room(simulation.profile), {"steps": 200, "lamps": 1, "cylinders": 0}
     for what, kind, values in (("path", Path, [one[0, 0] for one in path]), ("room", Room, list(room))):
         shapes = listed(what)
@@ -54,6 +53,6 @@ def test_a_task_goes_wherever_its_name_goes():
 
 
 def _steady():
-    from realitygap.control.network import own_controller
+    from realitygap.control.controllers import own_controller
 
     return own_controller(lambda inputs: (3, 2))

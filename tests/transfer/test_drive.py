@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap import NetworkController, Pose, SimulatedBody, Simulation, decode, drive, drive_simulated
+from realitygap import Pose, SimulatedBody, Simulation, drive, drive_simulated
 from realitygap.cli import realitygap
-from realitygap.control.genotype import Layout, braitenberg, load_network
+from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.errors import UsageError
 from realitygap.robots.body import Channel, Odometry
 from realitygap.values import Command, Readings
 
 AVOIDER = Path(__file__).resolve().parents[2] / "examples" / "avoider.toml"
-NETWORK = NetworkController(braitenberg("proximity", Layout()))
+NETWORK = Genotype.braitenberg("proximity").controller()
 
 
 class Passing:
@@ -129,7 +129,7 @@ def test_what_has_no_order_is_no_command(simulation, given):
         drive(SimulatedBody(simulation), lambda inputs: given, task="avoidance")
 
 
-@pytest.mark.parametrize("given", [7, decode(NETWORK.genes, NETWORK.layout), NETWORK.genes, Path("own.py:x")])
+@pytest.mark.parametrize("given", [7, NETWORK.genotype.networks(), NETWORK.genotype, Path("own.py:x")])
 def test_what_decides_nothing_is_no_controller(simulation, given):
     """Both drives say so in a line, however large the value is."""
     for drives in (
@@ -184,21 +184,15 @@ def test_an_object_is_checked_as_a_function_is(simulation):
             drives(Odd(Command(left=100, right=100)))
 
 
-def test_a_changed_network_drives_as_it_decides(simulation):
-    """A subclass and a network without some of its neurons; but its genes are its own."""
+def test_a_changed_controller_drives_as_it_decides(simulation):
+    """A subclass's own decisions count, not its network's."""
 
     class Still(NetworkController):
         def decide(self, inputs):
             return Command(left=0, right=0)
 
-    given = NETWORK.genes.copy()
-    cut, kept = (NetworkController(given, NETWORK.layout) for _ in range(2))
-    cut.neurons = cut.neurons[:1]
-    given[:] = 0
     for drives in drives_of(simulation):
-        assert drives(Still(NETWORK.genes, NETWORK.layout))[1] == [[0, 0]] * 20
-        assert not any(right for _, right in drives(cut)[1])
-        assert drives(kept) == drives(NETWORK)
+        assert drives(Still(NETWORK.genotype))[1] == [[0, 0]] * 20
 
 
 def test_a_word_drives_as_the_commands_does(simulation):
@@ -208,10 +202,8 @@ def test_a_word_drives_as_the_commands_does(simulation):
         made = drive(SimulatedBody(simulation, stream=4), given, task="avoidance", seconds=2)
         return made.recording.commands.tolist()
 
-    layout = Layout()
-    by_hand = load_network(AVOIDER, 8)
-    assert commands(str(AVOIDER)) == commands(NetworkController(by_hand, Layout.of(by_hand, inputs=8)))
-    assert commands("braitenberg") == commands(NetworkController(braitenberg("proximity", layout), layout))
+    assert commands(str(AVOIDER)) == commands(Genotype.load(AVOIDER, 8).controller())
+    assert commands("braitenberg") == commands(Genotype.braitenberg("proximity").controller())
     assert commands("constant:5,-3") == [[5, -3]] * 20
     with pytest.raises(UsageError, match="expected constant:L,R, braitenberg, "):
         commands("nowhere.toml")

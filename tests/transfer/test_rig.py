@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.recorder.camera import plate_of
-from realitygap.control.genotype import Layout, braitenberg
-from realitygap.control.network import NetworkController
+from realitygap.control.genotype import Genotype
 from realitygap.errors import RobotError, UsageError
 from realitygap.film.disk import load_disk
 from realitygap.film.marker import Tag
@@ -28,8 +27,8 @@ from realitygap.twin.drawing import WHOLE
 from realitygap.values import Pose
 from realitygap.world.robot import load_profile
 
-TASK, PAPER, LAYOUT = load_task("avoidance"), load_profile("paper"), Layout()
-DRIVER = NetworkController(braitenberg(TASK.feeds, LAYOUT), LAYOUT)
+TASK, PAPER = load_task("avoidance"), load_profile("paper")
+DRIVER = Genotype.braitenberg(TASK.feeds).controller()
 POSE = Pose(x=25.0, y=25.0, heading=0.5)
 
 

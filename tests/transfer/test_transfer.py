@@ -86,12 +86,11 @@ def test_a_trial_begins_where_its_simulation_does(made, finished):
 
 def test_the_simulated_trial_is_the_runs_own(made, finished):
     """The paired trial is a trial of the run: its task, its noise, a score of its own."""
-    from realitygap.control.network import decode
 
     one = made[0]
     run = finished.run(one.run)
     simulation = Simulation(finished.task(run.task), finished.profile, run.noise)
-    networks = decode(run.champion, finished.layout(run.task))
+    networks = finished.networks(run.task, run.champion)
     again, _ = simulation.trajectory(networks, stream=1, pose=one.pose, seconds=SECONDS)
     off = np.hypot(again.x - one.simulated.x[:-1], again.y - one.simulated.y[:-1])
     assert off.max() < 2.0  # only the noise differs
@@ -206,10 +205,10 @@ def test_a_watched_trial_is_seen_ten_times_a_second(made, watched, tmp_path):
 
 def test_a_robot_that_pushes_a_wall_is_seen_to_stand(watched, monkeypatch):
     """The counters leave the arena where wheels slip against a wall; the camera does not."""
-    from realitygap.control.genotype import constant
+    from realitygap.control.genotype import Genotype
 
     task = watched.task("obstacle-avoidance")
-    genes = constant(8, 8, watched.layout(task.name))
+    genes = Genotype.constant(8, 8).genes
     monkeypatch.setattr(Study, "genotype", lambda self, run, number: genes)
     width, depth = task.arena.size_cm
     for watch in (False, True):

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from realitygap.control.genotype import Layout, braitenberg
-from realitygap.control.network import decode
+from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError
 from realitygap.kernels.trial import scale_input
 from realitygap.report.gather import chosen, parts_of
@@ -46,7 +45,7 @@ def test_a_simulated_robot_was_fed_the_same(name):
     """Inputs made of a simulated trial's readings are the inputs that its network was fed."""
     task = load_task(name)
     simulation = Simulation(task, PAPER, 2.0)
-    networks = decode(braitenberg(task.feeds, Layout()), Layout())
+    networks = Genotype.braitenberg(task.feeds).networks()
     trajectory, _ = simulation.trajectory(networks, stream=3)
     readings = trajectory.proximity if task.feeds == "proximity" else trajectory.ambient
     made = [PAPER.inputs(row, task.feeds, task.of(PAPER).sensors) for row in readings]
@@ -57,7 +56,7 @@ def test_a_simulated_robot_was_fed_the_same(name):
 def test_a_path_scores_as_the_trial_did(name):
     """The score taken from a simulated trial's path is the trial's own."""
     task = load_task(name)
-    networks = decode(braitenberg(task.feeds, Layout()), Layout())
+    networks = Genotype.braitenberg(task.feeds).networks()
     trajectory, own = Simulation(task, PAPER, 1.0).trajectory(networks, stream=4)
     assert score(trajectory.track, task, PAPER) == pytest.approx(own, rel=1e-6)
 

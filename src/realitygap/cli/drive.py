@@ -56,13 +56,13 @@ def drive(
         realitygap drive avoidance --controller my.py:decide --robot twin:1 --starts 3 --out out/mine
         realitygap score out/mine
     """
-    from realitygap.control.network import named_controller
+    from realitygap.control.controllers import named_controller
     from realitygap.simulation.simulation import Simulation
     from realitygap.transfer.drive import pairs
 
     simulation = Simulation(task, profile, noise, arena)
     at = None if pose is None else option.checked_pose(pose, simulation.task.arena, simulation.profile)
-    driver = named_controller(controller, simulation.task.feeds, simulation.layout)
+    driver = named_controller(controller, simulation.task.feeds, len(simulation.task.sensors))
     made = list(pairs(simulation, driver, robot, pose=at, folder=out, **words))
     facts = {"task": simulation.task.name, "robot": str(robot), "trials": [one.to_dict() for one in made]}
     rows = [

@@ -15,7 +15,7 @@ from realitygap.cli.scene import facts, path_table
 from realitygap.errors import StudyError
 
 if TYPE_CHECKING:
-    from realitygap.control.genotype import Genes
+    from realitygap.evolution.algorithm import Genes
     from realitygap.study.load import Run
 
 __all__ = ["replay", "the_individual"]

@@ -12,7 +12,7 @@ from realitygap.cli.kinds import PICTURE
 from realitygap.cli.output import print_json, shown, table
 
 if TYPE_CHECKING:
-    from realitygap.control.genotype import Genes
+    from realitygap.evolution.algorithm import Genes
     from realitygap.study.load import Run, Study
 
 __all__ = ["describe", "print_runs", "show"]
@@ -111,7 +111,7 @@ def _draw(study: Study, run: Run, picture: Path) -> None:
     genes = run.champion if run.champion is not None else run.fittest
     if genes is None:
         raise click.BadParameter(f"run {run.id} has no individual yet to draw.", param_hint="'--picture'")
-    facts, slots = study.facts(run.task), study.slots(run.task, genes)[0]
+    facts, slots = study.facts(run.task), study.slots(run.task, genes)
     sensing = {"feeds": facts["feeds"], "sensors": facts["sensors"]}
     with styled():
         figure = network_figure(slots, study.profile, title=run.name, **sensing)
@@ -121,6 +121,4 @@ def _draw(study: Study, run: Run, picture: Path) -> None:
 
 def _text(study: Study, run: Run, genes: Genes | None) -> str | None:
     """A genotype's text form; None where there is none yet."""
-    from realitygap.control.genotype import to_text
-
-    return None if genes is None else to_text(*study.slots(run.task, genes))
+    return None if genes is None else str(study.slots(run.task, genes))

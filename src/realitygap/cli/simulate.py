@@ -36,12 +36,12 @@ def simulate(
     Example:
         realitygap simulate avoidance --controller constant:5,-3 --pose 25 25 90 --json
     """
-    from realitygap.control.network import named_controller
+    from realitygap.control.controllers import named_controller
     from realitygap.simulation.body import drive_simulated
 
     simulation, pose = placed(**where)
     task = simulation.task
-    driver = named_controller(controller, task.feeds, simulation.layout)
+    driver = named_controller(controller, task.feeds, len(simulation.task.sensors))
     trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=pose, seconds=seconds)
     if picture is not None:
         from realitygap.report import save_picture

@@ -3,8 +3,7 @@
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
-    "encoding": "Encoding controller_of make_encoding",
-    "genotype": "Genes Layout braitenberg constant from_text load_genotype save_genotype to_text",
-    "network": "NetworkController decode",
-    "operators": "Variation random_genotype",
+    "encoding": "Encoding Variation make_encoding",
+    "genotype": "Genotype NetworkController",
+    "slots": "Genes decode",
 })  # fmt: skip

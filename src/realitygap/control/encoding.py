@@ -1,25 +1,30 @@
 """What an encoding is: how genes of some type and shape stand for networks.
 
-The paper's is `controller.operators.Variation` (slots, §5.2). A user's own has genes of any kind;
-its networks are those of the paper (integers, §5.3), so that every one of them can also be written as a
-genotype of slots: which is what pictures, texts and robots use.
+The paper's is `Variation` (slots, §5.2). A user's own has genes of any kind; its networks are those of the
+paper (integers, §5.3), so that every one of them can also be written as a genotype of slots: which is what
+pictures, texts and robots use.
 """
 
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.control.genotype import Genes, Layout, genes_of
-from realitygap.control.network import NetworkController, check_networks
-from realitygap.control.operators import Variation
-from realitygap.errors import UsageError
-from realitygap.kernels.params import Networks
+from realitygap.control import slots
+from realitygap.control.genotype import Genotype
+from realitygap.control.slots import FIRST_LINK, LINK_FIELDS, Genes, Rates, decode, random_genes
+from realitygap.errors import GenotypeError, UsageError
+from realitygap.kernels.params import MAX_DELAY, Networks
 from realitygap.plugins import blamed_on, made
-from realitygap.values import shown
+from realitygap.values import as_count, as_stream, shown
 
-__all__ = ["SLOTS", "Encoding", "as_slots", "controller_of", "facts_of", "links_into", "make_encoding"]
+__all__ = [
+    "SLOTS", "Encoding", "Variation", "check_networks", "count_networks", "facts_of", "genotype_of",
+    "links_into", "make_encoding",
+]  # fmt: skip
 
 
 SLOTS = "slots"
@@ -44,6 +49,92 @@ class Encoding(Protocol):
         """The networks of genotypes `[N, *shape]`, for the number of inputs that it was made with."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Variation:
+    """The encoding by slots, with its operators: random genotypes, offspring of two parents, networks.
+
+    Attributes:
+        inputs, slots, links: the size of a genotype: sensors, neurons with them, links into each (§5.2).
+        crossover: probability of one cut between two slots; else the first parent is copied (§5.1).
+        mutation: probability that a piece of stored information (a threshold; a link's source, its
+            weight, its delay) is drawn anew, uniformly over its values (§5.1).
+        add_neuron: probability that a neuron is added (§5.1); likewise the next three.
+        start_neurons: probability that a hidden slot of a random genotype holds a neuron.
+        start_links: probability that a link field of a new neuron is expressed.
+        sources: a link's source is drawn among the slots "expressed" at that moment, or among "all".
+    """
+
+    inputs: int = 8
+    slots: int = 30
+    links: int = 8
+    crossover: float = 0.8
+    mutation: float = 0.05
+    add_neuron: float = 0.05
+    delete_neuron: float = 0.05
+    add_link: float = 0.1
+    delete_link: float = 0.1
+    start_neurons: float = 0.05
+    start_links: float = 0.5
+    sources: Literal["expressed", "all"] = "expressed"
+
+    def __post_init__(self) -> None:
+        as_count(self.inputs, "inputs", 1, 126)
+        as_count(self.slots, "slots, those of inputs and motors among them", self.inputs + 2, 128)
+        as_count(self.links, "links", 1, 128)
+        if self.sources not in ("expressed", "all"):
+            raise UsageError(f'variation.sources: expected "expressed" or "all", got {self.sources!r}.')
+        for name in self._chances():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= 1:
+                raise UsageError(f"variation.{name}: expected a probability, 0 to 1, got {value!r}.")
+
+    def _chances(self) -> list[str]:
+        return [name for name in Rates._fields if name not in ("inputs", "any_source")]
+
+    @cached_property
+    def rates(self) -> Rates:
+        """What the compiled operators are told."""
+        chances = {name: float(getattr(self, name)) for name in self._chances()}
+        any_source = int(self.sources == "all")
+        return Rates(inputs=self.inputs, any_source=any_source, **chances)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Of a genotype: [slots, 2 + 4·links]."""
+        return self.slots, FIRST_LINK + LINK_FIELDS * self.links
+
+    @property
+    def dtype(self) -> np.dtype[np.int8]:
+        """Of its values."""
+        return np.dtype(np.int8)
+
+    def decode(self, genes: Genes) -> Networks:
+        """The networks of genotypes [N, slots, 2 + 4·links]."""
+        return decode(genes, self.inputs)
+
+    def random(self, stream: np.uint64) -> Genes:
+        """A random genotype [slots, 2 + 4·links]; the same for the same stream."""
+        genes: Genes = random_genes(self.slots, self.links, self.rates, as_stream(stream))
+        return genes
+
+    def crosses(self, stream: np.uint64) -> bool:
+        """Whether `offspring` of this stream takes from both parents."""
+        return bool(slots.crosses(self.rates.crossover, as_stream(stream)))
+
+    def offspring(self, first: Genes, second: Genes, stream: np.uint64) -> Genes:
+        """A new genotype from two parents, which stay as they are.
+
+        Raises:
+            GenotypeError: a parent that is not an int8 array of the layout's shape.
+        """
+        for parent in (first, second):
+            if type(parent) is not np.ndarray or (parent.dtype, parent.shape) != (self.dtype, self.shape):
+                expected = f"an array int8{list(self.shape)}"
+                raise GenotypeError(f"a parent: expected {expected}, got {shown(parent)}.")
+        genes: Genes = slots.offspring(first, second, self.rates, as_stream(stream))
+        return genes
+
+
 def make_encoding(kind: str, variation: Variation, settings: dict[str, Any], *, inputs: int) -> Encoding:
     """The encoding of a name: "slots" or a user's `FILE.py:NAME`, made by `NAME(inputs=…, **settings)`.
 
@@ -57,45 +148,62 @@ def make_encoding(kind: str, variation: Variation, settings: dict[str, Any], *, 
         UsageError: no such encoding or setting, or one whose random genotypes make no networks.
     """
     if kind == SLOTS:
-        return variation.sized(Layout(inputs=inputs, **settings))
+        return replace(variation, inputs=inputs, **settings)
     ways = ("shape", "dtype", "random", "decode")
     own: Encoding = made(kind, "encoding", ways, settings, inputs=inputs)
     file, _, _ = kind.rpartition(":")
     with blamed_on(Path(file).expanduser().resolve(), UsageError):
-        _check(own, inputs)
         one = own.random(np.uint64(0))
-        as_slots(own, one)  # it has room
+        if type(one) is not np.ndarray or (one.dtype, one.shape) != (np.dtype(own.dtype), own.shape):
+            expected = f"an array {np.dtype(own.dtype)}{list(own.shape)}, its dtype and shape"
+            raise UsageError(f"random: expected {expected}, got {shown(one)}.")
+        networks = own.decode(np.stack([one, one]))
+        if count_networks(networks, inputs) != 2:
+            raise UsageError("decode: expected as many networks as genotypes.")
+        check_networks(networks, inputs)
+        genotype_of(own, one)  # it has room
     return own
 
 
-def _check(own: Encoding, inputs: int) -> None:
-    """Refuse what does not do as `Encoding` says with random genotypes."""
-    shape = own.shape
-    if not isinstance(shape, tuple):
-        raise UsageError(f"shape: expected a tuple of whole numbers, such as (40,), got {shape!r}.")
-    one, again, other = (own.random(np.uint64(stream)) for stream in (0, 0, 1))
-    if not isinstance(one, np.ndarray) or (one.dtype, one.shape) != (np.dtype(own.dtype), shape):
-        expected = f"{np.dtype(own.dtype)}{list(shape)}, its dtype and shape"
-        raise UsageError(f"random: expected an array {expected}, got {shown(one)}.")
-    if one.tobytes() != again.tobytes():
-        raise UsageError(
-            "random: expected the same genotype from the same stream. Draw it from the stream alone."
-        )
-    batches = ([one, one], [one, one], [one, other])
-    nets, twice, mixed = (own.decode(np.stack(genes)) for genes in batches)
-    if any(check_networks(each, inputs) != 2 for each in (nets, twice, mixed)):
-        raise UsageError("decode: expected as many networks as genotypes.")
-    once, later = ([np.asarray(array).tolist() for array in each] for each in (nets, twice))
-    if once != later or any(first != second for first, second in once):
-        raise UsageError("decode: expected the same network from the same genes each time, got others.")
-    if _first(nets) != _first(mixed):
-        raise UsageError("decode: expected a network that does not depend on the other genes.")
+KINDS = tuple(map(np.dtype, ("int64", "int64", "int16", "int16", "int64", "int16", "int16")))
+"""Of the arrays of `Networks`."""
 
 
-def _first(nets: Networks) -> Any:
-    """The first network of a batch, however wide the arrays are."""
-    into = links_into(nets)
-    return into, nets.thresholds[0, : len(into)].tolist()
+def count_networks(networks: Networks, inputs: int) -> int:
+    """How many networks there are, each of so many inputs.
+
+    Raises:
+        UsageError: something else, or another number of inputs.
+    """
+    if not isinstance(networks, Networks):
+        raise UsageError(f"networks: expected what `decode` makes of genotypes, got {shown(networks)}.")
+    if (networks.inputs != inputs).any():
+        got = networks.inputs[networks.inputs != inputs][0]
+        raise UsageError(f"networks: inputs: expected networks of the task's {inputs}, got one of {got}.")
+    return len(networks.inputs)
+
+
+def check_networks(networks: Networks, inputs: int) -> None:
+    """Refuse a user's networks that would lead compiled code out of its arrays.
+
+    Raises:
+        UsageError: an array of another type or shape, another number of inputs, or a link out of range.
+    """
+    n, (_, m), (_, k, _) = count_networks(networks, inputs), networks.thresholds.shape, networks.links.shape
+    shapes = ((n,), (n,), (n, m), (n, k, 4), (n,), (n, k, 4), (n, m + 1))
+    arrays: tuple[Any, ...] = networks
+    for name, one, kind, shape in zip(Networks._fields, arrays, KINDS, shapes, strict=True):
+        if (one.dtype, one.shape) != (kind, shape):
+            raise UsageError(f"networks.{name}: expected {kind}{list(shape)}, got {shown(one)}.")
+    last, sensed, links = networks.neurons, networks.sensor_links, networks.links
+    limits = (
+        (last, 2, m + 1), (networks.sensor_count, 0, k + 1), (networks.link_start, 0, k + 1),
+        (sensed[:, :, 0], 0, last[:, None]), (sensed[:, :, 1], 0, inputs),
+        (sensed[:, :, 3], 0, MAX_DELAY + 1),
+        (links[:, :, :2], 0, last[:, None, None]), (links[:, :, 3], 0, MAX_DELAY + 1),
+    )  # fmt: skip
+    if not all(((low <= numbers) & (numbers < high)).all() for numbers, low, high in limits):
+        raise UsageError("networks: expected links between their own neurons. Make them with `decode`.")
 
 
 def facts_of(encoding: Encoding, settings: dict[str, Any]) -> dict[str, Any]:
@@ -104,13 +212,17 @@ def facts_of(encoding: Encoding, settings: dict[str, Any]) -> dict[str, Any]:
     return {"dtype": kind, "shape": [int(size) for size in encoding.shape], **settings}
 
 
-def as_slots(encoding: Encoding, genes: NDArray[Any]) -> tuple[Genes, Layout]:
-    """A genotype as one of slots with the same network, and the layout of that."""
+def genotype_of(encoding: Encoding, genes: NDArray[Any]) -> Genotype:
+    """Genes as a genotype of slots with the same network.
+
+    Raises:
+        GenotypeError: more neurons than a genotype has room for, or a number that networks do not have.
+    """
     if isinstance(encoding, Variation):
-        return genes, encoding.layout
+        return Genotype(genes, encoding.inputs)
     nets = encoding.decode(genes[np.newaxis])
-    inputs, into = int(nets.inputs[0]), links_into(nets)
-    return genes_of(inputs, nets.thresholds[0, : len(into)], into)
+    into = links_into(nets)
+    return Genotype.written(int(nets.inputs[0]), zip(nets.thresholds[0].tolist(), into, strict=False))
 
 
 def links_into(nets: Networks) -> list[list[tuple[int, int, int]]]:
@@ -122,8 +234,3 @@ def links_into(nets: Networks) -> list[list[tuple[int, int, int]]]:
     for target, source, weight, delay in nets.links[0, : nets.link_start[0, neurons]].tolist():
         into[target].append((inputs + source, weight, delay))
     return into
-
-
-def controller_of(encoding: Encoding, genes: NDArray[Any]) -> NetworkController:
-    """What drives a body as a genotype's network does."""
-    return NetworkController(*as_slots(encoding, genes))

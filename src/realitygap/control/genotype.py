@@ -1,77 +1,133 @@
-"""Genotypes (§5.2): their layout, their text form, and those made by hand."""
+"""A genotype of slots (§5.2) as a value: its text, networks written by hand, and what drives robots by it."""
 
-import os
 import re
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NoReturn, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from realitygap.control.slots import (
+    EXPRESSED,
+    LINK,
+    MAX_THRESHOLD,
+    MAX_WEIGHT,
+    THRESHOLD,
+    Genes,
+    Rates,
+    bounds,
+    decode,
+    links_of,
+    random_genes,
+    refuse_wrong,
+)
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.files import as_path, atomic_write, read_toml, refuse_unknown
-from realitygap.kernels.params import MAX_DELAY
-from realitygap.values import as_count, shown
+from realitygap.kernels.network import LIMIT
+from realitygap.kernels.params import MAX_DELAY, UPDATES, Networks
+from realitygap.lazy import above
+from realitygap.values import Command, as_count, as_stream
 
-__all__ = [
-    "MAX_DELAY", "MAX_THRESHOLD", "MAX_WEIGHT", "Genes", "Layout", "bare", "braitenberg", "check_genes",
-    "check_layout", "constant", "controller_genes", "from_text", "genes_of", "links_of", "load_genotype",
-    "load_network", "parse_text", "save_genotype", "to_text", "write_neuron",
-]  # fmt: skip
+__all__ = ["Genotype", "Link", "NetworkController", "Neuron"]
+
+SLOTS, LINKS = 30, 8
+"""Slots of a genotype, and link fields of each, unless it says otherwise."""
+HEADER = "realitygap genotype 1"
+LINES = {
+    "layout": "layout inputs N outputs 2 slots N links N",
+    "slot": "slot N [off] threshold N",
+    "link": "link N [off] from N weight N delay N",
+}
+"""Of the text form."""
+FORMS = {
+    kind: (re.compile(form.replace(" [off]", "( off)?").replace("N", r"(-?\d{1,9})")), form)
+    for kind, form in LINES.items()
+}
+FIELDS = {
+    "slot": ("off only beyond the motors:", "a threshold of"),
+    "link": tuple(map("a {} of".format, LINK)),
+}
+MOTORS = ("left", "right")
+
+VEHICLES = {
+    "proximity": ((2, (0, 1, 1, -2, -1, 0, 0, 0)), (-8, (0, -1, -2, 2, 1, 0, 0, 0))),
+    "ambient": ((0, (-1, -1, 1, 1, 1, 1, 0, 0)), (-8, (1, 1, 0, 0, -1, -1, 0, 0))),
+}
+"""Of the left and the right motor: a threshold, and the weight of each of the eight sensors.
+
+A motor's speed is Σ weight · input − threshold. In the open all inputs are −10 and both avoiding motors run
+at 8. A sensor that feels a wall drives its own side's wheel and brakes the other one. Walls on both sides
+brake the left wheel only, so that a robot head-on to a wall turns left and never stands.
+
+A sensor lit by the lamp (9, by reflections about 1) brakes its own side's wheel and drives the other one. The
+left wheel lives on the light in front: where it is dark, the robot turns left.
+"""
 
 
-Genes = NDArray[np.int8]
+class Link(NamedTuple):
+    """A live link: from the neuron in slot `source`; delay in updates."""
 
-MAX_THRESHOLD = 10
-"""Thresholds are −10 .. 10 (§5.3)."""
-MAX_WEIGHT = 4
-"""Weights are −4 .. 4 (§5.3)."""
-
-EXPRESSED, THRESHOLD, FIRST_LINK = 0, 1, 2
-"""Columns of a slot: does it hold a neuron, its threshold, its first link field."""
-LINK_FIELDS = 4
-"""Columns of a link field: expressed, source slot, weight, delay; in this order."""
-SOURCE, WEIGHT, DELAY = 1, 2, 3
+    field: int
+    source: int
+    weight: int
+    delay: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Layout:
-    """The size of a genotype: 8 sensor neurons, 2 motors, 30 slots, 8 link fields a slot (§5.2)."""
+class Neuron(NamedTuple):
+    """A motor or hidden neuron and the live links into it."""
 
-    inputs: int = 8
-    outputs: int = 2
-    slots: int = 30
-    links: int = 8
+    slot: int
+    threshold: int
+    links: tuple[Link, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Genotype:
+    """A genotype of slots: sensor neurons, two motors, hidden neurons; what is not expressed stays in it.
+
+    Attributes:
+        genes: int8[slots, 2 + 4 · links] as in `slots`; a copy that cannot be changed.
+        inputs: how many slots are sensors.
+
+    Raises:
+        GenotypeError: an array of another type or shape, or a value out of its range.
+    """
+
+    genes: Genes
+    inputs: int
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, bool) or not isinstance(value, int):
-                raise UsageError(f"layout.{field.name}: expected a whole number, got {value!r}.")
-        if self.inputs < 1:
-            raise UsageError(f"layout.inputs: expected 1 or more, got {self.inputs}.")
-        if self.outputs != 2:
-            raise UsageError(f"layout.outputs: expected 2 (left and right wheel), got {self.outputs}.")
-        least = self.inputs + self.outputs
-        if not least <= self.slots <= 128:
-            raise UsageError(
-                f"layout.slots: expected {least} (inputs + outputs) to 128 (addresses are one byte), "
-                f"got {self.slots}."
-            )
-        if not 1 <= self.links <= 128:
-            raise UsageError(f"layout.links: expected 1 to 128 link fields a slot, got {self.links}.")
+        genes = np.array(self.genes)
+        refuse_wrong(genes[np.newaxis], self.inputs)
+        genes.setflags(write=False)
+        object.__setattr__(self, "genes", genes)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Genotype):
+            return NotImplemented
+        return self.inputs == other.inputs and np.array_equal(self.genes, other.genes)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __str__(self) -> str:
+        """The text form."""
+        return "\n".join([HEADER, *self._lines(), "end", ""])
+
+    def _repr_html_(self) -> str:
+        return str(above("report.notebook").network_html(self))
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """Shape of a genotype: [slots, 2 + 4·links]."""
-        return self.slots, FIRST_LINK + LINK_FIELDS * self.links
+    def slots(self) -> int:
+        """How many neurons there is room for, the sensors' included."""
+        return len(self.genes)
 
     @property
-    def first_hidden(self) -> int:
-        """The first slot that may hold a hidden neuron."""
-        return self.inputs + self.outputs
+    def links(self) -> int:
+        """How many links into each there is room for."""
+        return int(links_of(self.genes).shape[1])
 
     def role(self, slot: int) -> str:
         """What the neuron in a slot is, in words."""
@@ -79,329 +135,233 @@ class Layout:
             return f"sensor {slot}"
         return ("left motor", "right motor", "hidden")[min(slot - self.inputs, 2)]
 
+    @cached_property
+    def neurons(self) -> tuple[Neuron, ...]:
+        """The motor and hidden neurons with their live links, in the order of slots."""
+        expressed, links = self.genes[:, EXPRESSED].tolist(), links_of(self.genes).tolist()
+        found = []
+        for slot in range(self.inputs, len(expressed)):
+            if expressed[slot]:
+                fields = [Link(k, *link) for k, (held, *link) in enumerate(links[slot]) if held]
+                live = tuple(link for link in fields if expressed[link.source])
+                found.append(Neuron(slot, int(self.genes[slot, THRESHOLD]), live))
+        return tuple(found)
+
+    def networks(self, *, prune: bool = True) -> Networks:
+        """Its network, for a simulation; `prune` as of `decode`."""
+        return decode(self.genes, self.inputs, prune=prune)
+
+    def controller(self) -> "NetworkController":
+        """What drives any body as its network does."""
+        return NetworkController(self)
+
+    decode = staticmethod(decode)
+    """The networks of many genotypes at once."""
+
     @classmethod
-    def of(cls, genes: Genes, *, inputs: int | None = None) -> Self:
-        """The layout of a genotype that has `inputs` sensor neurons; eight, unless they are given.
+    def random(
+        cls,
+        stream: int | np.uint64,
+        *,
+        inputs: int = 8,
+        slots: int = SLOTS,
+        links: int = LINKS,
+        start_neurons: float = 0.05,
+        start_links: float = 0.5,
+    ) -> Self:
+        """A random genotype; the same for the same stream.
+
+        Args:
+            stream: 0 to 2⁶⁴ − 1.
+            inputs, slots, links: its size.
+            start_neurons: probability that a hidden slot holds a neuron; start_links: that a link field of a
+                neuron is expressed.
+        """
+        rates = Rates(inputs=inputs, start_neurons=float(start_neurons), start_links=float(start_links))
+        return cls(random_genes(slots, links, rates, as_stream(stream)), inputs)
+
+    @classmethod
+    def written(
+        cls,
+        inputs: int,
+        neurons: Iterable[tuple[int, Sequence[tuple[int, int, int]]]],
+        slots: int = 0,
+        links: int = 1,
+    ) -> Self:
+        """A genotype of neurons, the two motors first.
+
+        Args:
+            inputs: how many sensors there are.
+            neurons: threshold of each, and source slot, weight and delay of the links into it.
+            slots, links: its size; more where the neurons need it.
+        """
+        listed = list(neurons)
+        slots = max(slots, inputs + len(listed))
+        links = max(links, *(len(into) for _, into in listed))
+        genes = np.zeros((slots, 2 + 4 * links), np.int8)
+        genes[: inputs + len(listed), EXPRESSED] = 1
+        for slot, (threshold, into) in enumerate(listed, inputs):
+            genes[slot, THRESHOLD] = threshold
+            for k, link in enumerate(into):
+                links_of(genes)[slot, k] = (1, *link)
+        return cls(genes, inputs)
+
+    @classmethod
+    def constant(cls, left: int, right: int, inputs: int = 8) -> Self:
+        """No links: the same wheel commands (−10 .. 10) at every step.
 
         Raises:
-            GenotypeError: no genotype; or `inputs` is not given, and eight cannot be right.
+            UsageError: a command that is not a whole number from −10 to 10.
         """
-        if not isinstance(genes, np.ndarray) or genes.ndim != 2:
-            raise GenotypeError(f"the genotype: expected an array int8[slots, fields], got {shown(genes)}")
-        slots, columns = genes.shape
-        if inputs is None:
-            inputs = cls.inputs
-            motors, others = np.split(genes[inputs:, THRESHOLD:], [cls.outputs])
-            if others.any() and not motors.any():
-                raise GenotypeError(
-                    f"the genotype: expected one of {inputs} inputs, as no layout is given, got one whose "
-                    f"slots {inputs} and {inputs + 1} are blank, which would be the motors. Give its layout."
-                )
-        return cls(inputs=inputs, slots=slots, links=(columns - FIRST_LINK) // LINK_FIELDS)
+        motors = [
+            (-as_count(value, f"the {name} command of a constant controller", -LIMIT, LIMIT), ())
+            for name, value in (("left", left), ("right", right))
+        ]
+        return cls.written(inputs, motors, max(SLOTS, inputs + 2), LINKS)
 
+    @classmethod
+    def braitenberg(cls, feeds: str) -> Self:
+        """A vehicle of eight sensors that avoids obstacles ("proximity") or seeks light ("ambient").
 
-def bare(layout: Layout) -> Genes:
-    """A genotype of sensor and motor neurons, thresholds 0 and no links."""
-    genes: Genes = np.zeros(layout.shape, np.int8)
-    genes[: layout.first_hidden, EXPRESSED] = 1
-    return genes
+        Raises:
+            UsageError: other feeds.
+        """
+        if feeds not in VEHICLES:
+            expected = " or ".join(f'"{one}"' for one in VEHICLES)
+            raise UsageError(f"a Braitenberg controller: feeds: expected {expected}, got {feeds!r}.")
+        return cls.written(8, (
+            (threshold, [(source, weight, 0) for source, weight in enumerate(weights) if weight])
+            for threshold, weights in VEHICLES[feeds]
+        ), SLOTS, LINKS)  # fmt: skip
 
+    @classmethod
+    def load(cls, path: str | Path, inputs: int | None = None) -> Self:
+        """The genotype in a file: of its text form, or of a network written by hand (.toml).
 
-def links_of(genes: Genes) -> Genes:
-    """The link fields of a genotype, [slots, links, LINK_FIELDS]: the same memory."""
-    return genes[:, FIRST_LINK:].reshape(len(genes), -1, LINK_FIELDS)
+        Args:
+            path: the file.
+            inputs: how many the task has; a text may have others only if this is None. A network written by
+                hand has 8 unless it says otherwise.
 
-
-def write_neuron(genes: Genes, slot: int, threshold: int, links: Iterable[Iterable[int]]) -> None:
-    """Put a neuron into a slot: its threshold, and its first links: source slot, weight and delay of each.
-
-    Args:
-        genes: of one genotype, changed in place.
-        slot: its number.
-        threshold: in the network's units.
-        links: source slot, weight and delay of each.
-    """
-    genes[slot, EXPRESSED], genes[slot, THRESHOLD] = 1, threshold
-    for k, link in enumerate(links):
-        links_of(genes)[slot, k] = (1, *link)
-
-
-def genes_of(
-    inputs: int, thresholds: Iterable[int], links: Sequence[Sequence[Iterable[int]]]
-) -> tuple[Genes, Layout]:
-    """The smallest genotype of motor and hidden neurons, and its layout; links as of `write_neuron`."""
-    layout = Layout(inputs=inputs, slots=inputs + len(links), links=max(1, *map(len, links)))
-    genes = bare(layout)
-    for slot, (threshold, into) in enumerate(zip(thresholds, links, strict=False), inputs):
-        write_neuron(genes, slot, threshold, into)
-    return genes, layout
-
-
-def check_layout(layout: object) -> None:
-    """Refuse what is not a layout.
-
-    Raises:
-        UsageError: says what came.
-    """
-    if not isinstance(layout, Layout):
-        raise UsageError(f"layout: expected a Layout, got {shown(layout)}. Try study.layout(task).")
-
-
-def check_genes(genes: Genes, layout: Layout, *, source: str = "the genotype") -> None:
-    """Refuses a genotype that does not fit its layout or holds values out of range.
-
-    Raises:
-        GenotypeError: names the slot and the field.
-    """
-    check_layout(layout)
-    if not isinstance(genes, np.ndarray) or genes.dtype != np.int8 or genes.shape != layout.shape:
-        raise GenotypeError(f"{source}: expected an array int8{list(layout.shape)}, got {shown(genes)}")
-    links = links_of(genes)
-    for name, values, low, high in (
-        ("an expressed flag", genes[:, EXPRESSED], 0, 1),
-        ("a threshold", genes[:, THRESHOLD], -MAX_THRESHOLD, MAX_THRESHOLD),
-        ("a link's expressed flag", links[:, :, 0], 0, 1),
-        ("a link's source slot", links[:, :, SOURCE], 0, layout.slots - 1),
-        ("a link's weight", links[:, :, WEIGHT], -MAX_WEIGHT, MAX_WEIGHT),
-        ("a link's delay", links[:, :, DELAY], 0, MAX_DELAY),
-    ):
-        wrong = np.argwhere((values < low) | (values > high))
-        if len(wrong):
-            slot, value = int(wrong[0][0]), int(values[tuple(wrong[0])])
-            raise GenotypeError(f"{source}: slot {slot}: {name}: expected {low} to {high}, got {value}.")
-    missing = np.flatnonzero(genes[: layout.first_hidden, EXPRESSED] == 0)
-    if len(missing):
-        slot = int(missing[0])
-        raise GenotypeError(f"{source}: slot {slot} ({layout.role(slot)}) must always be expressed.")
-
-
-HEADER = "realitygap genotype 1"
-_LAYOUT = re.compile(r"layout inputs (\d{1,9}) outputs (\d{1,9}) slots (\d{1,9}) links (\d{1,9})")
-_SLOT = re.compile(r"slot (\d{1,9})( off)? threshold (-?\d{1,9})")
-_LINK = re.compile(r"link (\d{1,9})( off)? from (\d{1,9}) weight (-?\d{1,9}) delay (\d{1,9})")
-
-
-def to_text(genes: Genes, layout: Layout | None = None) -> str:
-    """The text form of a genotype (layout: of eight inputs if it is not given).
-
-    Raises:
-        GenotypeError: genes that do not fit the layout.
-    """
-    layout = Layout.of(genes) if layout is None else layout
-    check_genes(genes, layout)
-    lines = [
-        HEADER,
-        f"layout inputs {layout.inputs} outputs {layout.outputs} slots {layout.slots} links {layout.links}",
-        "",
-    ]
-    for slot in range(layout.slots):
-        lines += _slot_lines(genes, slot, layout)
-    return "\n".join([*lines, "end", ""])
-
-
-def _slot_lines(genes: Genes, slot: int, layout: Layout) -> Iterator[str]:
-    row = genes[slot]
-    held = bool(row[EXPRESSED])
-    sensor = slot < layout.inputs
-    if not row[THRESHOLD:].any() and (sensor or not held):
-        return
-    off = "" if held else " off"
-    yield f"slot {slot}{off} threshold {row[THRESHOLD]}  # {layout.role(slot)}"
-    for k, link in enumerate(links_of(genes)[slot].tolist()):
-        if any(link):
-            expressed, source, weight, delay = link
-            off = "" if expressed else " off"
-            dormant = held and not sensor and expressed and not genes[source, EXPRESSED]
-            remark = "  # dormant" if dormant else ""
-            yield f"  link {k}{off} from {source} weight {weight} delay {delay}{remark}"
-
-
-def from_text(text: str, source: str = "genotype") -> Genes:
-    """The genotype of a text form; `source` names the text in errors (a file's path).
-
-    Raises:
-        GenotypeError: names the line, what was expected there and what came.
-    """
-    return parse_text(text, source)[0]
-
-
-def parse_text(text: str, source: str = "genotype") -> tuple[Genes, Layout]:
-    """The genotype of a text form, and its layout (see `from_text`)."""
-    return _Reader(text, source).read()
-
-
-class _Reader:
-    """Reads a text form line by line, and knows where it is."""
-
-    def __init__(self, text: str, source: str) -> None:
-        stripped = (line.split("#", 1)[0].split() for line in text.splitlines())
-        self.lines = [(number, " ".join(words)) for number, words in enumerate(stripped, 1) if words]
-        self.source = source
-        self.number = 0
-        self.line = ""
-        self.links: set[int] = set()
-        self.slots: set[int] = set()
-
-    def read(self) -> tuple[Genes, Layout]:
-        if self.advance() != HEADER:
-            self.refuse(f'"{HEADER}"')
-        self.layout = self.read_layout()
-        self.genes = bare(self.layout)
-        slot = -1
-        while self.advance() != "end":
-            if self.line.startswith("slot"):
-                slot = self.read_slot()
-            elif self.line.startswith("link") and slot >= 0:
-                self.read_link(slot)
-            else:
-                self.refuse('"slot …"' if slot < 0 else '"slot …", "link …" or "end"')
-        if self.lines:
-            self.advance()
-            self.refuse('nothing after "end"')
-        return self.genes, self.layout
-
-    def advance(self) -> str:
-        """The next line that is not empty; a text that stops early is refused."""
-        if self.lines:
-            self.number, self.line = self.lines.pop(0)
-        else:
-            self.number, self.line = self.number + 1, "the end of the text"
-        return self.line
-
-    def refuse(self, expected: str) -> NoReturn:
-        came = self.line if self.line == "the end of the text" else f'"{self.line}"'
-        raise GenotypeError(f"{self.source}, line {self.number}: expected {expected}, got {came}")
-
-    def matched(self, pattern: re.Pattern[str], form: str) -> re.Match[str]:
-        return pattern.fullmatch(self.line) or self.refuse(f'"{form}"')
-
-    def whole(self, name: str, text: str, low: int, high: int) -> int:
-        if not low <= int(text) <= high:
-            self.refuse(f"a {name} of {low} to {high}")
-        return int(text)
-
-    def read_layout(self) -> Layout:
-        self.advance()
-        match = self.matched(_LAYOUT, "layout inputs N outputs 2 slots N links N")
-        inputs, outputs, slots, links = map(int, match.groups())
+        Raises:
+            GenotypeError: names the file, the line or the key, what was expected and what came.
+        """
+        path = as_path(path, "genotype")
+        if path.suffix == ".toml":
+            table = read_toml(path, GenotypeError, "Give the path of a network's TOML file.")
+            try:
+                return cls._of_table(table, inputs)
+            except UsageError as error:
+                raise GenotypeError(f"{path}: {error}") from None
         try:
-            return Layout(inputs=inputs, outputs=outputs, slots=slots, links=links)
-        except UsageError as error:
-            raise GenotypeError(f"{self.source}, line {self.number}: {error}") from None
+            text = path.read_text(encoding="utf-8")
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "it is not a text in UTF-8"
+            raise GenotypeError(f"cannot read the genotype {path}: {reason}") from None
+        made = cls.parse(text, str(path))
+        if inputs not in (None, made.inputs):
+            raise GenotypeError(f"{path}: expected a genotype of {inputs} inputs, got {made.inputs}")
+        return made
 
-    def read_slot(self) -> int:
-        match = self.matched(_SLOT, "slot N [off] threshold N")
-        slot = self.whole("slot", match[1], 0, self.layout.slots - 1)
-        if slot in self.slots:
-            self.refuse(f"slot {slot} only once")
-        if match[2] and slot < self.layout.first_hidden:
-            self.refuse(f"slot {slot} ({self.layout.role(slot)}) without off, as it is always expressed")
-        self.slots.add(slot)
-        self.links = set()
-        self.genes[slot, EXPRESSED] = not match[2]
-        self.genes[slot, THRESHOLD] = self.whole("threshold", match[3], -MAX_THRESHOLD, MAX_THRESHOLD)
-        return slot
+    def save(self, path: str | Path) -> None:
+        """Write the text form into a file.
 
-    def read_link(self, slot: int) -> None:
-        match = self.matched(_LINK, "link N [off] from SLOT weight N delay N")
-        k = self.whole("link field", match[1], 0, self.layout.links - 1)
-        if k in self.links:
-            self.refuse(f"link {k} only once in slot {slot}")
-        self.links.add(k)
-        links_of(self.genes)[slot, k] = (
-            not match[2],
-            self.whole("source slot", match[3], 0, self.layout.slots - 1),
-            self.whole("weight", match[4], -MAX_WEIGHT, MAX_WEIGHT),
-            self.whole("delay", match[5], 0, MAX_DELAY),
-        )
+        Raises:
+            GenotypeError: a place that cannot be written.
+        """
+        try:
+            atomic_write(as_path(path, "genotype"), str(self))
+        except OSError as error:
+            raise GenotypeError(f"cannot write the genotype {path}: {error.strerror}") from None
 
+    def _lines(self) -> Iterator[str]:
+        yield f"layout inputs {self.inputs} outputs 2 slots {self.slots} links {self.links}"
+        yield ""
+        for slot, row in enumerate(self.genes):
+            held, sensor = bool(row[EXPRESSED]), slot < self.inputs
+            if not row[THRESHOLD:].any() and (sensor or not held):
+                continue
+            yield f"slot {slot}{'' if held else ' off'} threshold {row[THRESHOLD]}  # {self.role(slot)}"
+            for k, (on, source, weight, delay) in enumerate(links_of(self.genes)[slot].tolist()):
+                if on or source or weight or delay:
+                    dormant = held and not sensor and on and not self.genes[source, EXPRESSED]
+                    link = f"  link {k}{'' if on else ' off'} from {source} weight {weight} delay {delay}"
+                    yield link + ("  # dormant" if dormant else "")
 
-def load_genotype(path: str | Path, layout: Layout | None = None) -> Genes:
-    """The genotype in a file; its inputs and outputs must be those of `layout`, if one is given.
+    @classmethod
+    def parse(cls, text: str, source: str = "genotype") -> Self:
+        """The genotype of a text form; `source` names the text in errors.
 
-    Raises:
-        GenotypeError: names the file and the line.
-    """
-    path = as_path(path, "genotype")
-    if layout is not None:
-        check_layout(layout)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not a text in UTF-8"
-        raise GenotypeError(f"cannot read the genotype {path}: {reason}") from None
-    genes, own = parse_text(text, str(path))
-    if layout and own.inputs != layout.inputs:
-        raise GenotypeError(f"{path}: expected a genotype of {layout.inputs} inputs, got {own.inputs}")
-    return genes
+        Raises:
+            GenotypeError: names the line, what was expected there and what came.
+        """
+        stripped = (" ".join(line.split("#", 1)[0].split()) for line in text.splitlines())
+        lines = [(number, line) for number, line in enumerate(stripped, 1) if line]
+        if len(lines) < 3 or lines[0][1] != HEADER or lines[-1][1] != "end":
+            raise GenotypeError(f'{source}: expected lines from "{HEADER}" to "end", got others.')
+        genes, inputs, slot, seen = np.zeros((0, 6), np.int8), 0, -1, set[tuple[int, int]]()
+        for number, line in lines[1:-1]:
+            kind = "layout" if not inputs else "link" if slot >= 0 and line.startswith("link") else "slot"
+            pattern, form = FORMS[kind]
+            match, told = pattern.fullmatch(line), f"{source}, line {number}: expected"
+            if match is None:
+                raise GenotypeError(f'{told} "{form}", got "{line:.80}".')
+            if kind == "layout":
+                inputs, size, links = map(int, match.groups())
+                if not (inputs and links and inputs + 2 <= size <= 128):
+                    raise GenotypeError(f"{told} inputs, links, and inputs + 2 to 128 slots, got {line!r}.")
+                genes = np.zeros((size, 2 + 4 * links), np.int8)
+                genes[: inputs + 2, EXPRESSED] = 1
+                low, high = bounds(inputs, size, links)
+                continue
+            count = size if kind == "slot" else links
+            at, off, values = int(match[1]), match[2], [*map(int, match.groups()[2:])]
+            owner, slot = (-1, at) if kind == "slot" else (slot, slot)
+            if at >= count or (owner, at) in seen:
+                raise GenotypeError(f"{told} a {kind} of 0 to {count - 1}, and each once, got {line!r}.")
+            seen.add((owner, at))
+            place = (at, slice(0, 2)) if kind == "slot" else (slot, slice(2 + 4 * at, 6 + 4 * at))
+            for name, value, least, most in zip(
+                FIELDS[kind], (not off, *values), low[place], high[place], strict=True
+            ):
+                if not least <= value <= most:
+                    raise GenotypeError(f"{told} {name} {least} to {most}, got {line!r}.")
+            genes[place] = not off, *values
+        return cls(genes, inputs)
 
-
-def save_genotype(path: str | Path, genes: Genes, layout: Layout | None = None) -> None:
-    """Writes the text form of a genotype.
-
-    Raises:
-        GenotypeError: genes that do not fit the layout, or a place that cannot be written.
-    """
-    text = to_text(genes, layout)
-    try:
-        atomic_write(as_path(path, "genotype"), text)
-    except OSError as error:
-        raise GenotypeError(f"cannot write the genotype {path}: {error.strerror}") from None
-
-
-MOTORS = ("left", "right")
-
-
-def load_network(path: str | Path, inputs: int) -> Genes:
-    """The genotype of a network that a person wrote for a task with this many inputs.
-
-    Raises:
-        GenotypeError: names the file and the key, what was expected and what came.
-    """
-    table = read_toml(path, GenotypeError, "Give the path of a network's TOML file.")
-    try:
-        return _genes(table, inputs)
-    except UsageError as error:
-        raise GenotypeError(f"{path}: {error}") from None
-
-
-def _genes(table: Mapping[str, Any], inputs: int) -> Genes:
-    refuse_unknown(table, ("inputs", *MOTORS, "hidden"), GenotypeError)
-    if table.get("inputs", inputs) != inputs:
-        raise GenotypeError(f"inputs: expected the task's {inputs}, got {table['inputs']!r}.")
-    hidden = _table("hidden", table.get("hidden", {}))
-    parts = {name: _table(name, table.get(name, {})) for name in MOTORS}
-    for name, part in hidden.items():
-        if name in MOTORS:
-            raise GenotypeError(f"hidden.{name}: expected another name: the motor neuron has this one.")
-        parts[name] = _table(f"hidden.{name}", part)
-    slots = {name: inputs + i for i, name in enumerate(parts)}
-    links = [_links(name, part, inputs, slots) for name, part in parts.items()]
-    thresholds = (
-        as_count(part.get("threshold", 0), f"{name}.threshold", -MAX_THRESHOLD, MAX_THRESHOLD)
-        for name, part in parts.items()
-    )
-    return genes_of(inputs, thresholds, links)[0]
+    @classmethod
+    def _of_table(cls, table: Mapping[str, Any], inputs: int | None) -> Self:
+        """A network written by hand, for a task with so many inputs."""
+        refuse_unknown(table, ("inputs", *MOTORS, "hidden"), GenotypeError)
+        count = table.get("inputs", 8 if inputs is None else inputs)
+        if inputs not in (None, count):
+            raise GenotypeError(f"inputs: expected the task's {inputs}, got {count!r}.")
+        hidden = _table("hidden", table.get("hidden", {}))
+        if set(MOTORS) & set(hidden):
+            raise GenotypeError(f"hidden: expected other names than the motors', {' and '.join(MOTORS)}.")
+        parts = {**{name: table.get(name, {}) for name in MOTORS}, **hidden}
+        sources: dict[int | str, int] = {i: i for i in range(count)}
+        sources |= {name: count + i for i, name in enumerate(parts)}
+        return cls.written(count, [_neuron(name, part, sources) for name, part in parts.items()])
 
 
-def _links(name: str, part: Mapping[str, Any], inputs: int, slots: Mapping[str, int]) -> list[list[int]]:
-    """Source slot, weight and delay of each of a neuron's links."""
-    refuse_unknown(part, ("threshold", "links"), GenotypeError)
-    listed, made = part.get("links", []), []
-    if not isinstance(listed, list):
-        raise GenotypeError(f"{name}.links: expected a list of {{from = …, weight = …}}, got {listed!r}.")
-    for i, one in enumerate(listed):
+def _neuron(
+    name: str, part: object, sources: Mapping[int | str, int]
+) -> tuple[int, list[tuple[int, int, int]]]:
+    """Threshold and links of a neuron written by hand; `sources` are the slots by number or name."""
+    table = _table(name, part)
+    refuse_unknown(table, ("threshold", "links"), GenotypeError)
+    links = []
+    for i, one in enumerate(table.get("links", ())):
         where = f"{name}.links[{i}]"
         refuse_unknown(_table(where, one), ("from", "weight", "delay"), GenotypeError)
         source = one.get("from")
-        number = isinstance(source, int) and not isinstance(source, bool) and 0 <= source < inputs
-        if not number and not (isinstance(source, str) and source in slots):
-            expected = f"an input, 0 to {inputs - 1}, or a neuron: {', '.join(slots)}"
+        if isinstance(source, bool | list | dict) or source not in sources:
+            expected = f"an input or a neuron: {', '.join(map(str, sources))}"
             raise GenotypeError(f"{where}.from: expected {expected}; got {source!r}.")
         weight = as_count(one.get("weight"), f"{where}.weight", -MAX_WEIGHT, MAX_WEIGHT)
-        delay = as_count(one.get("delay", 0), f"{where}.delay", 0, MAX_DELAY)
-        made.append([source if number else slots[source], weight, delay])
-    return made
+        links.append((sources[source], weight, as_count(one.get("delay", 0), f"{where}.delay", 0, MAX_DELAY)))
+    return as_count(table.get("threshold", 0), f"{name}.threshold", -MAX_THRESHOLD, MAX_THRESHOLD), links
 
 
 def _table(name: str, value: object) -> Mapping[str, Any]:
@@ -410,80 +370,54 @@ def _table(name: str, value: object) -> Mapping[str, Any]:
     return value
 
 
-# Of the left and the right motor: a threshold, and the weight of each of the eight sensors.
-# A motor's speed is Σ weight · input − threshold. In the open all inputs are −10 and both run at 8.
-# A sensor that feels a wall drives its own side's wheel and brakes the other one. Walls on both
-# sides brake the left wheel only, so that a robot head-on to a wall turns left and never stands.
-_AVOIDS = (2, (0, 1, 1, -2, -1, 0, 0, 0)), (-8, (0, -1, -2, 2, 1, 0, 0, 0))
-# A sensor lit by the lamp (9, by reflections about 1) brakes its own side's wheel and drives the
-# other one. The left wheel lives on the light in front: where it is dark, the robot turns left.
-_SEEKS = (0, (-1, -1, 1, 1, 1, 1, 0, 0)), (-8, (1, 1, 0, 0, -1, -1, 0, 0))
+class NetworkController:
+    """A genotype's network that drives any body: inputs −10 .. 10 in, wheel commands out.
 
-
-def constant(left: int, right: int, layout: Layout) -> Genes:
-    """Two motors and no links: the same wheel commands (−10 .. 10) at every step.
-
-    Raises:
-        UsageError: a command that is not a whole number from −10 to 10.
+    Plain integers, a step at a time; the kernels compute the same law for whole trials.
     """
-    check_layout(layout)
-    genes = bare(layout)
-    for name, slot, value in (("left", layout.inputs, left), ("right", layout.inputs + 1, right)):
-        command = f"the {name} command of a constant controller"
-        write_neuron(genes, slot, -as_count(value, command, -MAX_THRESHOLD, MAX_THRESHOLD), ())
-    return genes
 
+    def __init__(self, genotype: Genotype) -> None:
+        self.genotype = genotype
+        self.reset()
 
-def braitenberg(feeds: str, layout: Layout) -> Genes:
-    """A vehicle that avoids obstacles ("proximity") or seeks light ("ambient").
+    def _repr_html_(self) -> str:
+        return self.genotype._repr_html_()
 
-    Raises:
-        UsageError: other feeds, or a layout without eight inputs or room for the links.
-    """
-    if feeds not in ("proximity", "ambient"):
-        raise UsageError(
-            f'a Braitenberg controller: feeds: expected "proximity" or "ambient", got {feeds!r}.'
-        )
-    check_layout(layout)
-    if layout.inputs != 8:
-        raise UsageError(
-            f"the Braitenberg controller is made for the Khepera's eight sensors; this task feeds "
-            f"{layout.inputs}: name another controller"
-        )
-    genes = bare(layout)
-    for slot, (threshold, weights) in enumerate(_AVOIDS if feeds == "proximity" else _SEEKS, layout.inputs):
-        links = [(source, weight, 0) for source, weight in enumerate(weights) if weight]
-        if len(links) > layout.links:
-            raise UsageError(
-                f"the Braitenberg controller needs {len(links)} link fields a slot; the layout has "
-                f"{layout.links}"
-            )
-        write_neuron(genes, slot, threshold, links)
-    return genes
+    def reset(self) -> None:
+        """Before a trial: every value ever is 0."""
+        silent = [0] * self.genotype.slots
+        self._past: deque[list[int]] = deque([silent] * (MAX_DELAY + 1), maxlen=MAX_DELAY + 1)
 
+    @property
+    def outputs(self) -> tuple[int, ...]:
+        """What each slot's neuron puts out now, 0 where there is none."""
+        return tuple(self._past[0])
 
-def controller_genes(spec: str, feeds: str, layout: Layout) -> Genes:
-    """The genotype that a person names: "constant:L,R", "braitenberg", or the file of a genotype or of a
-    network written by hand (.toml).
+    def decide(self, inputs: Sequence[int]) -> Command:
+        """One step of 100 ms: ten updates with the inputs held, then the motors' outputs.
 
-    A file's genotype must have the layout's inputs; slots and link fields are its own.
-
-    Raises:
-        UsageError: says which of the three is wrong, and how.
-    """
-    name, _, rest = spec.partition(":")
-    if name == "constant":
-        match = re.fullmatch(r"\s*([-+]?\d+)\s*,\s*([-+]?\d+)\s*", rest)
-        if not match:
-            raise UsageError(f"a constant controller: expected constant:L,R, as in constant:5,5, got {spec}.")
-        return constant(int(match[1]), int(match[2]), layout)
-    if spec == "braitenberg":
-        return braitenberg(feeds, layout)
-    if not os.path.exists(spec):
-        raise UsageError(
-            f"the controller: expected constant:L,R, braitenberg, FILE.py:NAME, or a file with a genotype or "
-            f"a network (.toml); there is no file {spec!r}."
-        )
-    if spec.endswith(".toml"):
-        return load_network(spec, layout.inputs)
-    return load_genotype(spec, layout)
+        Raises:
+            UsageError: another number of inputs than the network has sensor neurons, or one beyond ±10.
+        """
+        count = self.genotype.inputs
+        try:
+            held = [int(value) for value in inputs if -LIMIT <= value <= LIMIT and value == int(value)]
+        except TypeError:
+            held = []
+        if not len(held) == len(inputs) == count:
+            expected = f"{count} whole numbers from -{LIMIT} to {LIMIT}"
+            raise UsageError(f"inputs: expected {expected}, got {inputs!r}.")
+        self._past[0] = held + self._past[0][count:]
+        empty = held + [0] * (self.genotype.slots - count)
+        for _ in range(UPDATES):
+            now, past = empty.copy(), list(self._past)
+            for slot, threshold, links in self.genotype.neurons:
+                total = -threshold
+                for _, source, weight, delay in links:
+                    total += weight * past[delay][source]
+                now[slot] = max(-LIMIT, min(LIMIT, total))
+            self._past.appendleft(now)
+            if past.count(now) == len(past):
+                break  # settled: every further update is the same
+        left, right = self._past[0][count : count + 2]
+        return Command(left=left, right=right)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.unit_folder import PROFILE
-from realitygap.control.encoding import Encoding, controller_of
+from realitygap.control.encoding import Encoding, genotype_of
 from realitygap.correspondence.names import common_name, namer
 from realitygap.correspondence.scale import Scale, exemplar_scale
 from realitygap.correspondence.score import compare
@@ -478,7 +478,7 @@ class NoiseExperiment:
         """Let a controller drive its units from every start; the content of its file."""
         units, home, task = self.driven(one), self.profile(one.home), self.task(one.task)
         encoding = self._encoding(one.task, one.study)
-        driver = controller_of(encoding, self.genes(one))
+        driver = genotype_of(encoding, self.genes(one)).controller()
         rows: list[dict[str, NDArray[Any]]] = []
         for unit in units:
             rig = rigs.rig(one, unit)

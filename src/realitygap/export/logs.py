@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.control.genotype import Genes
+from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError, UsageError
 from realitygap.files import as_path, atomic_path, must_be
 from realitygap.film.video import FilmReader
@@ -106,13 +106,14 @@ def trial_log(
         raise StudyError(f"{run.study.folder}: {told}. Make one with `realitygap transfer`.")
     trial, task, profile = fits[0], run.study.task(run.task), run.study.profile
     replay = Replays(run.study).of(trial.folder)
-    drawing, slots = (None, []) if replay.genes is None else network_drawing(replay.genes, task, profile)
+    drove = replay.genotype
+    drawing, slots = (None, []) if drove is None else network_drawing(drove, task, profile)
     with placed(trial.folder) as here:
         paths = [read_track(here / name) for name in (SIMULATED, SITUATED)]
     if replay.simulated is not None:
         paths[0] = replay.simulated.track
     sides = [
-        _side(name, path, kept, (replay.genes, slots), (task, profile))
+        _side(name, path, kept, (drove, slots), (task, profile))
         for name, path, kept in zip(("simulated", "situated"), paths, replay[1:], strict=True)
     ]
     return TrialLog(
@@ -126,7 +127,7 @@ def _side(
     name: str,
     track: Track,
     kept: Trajectory | Recording | None,
-    drove: tuple[Genes | None, list[int]],
+    drove: tuple[Genotype | None, list[int]],
     where: tuple[Task, Profile],
 ) -> Side:
     """One robot on its path, with what was `kept` of it; `drove` is the genotype and its neurons' slots."""

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap import __version__, temporary
-from realitygap.control.encoding import controller_of, links_into
-from realitygap.control.network import NetworkController
+from realitygap.control.encoding import links_into
+from realitygap.control.genotype import NetworkController
 from realitygap.errors import StudyError, UsageError
 from realitygap.evolution.algorithm import Genes
 from realitygap.files import as_path, atomic_write, must_be
@@ -132,7 +132,7 @@ def on_board(run: Run, who: str, genes: Genes, *, name: str = "controller", step
     channels = tuple(_fed(profile, kind) for kind in feeds.split("+"))
     commands = tuple(profile.wheels.command(value) for value in range(-LIMIT, LIMIT + 1))
     _require_small(study, max(channel.top for channel in channels), commands)
-    controller = controller_of(study.encoding(run.task), genes)
+    controller = study.controller(run.task, genes)
     return OnBoard(
         name=name, facts=_facts(run, who, genes), profile=_plain(profile.name), channels=channels,
         sensors=sensors, **_network(run, genes), commands=commands, period_s=profile.period_s,

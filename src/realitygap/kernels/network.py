@@ -11,7 +11,7 @@ link is then a weight and an offset back from the position being computed.
 import numpy as np
 
 from realitygap.kernels.brain import decide, load
-from realitygap.kernels.jit import kernel, step
+from realitygap.kernels.jit import step
 from realitygap.kernels.params import MAX_DELAY, UPDATES, Networks
 
 LIMIT = 10
@@ -23,53 +23,6 @@ TARGET, SOURCE, WEIGHT, DELAY = 0, 1, 2, 3
 """Columns of a link in params.Networks, and rows of `Scratch.sensor_link`."""
 NEVER = 127
 """The delay stored after the last sensor link: a sentinel."""
-
-
-@step
-def _link_fits(link, neurons, sources, weight):
-    """Whether a link's ends exist, with a weight within ±`weight` and a valid delay."""
-    fits = 0 <= link[TARGET] < neurons and 0 <= link[SOURCE] < sources
-    return fits and -weight <= link[WEIGHT] <= weight and 0 <= link[DELAY] <= MAX_DELAY
-
-
-@step
-def _fits(nets, n, inputs, weight, threshold):
-    """Whether network `n` is valid: its neurons, and its links in the order that `load_network` needs."""
-    neurons, sensed = nets.neurons[n], nets.sensor_count[n]
-    count = nets.links.shape[1]
-    if not 2 <= neurons <= nets.thresholds.shape[1] or not 0 <= sensed <= count:
-        return False
-    end = 0
-    for i in range(neurons):
-        begin = nets.link_start[n, i]
-        fits = end <= begin <= nets.link_start[n, i + 1] <= count
-        if not fits or not -threshold <= nets.thresholds[n, i] <= threshold:
-            return False
-        end = nets.link_start[n, i + 1]
-        for e in range(begin, end):
-            if not _link_fits(nets.links[n, e], neurons, neurons, weight):
-                return False
-    delay = 0
-    for e in range(sensed):
-        link = nets.sensor_links[n, e]
-        if not _link_fits(link, neurons, inputs, weight) or link[DELAY] < delay:
-            return False
-        delay = link[DELAY]
-    return True
-
-
-@kernel
-def first_unfit(nets, inputs, weight, threshold):
-    """The first network that is invalid for that many inputs, and why; −1: there is none.
-
-    Reasons: 0 it has another number of inputs; 1 a neuron or link is out of range.
-    """
-    for n in range(nets.neurons.shape[0]):
-        if nets.inputs[n] != inputs:
-            return n, 0
-        if not _fits(nets, n, inputs, weight, threshold):
-            return n, 1
-    return -1, 0
 
 
 @load.register(Networks)

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from realitygap.control.genotype import Genes, Layout
-from realitygap.control.network import decode
+from realitygap.control.genotype import Genotype
 from realitygap.kernels.rng import substream
 from realitygap.report.paths import PathPanel
 from realitygap.report.statistics import mean_of, running_best
@@ -47,11 +46,11 @@ def _row(run: Run) -> Row:
     return Row(run=run, means={key: mean for key, mean in means.items() if mean is not None})
 
 
-def individual(run: Run) -> Genes:
-    """The genotype of slots shown for a run: its champion's, or its fittest's so far."""
+def individual(run: Run) -> Genotype:
+    """The genotype shown for a run: its champion's, or its fittest's so far."""
     genes = run.fittest if run.champion is None else run.champion
     assert genes is not None  # the run has begun
-    return run.study.slots(run.task, genes)[0]
+    return run.study.slots(run.task, genes)
 
 
 def best_so_far(study: Study, part: TaskPart) -> dict[float, list[np.ndarray]]:
@@ -90,8 +89,7 @@ class Paths:
         key = (task.name, condition.level)
         if key not in self._simulations:
             self._simulations[key] = Simulation(task, self._study.profile, condition.level)
-        genes = individual(row.run)
-        networks = decode(genes, Layout.of(genes, inputs=len(task.sensors)))
+        networks = individual(row.run).networks()
         trajectory, score = self._simulations[key].trajectory(networks, stream=self._stream)
         shown = f"{score / task.fitness_scale:.2f}"
         return PathPanel(noise=condition.level, title=title.format(score=shown), trajectory=trajectory)

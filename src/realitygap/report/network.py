@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 
-from realitygap.control.genotype import Genes
+from realitygap.control.genotype import Genotype
 from realitygap.kernels.params import Robot
 from realitygap.report import style
 from realitygap.report.robots import draw_robot
@@ -38,7 +38,7 @@ INSIDE = 0.72
 
 
 def draw_network(
-    ax: Axes, genes: np.ndarray, profile: Profile, *, feeds: str, sensors: Sequence[int]
+    ax: Axes, genotype: Genotype, profile: Profile, *, feeds: str, sensors: Sequence[int]
 ) -> None:
     """A genotype's network on its robot, which faces up.
 
@@ -47,14 +47,14 @@ def draw_network(
 
     Args:
         ax: where to draw; its axes become cm.
-        genes: [slots, 2 + 4 · links] as in `realitygap.control.genotype`.
+        genotype: whose network it is.
         profile: the robot.
         feeds: "proximity", "ambient" or "proximity+ambient".
         sensors: which of their readings feeds each input.
     """
     robot = profile.to_kernel()
     spots = _spots(robot, feeds)
-    wiring = read_wiring(np.asarray(genes), inputs=len(sensors))
+    wiring = read_wiring(genotype)
     unit = _unit(ax, robot.radius)
     laid = lay_out(wiring, robot, spots, sensors, unit)
     draw_robot(ax, robot, (0.0, 0.0, math.pi / 2), edge=style.CYLINDER)
@@ -158,15 +158,15 @@ def _label(ax: Axes, link: Link, spot: np.ndarray, unit: float) -> None:
 
 
 def network_figure(
-    genes: np.ndarray, profile: Profile, *, feeds: str, sensors: Sequence[int], title: str = ""
+    genotype: Genotype, profile: Profile, *, feeds: str, sensors: Sequence[int], title: str = ""
 ) -> Figure:
     """A network's picture with its legend, and a title above; other arguments as of `draw_network`."""
-    hidden = int(np.asarray(genes)[len(sensors) + OUTPUTS :, 0].sum())
+    hidden = len(genotype.neurons) - OUTPUTS
     wide = width_inches(hidden)
     tall = wide + 0.5
     figure = new_figure(wide, tall)
     ax = figure.add_axes((0.01, 0.33 / tall, 0.98, (wide - 0.06) / tall))
-    draw_network(ax, genes, profile, feeds=feeds, sensors=sensors)
+    draw_network(ax, genotype, profile, feeds=feeds, sensors=sensors)
     if title:
         figure.text(0.5, 1 - 0.05 / tall, title, ha="center", va="top", fontsize=8.5)
     legend = figure.add_axes((0.5 - 1.8 / wide, 0.0, 3.6 / wide, 0.33 / tall))
@@ -187,14 +187,14 @@ def network_figure(
     return figure
 
 
-def network_drawing(genes: Genes, task: Task, profile: Profile) -> tuple[dict[str, object], list[int]]:
+def network_drawing(genotype: Genotype, task: Task, profile: Profile) -> tuple[dict[str, object], list[int]]:
     """Neurons and links in cm on the robot, which faces up; y points down, as on a screen.
 
     Also the slots of the neurons, in the order of a track's outputs.
     """
     robot = profile.to_kernel()
     spots = _spots(robot, task.feeds)
-    wiring = read_wiring(genes, inputs=len(task.sensors))
+    wiring = read_wiring(genotype)
     unit = UNIT_INCHES * (2 * float(robot.radius) + 0.24) / width_inches(len(wiring.hidden))
     laid = lay_out(wiring, robot, spots, task.sensors, unit)
     slots = sorted(laid.places)

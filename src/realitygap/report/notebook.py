@@ -13,7 +13,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from realitygap import temporary
-from realitygap.control.network import NetworkController
+from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError
 from realitygap.files import atomic_write
 from realitygap.report.arenas import draw_arena
@@ -132,7 +132,7 @@ def replayed(
     networks = run.study.networks(run.task, genes)
     lived = simulation.trajectory(networks, stream=seed, pose=pose, seconds=seconds)
     title = f"{run.name}, {name}"
-    return _player(replay_data(simulation, run.study.slots(run.task, genes)[0], lived, title), title, 1150)
+    return _player(replay_data(simulation, run.study.slots(run.task, genes), lived, title), title, 1150)
 
 
 def shown_calibration(made: Calibration, height: int) -> Shown:
@@ -170,7 +170,7 @@ def run_html(run: Run) -> str:
         return table
     task = run.study.facts(run.task)
     figure = network_figure(
-        run.study.slots(run.task, genes)[0], run.study.profile, feeds=task["feeds"], sensors=task["sensors"]
+        run.study.slots(run.task, genes), run.study.profile, feeds=task["feeds"], sensors=task["sensors"]
     )
     return table + _picture(figure, f"The network of {run.name}")
 
@@ -195,13 +195,13 @@ def arena_html(arena: Arena) -> str:
         return _picture(figure, f"The arena {arena.name}, {width:g} × {depth:g} cm")
 
 
-def network_html(controller: NetworkController) -> str:
+def network_html(genotype: Genotype) -> str:
     """A network on a Khepera's first sensors; in words if it has too many inputs."""
-    inputs, profile = controller.layout.inputs, load_profile("paper")
-    said = f"{inputs} inputs, {len(controller.neurons)} neurons"
+    inputs, profile = genotype.inputs, load_profile("paper")
+    said = f"{inputs} inputs, {len(genotype.neurons)} neurons"
     if inputs > len(profile.infrared.sensors):
         return f"<p>{said}</p>"
-    figure = network_figure(controller.genes, profile, feeds="proximity", sensors=range(inputs))
+    figure = network_figure(genotype, profile, feeds="proximity", sensors=range(inputs))
     return _picture(figure, f"A network: {said}")
 
 

@@ -9,9 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-import numpy as np
-
-from realitygap.control.genotype import Genes
+from realitygap.control.genotype import Genotype
 from realitygap.report.gather import PER_CONDITION, Paths, chosen, individual
 from realitygap.report.network import network_drawing
 from realitygap.report.player_tracks import activity, decided, poses_of, track
@@ -69,20 +67,22 @@ def player_data(
     return _document(study.profile, tasks) if tasks else None
 
 
-def replay_data(simulation: Simulation, genes: Genes, lived: tuple[Trajectory, float], name: str) -> Json:
+def replay_data(
+    simulation: Simulation, genotype: Genotype, lived: tuple[Trajectory, float], name: str
+) -> Json:
     """The player's data of one simulated trial.
 
     Args:
         simulation: of the trial.
-        genes: the genotype of slots whose network drove.
+        genotype: whose network drove.
         lived: the trial and its score.
         name: of the individual, for display.
     """
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
-    drawing, slots = network_drawing(genes, task, profile)
-    cast = _Cast(task=task, genes=genes, slots=slots, profile=profile)
+    drawing, slots = network_drawing(genotype, task, profile)
+    cast = _Cast(task=task, genotype=genotype, slots=slots, profile=profile)
     one, score = lived
-    drive = cast.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genes)
+    drive = cast.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genotype)
     trial = {"name": "simulated", "link": "simulated", "simulated": drive, "situated": None}
     run = {"name": name, "link": name, "network": drawing, "trials": [trial]}
     colour = noise_styles([noise])[noise].colour
@@ -112,22 +112,22 @@ class _Cast:
     """Whose drives are shown: a run's individual."""
 
     task: Task
-    genes: Genes
+    genotype: Genotype
     slots: Sequence[int]
     """Neurons of the network, in the order of their packed outputs."""
     profile: Profile
 
     def drive(
-        self, who: str, score: str, path: Track, kept: Trajectory | Recording | None, drove: Genes | None
+        self, who: str, score: str, path: Track, kept: Trajectory | Recording | None, drove: Genotype | None
     ) -> Json:
         """A drive along a path, with its recorded data `kept`; `drove` is the driving genotype, if known."""
         unit = _unit_cm(self.task)
         if kept is None:
             return track(who, score, poses_of(path), unit)
         readings, commands, outputs = fed(kept, self.task.feeds), decided(kept, self.profile), None
-        same = drove is not None and np.array_equal(self.genes, drove)
-        if same and kept.inputs.shape[1] == len(self.task.sensors):  # the drawn network is the one that drove
-            outputs = activity(self.genes, kept.inputs, commands, self.slots)
+        known = kept.inputs.shape[1] == len(self.task.sensors)
+        if known and self.genotype == drove:  # the drawn network is the one that drove
+            outputs = activity(self.genotype, kept.inputs, commands, self.slots)
         return track(who, score, poses_of(path), unit, readings=readings, commands=commands, outputs=outputs)
 
 
@@ -160,9 +160,9 @@ class _Gather:
 
     def run(self, part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair]) -> Json:
         """A run: its network and its trials, transferred ones if there are any."""
-        run, genes, task = row.run, individual(row.run), part.task
-        drawing, slots = network_drawing(genes, task, self.study.profile)
-        cast = _Cast(task=task, genes=genes, slots=slots, profile=self.study.profile)
+        run, genotype, task = row.run, individual(row.run), part.task
+        drawing, slots = network_drawing(genotype, task, self.study.profile)
+        cast = _Cast(task=task, genotype=genotype, slots=slots, profile=self.study.profile)
         order = {robot: i for i, robot in enumerate(robots_of(pairs))}
         there = sorted(
             pairs, key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start)
@@ -178,7 +178,7 @@ class _Gather:
         panel = self.paths.panel(part, condition, row, "{score}")
         assert isinstance(panel.trajectory, Trajectory)
         one = panel.trajectory
-        simulated = cast.drive("simulated", panel.title, one.track, one, cast.genes)
+        simulated = cast.drive("simulated", panel.title, one.track, one, cast.genotype)
         return {"name": "simulated only", "link": "simulated", "simulated": simulated, "situated": None}
 
     def transfer(self, part: TaskPart, pair: Pair, cast: _Cast) -> Json:
@@ -187,8 +187,8 @@ class _Gather:
         scores = [part.text(value) for value in pair.fitness]
         known = replay.simulated
         path = pair.simulated if known is None else known.track
-        simulated = cast.drive("simulated", scores[0], path, known, replay.genes)
-        situated = cast.drive(pair.where, scores[1], pair.situated, replay.situated, replay.genes)
+        simulated = cast.drive("simulated", scores[0], path, known, replay.genotype)
+        situated = cast.drive(pair.where, scores[1], pair.situated, replay.situated, replay.genotype)
         who = "" if pair.individual == "champion" else f"{pair.individual}/"
         name, link = f"{pair.where}, start {pair.start}", f"{pair.robot}/{who}start-{pair.start}"
         return {"name": name, "link": link, "simulated": simulated, "situated": situated}

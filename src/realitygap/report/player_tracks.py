@@ -9,8 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from realitygap.control.genotype import Genes, Layout
-from realitygap.control.network import NetworkController
+from realitygap.control.genotype import Genotype
 from realitygap.robots.recording import Recording
 from realitygap.track import Track, Trajectory
 from realitygap.values import Floats
@@ -50,18 +49,18 @@ def decided(drive: Trajectory | Recording, profile: Profile) -> NDArray[np.int64
 
 
 def activity(
-    genes: Genes, inputs: NDArray[np.int64], commands: NDArray[np.int64], slots: Sequence[int]
+    genotype: Genotype, inputs: NDArray[np.int64], commands: NDArray[np.int64], slots: Sequence[int]
 ) -> NDArray[np.int64] | None:
     """Outputs [n, slots] of a network's neurons at the end of each step, by replaying a drive.
 
     Args:
-        genes: whose network it is.
+        genotype: whose network it is.
         inputs: its inputs [n, I].
         commands: the commands [n, 2]; if the network's differ, it is not the one that drove, and the result
             is None.
         slots: the neurons.
     """
-    controller = NetworkController(genes, Layout.of(genes, inputs=inputs.shape[1]))
+    controller = genotype.controller()
     shown = np.zeros((len(inputs), len(slots)), np.int64)
     for k, (fed, command) in enumerate(zip(inputs.tolist(), commands.tolist(), strict=True)):
         decided = controller.decide(fed)

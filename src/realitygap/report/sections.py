@@ -134,10 +134,10 @@ class Sections:
         return cards
 
     def _network(self, part: TaskPart, condition: NoiseClass, run: Run) -> Picture:
-        genes, task = individual(run), part.task
+        genotype, task = individual(run), part.task
         title = f"{condition.name} noise, #{run.index}"
-        told = words.network_words(genes, title, len(task.sensors), champion=run.finished)
+        told = words.network_words(genotype, title, champion=run.finished)
         draw = partial(
-            network_figure, genes, self.study.profile, title=title, feeds=task.feeds, sensors=task.sensors
+            network_figure, genotype, self.study.profile, title=title, feeds=task.feeds, sensors=task.sensors
         )
         return self.figures.add(f"{task.name}-network-{condition.name}-{run.index}", draw, told)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.control.genotype import Genotype
 from realitygap.kernels.params import Robot
 
 __all__ = [
@@ -58,24 +59,20 @@ class Wiring:
         return bool(link.weight) and link.target in self.useful
 
 
-def read_wiring(genes: np.ndarray, *, inputs: int) -> Wiring:
-    """The neurons and links that a genotype [slots, 2 + 4 · links] expresses."""
-    wheels = range(inputs, inputs + OUTPUTS)
-    hidden = tuple(s for s in range(wheels.stop, len(genes)) if genes[s, 0])
-    computing = (*wheels, *hidden)
-    alive = set(range(inputs)) | set(computing)
+def read_wiring(genotype: Genotype) -> Wiring:
+    """The neurons and links that a genotype expresses."""
+    neurons = genotype.neurons
     links = [
-        Link(source=int(source), target=target, weight=int(weight), delay=int(delay))
-        for target in computing
-        for expressed, source, weight, delay in genes[target, 2:].reshape(-1, 4)
-        if expressed and int(source) in alive
+        Link(source=link.source, target=neuron.slot, weight=link.weight, delay=link.delay)
+        for neuron in neurons
+        for link in neuron.links
     ]
-    useful = set(wheels)
+    useful = {neuron.slot for neuron in neurons[:OUTPUTS]}
     while more := {k.source for k in links if k.weight and k.target in useful} - useful:
         useful |= more
     return Wiring(
-        inputs=inputs, hidden=hidden, links=tuple(links),
-        thresholds={s: int(genes[s, 1]) for s in computing}, useful=frozenset(useful),
+        inputs=genotype.inputs, hidden=tuple(neuron.slot for neuron in neurons[OUTPUTS:]), links=tuple(links),
+        thresholds={neuron.slot: neuron.threshold for neuron in neurons}, useful=frozenset(useful),
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from realitygap.control.genotype import Genotype
 from realitygap.report.gather import PER_CONDITION
 from realitygap.report.page import Words
 from realitygap.report.robots import shown_sensors
@@ -99,16 +100,15 @@ def sheet_words(part: TaskPart, seen: str) -> Words:
     )
 
 
-def network_words(genes: np.ndarray, title: str, inputs: int, *, champion: bool) -> Words:
+def network_words(genotype: Genotype, title: str, *, champion: bool) -> Words:
     """Words for a network's picture.
 
     Args:
-        genes: its genotype.
+        genotype: its own.
         title: whose.
-        inputs: how many it has.
         champion: whether it was retested.
     """
-    wiring = read_wiring(genes, inputs=inputs)
+    wiring = read_wiring(genotype)
     links = sum(wiring.works(link) for link in wiring.links)
     hidden = sum(h in wiring.useful for h in wiring.hidden)
     who = "Retested champion" if champion else "Fittest so far"

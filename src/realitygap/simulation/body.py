@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.control.network import NetworkController, as_controller, decode, neurons
+from realitygap.control.controllers import as_controller
+from realitygap.control.genotype import NetworkController
 from realitygap.errors import UsageError
 from realitygap.files import must_be
 from realitygap.kernels import batch
@@ -213,10 +214,9 @@ def drive_simulated(
         UsageError: a pose that is not free, a wrong length, a controller or a command that is none.
     """
     must_be(simulation, Simulation, "simulation", MADE_BY)
-    if type(controller) is NetworkController:  # a subclass may decide otherwise, and so may changed neurons
-        networks = decode(controller.genes, controller.layout)
-        if controller.neurons == neurons(controller.genes, controller.layout):
-            return simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
+    if type(controller) is NetworkController:  # a subclass may decide otherwise
+        networks = controller.genotype.networks()
+        return simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)
     body, make = SimulatedBody(simulation, stream=stream, kinds=KINDS), network_inputs(simulation)
     if pose is not None:
         body.reset(pose)

@@ -18,8 +18,7 @@ import numpy as np
 from numba import cuda
 from numpy.typing import NDArray
 
-from realitygap.control.genotype import Layout, bare
-from realitygap.control.network import decode
+from realitygap.control.genotype import Genotype
 from realitygap.errors import UsageError
 from realitygap.kernels import batch, trial
 from realitygap.kernels.params import Networks, Path
@@ -94,9 +93,8 @@ class Cuda:
 
     def compile(self) -> None:
         """Compile what evolution needs, in each process anew."""
-        inputs = len(self.simulation.trial.channels)
-        layout = Layout(inputs=inputs, slots=max(Layout.slots, inputs + Layout.outputs))
-        self.scores(decode(bare(layout), layout), np.zeros((1, 1), np.uint64))
+        still = Genotype.constant(0, 0, len(self.simulation.trial.channels)).networks()
+        self.scores(still, np.zeros((1, 1), np.uint64))
 
     @cached_property
     def _world(self) -> Any:

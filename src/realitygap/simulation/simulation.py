@@ -16,8 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.control.genotype import Layout
-from realitygap.control.network import check_networks
+from realitygap.control.encoding import count_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch
 from realitygap.kernels.infrared import infrared
@@ -174,15 +173,6 @@ class Simulation:
         """The task's, compiled."""
         return self.task.compiled_score()
 
-    @cached_property
-    def layout(self) -> Layout:
-        """Of a genotype for the task and the robot.
-
-        Raises:
-            TaskError: the robot lacks what the task needs.
-        """
-        return Layout(inputs=len(self.trial.channels))
-
     def world_of(self, stream: int) -> World:
         """All that the trial on a stream happens in."""
         if not self.task.spread:
@@ -242,7 +232,7 @@ class Simulation:
         Raises:
             UsageError: networks of another task's layout, or streams that are not a row for each.
         """
-        count = check_networks(networks, self.trial.channels.shape[0])
+        count = count_networks(networks, self.trial.channels.shape[0])
         fits = type(streams) is np.ndarray and streams.dtype == np.uint64 and streams.ndim == 2
         if not fits or len(streams) != count:
             expected = f"an array uint64[{count}, trials], a row for each network"
@@ -316,7 +306,7 @@ class Simulation:
         Raises:
             UsageError: more than one network, another task's, a pose that is not free, a wrong length.
         """
-        if check_networks(networks, self.trial.channels.shape[0]) != 1:
+        if count_networks(networks, self.trial.channels.shape[0]) != 1:
             raise UsageError(f"networks: expected one, got {len(networks.neurons)}. Decode one genotype.")
         steps = self.trial.steps if seconds is None else self.steps_of(seconds)
         world, task = self.world_of(stream), self.trial._replace(steps=steps)

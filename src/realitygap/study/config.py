@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from realitygap.control.encoding import Encoding as Made
-from realitygap.control.genotype import Layout
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Variation
 from realitygap.errors import ConfigError
 from realitygap.files import as_path, read_toml
 from realitygap.plugins import place_of, placed
@@ -24,6 +23,9 @@ from realitygap.world.robot import NOISE_LEVELS, noise_level
 from realitygap.world.toml import Value, build, require
 
 __all__ = ["Condition", "Encoding", "Evolution", "StudyConfig", "TaskSettings"]
+
+SIZES = ("inputs", "slots", "links")
+"""Of a `Variation`: the encoding has them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,9 +79,10 @@ class StudyConfig(Value):
         twice = next((f"{p[0]}, noise {p[1]:g}, twice" for k, p in enumerate(pairs) if p in pairs[:k]), None)
         if twice:
             raise ConfigError(f"conditions: expected different ones, got {twice}. {cure}")
-        plain = self.variation.layout == Layout()
-        layout = self.variation.layout
-        require(plain, "variation.layout", "nothing: use encoding.slots and encoding.links", layout)
+        for key in SIZES:
+            size = getattr(self.variation, key)
+            plain = size == getattr(Variation, key)
+            require(plain, f"variation.{key}", "nothing: use encoding.slots and encoding.links", size)
         texts = isinstance(self.arenas, Mapping) and all(isinstance(v, str) for v in self.arenas.values())
         expected = 'task names with an arena each, such as light-seeking = "mine.toml"'
         require(texts, "arenas", expected, self.arenas)
@@ -173,7 +176,7 @@ class StudyConfig(Value):
 
     def to_dict(self) -> dict[str, Any]:
         """The configuration as a dictionary with a file's keys."""
-        rates = {f.name: getattr(self.variation, f.name) for f in fields(Variation) if f.name != "layout"}
+        rates = {f.name: getattr(self.variation, f.name) for f in fields(Variation) if f.name not in SIZES}
         plain = {f.name: getattr(self, f.name) for f in fields(self)}
         return {
             **plain,

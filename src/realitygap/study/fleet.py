@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.control.genotype import FIRST_LINK, LINK_FIELDS
-from realitygap.control.operators import Variation, crosses, offspring, random_genes
+from realitygap.control.encoding import Variation
+from realitygap.control.slots import FIRST_LINK, LINK_FIELDS, crosses, offspring, random_genes
 from realitygap.evolution import ALGORITHMS
 from realitygap.evolution.algorithm import NOBODY
 from realitygap.evolution.ga import DistributedGA, Population, select

@@ -16,10 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.control.encoding import Encoding, as_slots, controller_of
-from realitygap.control.genotype import Layout
-from realitygap.control.network import NetworkController
-from realitygap.control.operators import Variation
+from realitygap.control.encoding import Encoding, genotype_of
+from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes, State
 from realitygap.evolution.ga import Population
@@ -131,23 +129,11 @@ class Study(Tables):
 
     def controller(self, task: str | Task, genes: Genes) -> NetworkController:
         """A controller that drives a body with a genotype's network."""
-        return controller_of(self.encoding(task), genes)
+        return self.slots(task, genes).controller()
 
-    def slots(self, task: str | Task, genes: Genes) -> tuple[Genes, Layout]:
-        """A genotype as one of slots with the same network (itself, if it is one), and its layout."""
-        return as_slots(self.encoding(task), genes)
-
-    def layout(self, task: str | Task) -> Layout:
-        """The size of a task's genotypes of slots.
-
-        Raises:
-            StudyError: the study has another encoding.
-        """
-        encoding = self.encoding(task)
-        if not isinstance(encoding, Variation):
-            kind = self.config.encoding.kind
-            raise StudyError(f"{self.folder}: genotypes of slots have a layout, not {kind}.")
-        return encoding.layout
+    def slots(self, task: str | Task, genes: Genes) -> Genotype:
+        """A genotype as one of slots with the same network."""
+        return genotype_of(self.encoding(task), genes)
 
     def run(self, id_or_name: int | str) -> Run:
         """One run.

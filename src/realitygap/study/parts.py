@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from realitygap.control.encoding import SLOTS, make_encoding
+from realitygap.control.encoding import SLOTS, Variation, make_encoding
 from realitygap.control.encoding import Encoding as Made
-from realitygap.control.operators import Variation
 from realitygap.errors import ConfigError, UsageError
 from realitygap.evolution import make_algorithm
 from realitygap.evolution.algorithm import Algorithm

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.control.encoding import Encoding
+from realitygap.control.encoding import Encoding, Variation, check_networks
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check_batch, check_state
 from realitygap.kernels.rng import substream
@@ -93,6 +93,8 @@ class Bench:
     def scores(self, asked: Asked) -> Scores:
         """The requested scores, [n, trials]."""
         networks = self.encoding.decode(asked.genes.copy())
+        if not isinstance(self.encoding, Variation):
+            check_networks(networks, len(self.task.sensors))
         return self.simulation(asked.noise).scores(networks, asked.streams)
 
     @cached_property

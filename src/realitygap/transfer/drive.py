@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from realitygap import temporary
-from realitygap.control.genotype import Layout
-from realitygap.control.network import as_controller, named_controller
+from realitygap.control.controllers import as_controller, named_controller
 from realitygap.errors import UsageError
 from realitygap.files import atomic_write, to_toml
 from realitygap.kernels.rng import substream
@@ -65,8 +64,8 @@ def drive(
 
     Args:
         body: the robot: a SimulatedBody, or any with the protocol of `robots/body.py`.
-        controller: a NetworkController, a function decide(inputs) → (left, right), a class or an object
-            that has one, or what `--controller` takes: `file.py:name`, a network's file, "braitenberg",
+        controller: a genotype's, a function decide(inputs) → (left, right), a class or an object that
+            has one, or what `--controller` takes: `file.py:name`, a network's file, "braitenberg",
             "constant:5,5"; −10 … 10 in and out.
         task: which sensors are fed, how long, and the score.
         profile: its input ranges and wheels; by default a simulated body's own, else "paper".
@@ -91,8 +90,7 @@ def drive(
         expected = "a Pose, such as Pose.from_degrees(25, 25, 90)"
         raise UsageError(f"start: expected {expected}, unless the body knows its place, got {start!r}.")
     if isinstance(controller, str):
-        layout = Layout(inputs=len(task.of(profile).sensors))
-        controller = named_controller(controller, task.feeds, layout)
+        controller = named_controller(controller, task.feeds, len(task.of(profile).sensors))
     controller = as_controller(controller)
     body = _held_to_its_word(body)
     check_fit(body, profile, task.kinds)

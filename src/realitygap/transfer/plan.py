@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from realitygap.control.genotype import Layout
-from realitygap.control.network import NetworkController, OwnController, named_controller
+from realitygap.control.controllers import OwnController, named_controller
+from realitygap.control.genotype import NetworkController
 from realitygap.errors import UsageError
 from realitygap.film.disk import Disk
 from realitygap.film.marker import Marker, Tag
@@ -204,7 +204,7 @@ def controller_for(study: Study, task: str, named: Named) -> OwnController | Net
         UsageError: no such controller; says why.
     """
     facts = study.facts(task)
-    return named_controller(named.spec, str(facts["feeds"]), Layout(inputs=len(facts["sensors"])))
+    return named_controller(named.spec, str(facts["feeds"]), len(facts["sensors"]))
 
 
 def _marker(options: Transfer, twin: bool) -> Marker | None:

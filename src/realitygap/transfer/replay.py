@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.control.genotype import Genes
+from realitygap.control.genotype import Genotype
 from realitygap.errors import UsageError
+from realitygap.evolution.algorithm import Genes
 from realitygap.robots.recording import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
@@ -26,7 +27,7 @@ SAME_CM = 0.001
 class Replay(NamedTuple):
     """The driving network, and what is known of both drives besides their paths; None if unknown."""
 
-    genes: Genes | None
+    genotype: Genotype | None
     simulated: Trajectory | None
     situated: Recording | None
 
@@ -54,7 +55,7 @@ class Replays:
         except UsageError:  # the study was created again since
             return Replay(None, None, situated)
         simulated = self._simulated(folder, genes, int(table["seed"]))
-        return Replay(self._study.slots(self._study.run(table["run"]).task, genes)[0], simulated, situated)
+        return Replay(self._study.slots(self._study.run(table["run"]).task, genes), simulated, situated)
 
     def _simulated(self, folder: Path, genes: Genes, seed: int) -> Trajectory | None:
         one, study = load_transfer(folder), self._study
