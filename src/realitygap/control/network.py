@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from realitygap import lazy
 from realitygap.control.genotype import (
     DELAY,
     EXPRESSED,
@@ -29,7 +30,6 @@ from realitygap.errors import GenotypeError, UsageError
 from realitygap.kernels.jit import kernel, routine, step
 from realitygap.kernels.network import first_unfit
 from realitygap.kernels.params import UPDATES, Networks
-from realitygap.lazy import above
 from realitygap.plugins import blamed_on, named_object
 from realitygap.values import Command, shown
 
@@ -270,7 +270,7 @@ class NetworkController:
         self.reset()
 
     def _repr_html_(self) -> str:
-        return str(above("report.notebook").network_html(self))
+        return str(lazy.notebook().network_html(self))
 
     def reset(self) -> None:
         """Before a trial: every value ever is 0."""
