@@ -6,88 +6,44 @@ Public names are loaded when first used, so that `import realitygap` costs next 
 
     study = realitygap.load_study("out/reproduce")
     study.runs[0].champion
+
+Their one list is `__init__.pyi`.
 """
 
-from __future__ import annotations
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
-from typing import TYPE_CHECKING
-
-from realitygap.lazy import names_of
-
-if TYPE_CHECKING:
-    from realitygap.api import calibrate, evolve, merge, reproduce
-    from realitygap.calibration.recordings.files import load_recording
-    from realitygap.calibration.unit import calibrated_unit
-    from realitygap.control.encoding import Variation
-    from realitygap.control.genotype import Genotype
-    from realitygap.correspondence.descriptors import describe
-    from realitygap.correspondence.names import namer
-    from realitygap.correspondence.reading import read_trials
-    from realitygap.correspondence.score import compare
-    from realitygap.correspondence.setting import setting_of
-    from realitygap.errors import RealityGapError, UsageError
-    from realitygap.evolution import make_algorithm
-    from realitygap.problem import Problem
-    from realitygap.report.build import build_report
-    from realitygap.simulation.body import SimulatedBody, drive_simulated
-    from realitygap.simulation.simulation import Simulation
-    from realitygap.study.config import StudyConfig
-    from realitygap.study.load import load_study
-    from realitygap.study.runner import run_study
-    from realitygap.tasks import load_task
-    from realitygap.tasks.task import Start, Task
-    from realitygap.track import Track, Trajectory
-    from realitygap.transfer.drive import drive
-    from realitygap.transfer.options import Transfer
-    from realitygap.transfer.run import load_transfers, run_transfer
-    from realitygap.transfer.score_rows import marks_of
-    from realitygap.values import Command, Pose, Readings
-    from realitygap.world.arena import Arena, load_arena
-    from realitygap.world.robot import Profile, load_profile, noise_level
+from realitygap import lazy
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "Arena", "Command", "Genotype", "Pose", "Problem", "Profile", "Readings", "RealityGapError",
-    "SimulatedBody", "Simulation", "Start", "StudyConfig", "Task", "Track", "Trajectory", "Transfer",
-    "UsageError", "Variation", "__version__", "build_report", "calibrate", "calibrated_unit", "compare",
-    "describe", "drive", "drive_simulated", "evolve", "load_arena", "load_profile", "load_recording",
-    "load_study", "load_task", "load_transfers", "make_algorithm", "marks_of", "merge", "namer",
-    "noise_level", "read_trials", "reproduce", "run_study", "run_transfer", "setting_of",
-]  # fmt: skip
+_IMPORT = re.compile(r"^from (\S+) import (\w+) as", re.MULTILINE)
+_HOMES = {name: home for home, name in _IMPORT.findall(Path(__file__).with_suffix(".pyi").read_text("utf-8"))}
+__all__: list[str] = sorted([*_HOMES, "__version__"])
 
-_, __getattr__ = names_of(__name__, {
-    "api": "calibrate evolve merge reproduce",
-    "calibration.recordings.files": "load_recording",
-    "calibration.unit": "calibrated_unit",
-    "control.encoding": "Variation",
-    "control.genotype": "Genotype",
-    "correspondence.descriptors": "describe",
-    "correspondence.names": "namer",
-    "correspondence.reading": "read_trials",
-    "correspondence.score": "compare",
-    "correspondence.setting": "setting_of",
-    "errors": "RealityGapError UsageError",
-    "evolution": "make_algorithm",
-    "problem": "Problem",
-    "report.build": "build_report",
-    "study.config": "StudyConfig",
-    "study.load": "load_study",
-    "study.runner": "run_study",
-    "tasks": "load_task",
-    "simulation.body": "SimulatedBody drive_simulated",
-    "simulation.simulation": "Simulation",
-    "tasks.task": "Start Task",
-    "track": "Track Trajectory",
-    "transfer.drive": "drive",
-    "transfer.options": "Transfer",
-    "transfer.run": "load_transfers run_transfer",
-    "transfer.score_rows": "marks_of",
-    "values": "Command Pose Readings",
-    "world.arena": "Arena load_arena",
-    "world.robot": "Profile load_profile noise_level",
-})  # fmt: skip
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def _notebook() -> Any:
+    from realitygap.report import notebook
+
+    return notebook
+
+
+def _tables() -> Any:
+    from realitygap.export import tables
+
+    return tables
+
+
+lazy.notebook, lazy.tables = _notebook, _tables

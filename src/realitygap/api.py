@@ -18,42 +18,29 @@ from dataclasses import replace
 from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError, UsageError
-from realitygap.files import as_path, atomic_write, must_be
+from realitygap.files import atomic_write
 from realitygap.work.progress import OnProgress, Progress, ProgressLine, counts
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
     from realitygap.calibration.recordings.recording import Recording
     from realitygap.experiments.reproduction import Reproduction
-    from realitygap.report.scores import ScoreTable
-    from realitygap.study.config import Condition, StudyConfig
+    from realitygap.study.config import StudyConfig
     from realitygap.study.load import Study
     from realitygap.tasks.task import Task
-    from realitygap.transfer.load import Transferred
     from realitygap.work.shard import Shard
     from realitygap.work.workers import Workers
     from realitygap.world.robot import Profile
 
 __all__ = [
-    "Carried", "begun_config", "calibrate", "carry_out", "changed_config", "different_versions", "evolve",
-    "folder_of", "load_recordings", "merge", "reported", "reproduce", "reproduction", "write_profile",
+    "calibrate", "carry_out", "different_versions", "evolve", "folder_of", "load_recordings", "merge",
+    "report", "reproduce", "reproduction", "study_config",
 ]  # fmt: skip
 
 Place = str | PathLike[str]
-
-
-class Carried(NamedTuple):
-    """A study that was carried out, in its folder; its page (None for a shard), its tables of scores, and the
-    trials on a robot that were part of the work (None: they were not)."""
-
-    folder: Path
-    study: Study
-    page: Path | None = None
-    tables: Sequence[ScoreTable] = ()
-    transfers: Sequence[Transferred] | None = None
 
 
 def evolve(
@@ -110,22 +97,20 @@ def evolve(
     from realitygap.work.shard import Shard
     from realitygap.world.robot import noise_level
 
-    _require_engine(engine)
     name, share = reference(task), None if shard is None else Shard.parse(shard)
-    folder = folder_of(name) if out is None else as_path(out, "out")
-    folder = folder if share is None else share.folder(folder)
-    levels = _several(noise, "noise", "Give a level, or a list of them.")
-    spreads = tuple(_several(() if spread is None else spread, "spread", "Give a share, or a list of them."))
-    begun = begun_config(folder, name, None if config is None else as_path(config, "config"), resume)
-    must_be(settings or {}, Mapping, "settings", 'Give them as {"evolution.rows": 10}.')
-    texts = [f"{key}={json.dumps(value, default=repr)}" for key, value in (settings or {}).items()]
-    fields = {"profile": _name(profile), "arena": _name(arena), "seed": seed, "runs": runs}
-    given = _given({**fields, "evaluations": evaluations, "spreads": spreads})
-    chosen = changed_config(begun, name, tuple(map(noise_level, levels)), texts, given)
-    return carry_out(
+    folder = folder_of(name, None if out is None else Path(out), share)
+    chosen = study_config(
+        folder, name, config=None if config is None else Path(config), resume=resume,
+        noise=[noise_level(level) for level in _several(noise)],
+        spread=_several(() if spread is None else spread),
+        settings=[f"{key}={json.dumps(value, default=repr)}" for key, value in (settings or {}).items()],
+        arena=_text(arena), profile=_text(profile), seed=seed, runs=runs, evaluations=evaluations,
+    )  # fmt: skip
+    study, _ = carry_out(
         folder, chosen, workers=workers, engine=engine, resume=resume, shard=share, watch=watch,
         on_progress=on_progress,
-    ).study  # fmt: skip
+    )  # fmt: skip
+    return study
 
 
 def merge(
@@ -153,8 +138,8 @@ def merge(
     from realitygap.study.runner import WORK
     from realitygap.work.shard import read_mark, whole_of
 
-    several = shards if isinstance(shards, Iterable) and not isinstance(shards, str) else [shards]
-    folders = [as_path(one, "shards") for one in several]
+    several = [shards] if isinstance(shards, str | PathLike) else list(shards)
+    folders = [Path(one) for one in several]
     found = all_shards(folders)
     for folder in found.values():
         mark = read_mark(folder)
@@ -163,11 +148,12 @@ def merge(
             raise StudyError(f"{folder}: expected a shard of a study. {cure}.")
         if trust:
             agree(folder)
-    target = whole_of(folders[0]) if out is None else as_path(out, "out")
+    target = whole_of(folders[0]) if out is None else Path(out)
     study = merge_runs(found, target)
-    for said in different_versions([study.versions()]):
-        warnings.warn(said, stacklevel=2)
-    return reported(target, study, workers=workers, on_progress=on_progress).study
+    for difference in different_versions([study.versions()]):
+        warnings.warn(difference, stacklevel=2)
+    report(target, study, workers=workers, on_progress=on_progress)
+    return study
 
 
 def reproduce(
@@ -207,14 +193,13 @@ def reproduce(
         RobotError: a recording or a trial failed.
         StudyInterruptedError: Ctrl-C; finished work is kept.
     """
-    _require_engine(engine)
-    options = {"runs": runs, "evaluations": evaluations, "seed": seed, "starts": starts}
-    folder = as_path(out, "out")
-    requested = reproduction(folder, resume, {"profile": _name(profile), **options})
-    return carry_out(
+    folder, options = Path(out), {"runs": runs, "evaluations": evaluations, "seed": seed, "starts": starts}
+    requested = reproduction(folder, resume, {"profile": _text(profile), **options})
+    study, _ = carry_out(
         folder, requested, workers=workers, engine=engine, resume=resume, watch=watch, transfer=transfer,
         on_progress=on_progress,
-    ).study  # fmt: skip
+    )  # fmt: skip
+    return study
 
 
 def reproduction(out: Path, resume: bool, options: Mapping[str, Any]) -> Reproduction:
@@ -235,8 +220,8 @@ def carry_out(
     watch: bool = False,
     transfer: bool = False,
     on_progress: OnProgress | None = None,
-) -> Carried:
-    """Run or continue the study in `folder`, then report on it.
+) -> tuple[Study, Path | None]:
+    """Run or continue the study in `folder`, then make its page, where there are not only shards of it.
 
     Args:
         folder: the study's, or the shard's.
@@ -247,125 +232,103 @@ def carry_out(
         transfer: whether a reproduction's champions drive the twin before the report.
 
     Raises:
-        UsageError: a shard is to be watched.
+        UsageError: a shard is to be watched, or an engine that is not there.
         StudyInterruptedError: Ctrl-C; finished work is kept.
     """
-    from realitygap.experiments.reproduction import ASKED, Reproduction, configured, transferred
-    from realitygap.study.reader import DATABASE
+    from realitygap.experiments.reproduction import Reproduction, configured, transferred
+    from realitygap.simulation.simulation import engine_named
     from realitygap.study.runner import run_study
     from realitygap.work.shard import read_mark
     from realitygap.work.workers import opened
 
+    engine_named(engine)
     part = shard is not None or read_mark(folder) is not None
     if part and watch:
         raise UsageError("watch: a shard has no page. Leave it out.")
-    with _resumable(folder, DATABASE, ASKED), _shown(on_progress) as tell, ExitStack() as stack:
-        if isinstance(config, Reproduction) and workers != 1:
-            # One pool for all phases: its processes load and compile once.
-            workers = stack.enter_context(opened(workers, one_thread=True))
+    with _resumable(folder), _shown(on_progress) as tell, ExitStack() as stack:
         show = tell
         if watch:
             from realitygap.report.watch import Watch
 
-            seen = stack.enter_context(Watch(folder, tell))
-            sys.stderr.write(f"watch {seen.page.resolve().as_uri()}\n")
-            show = seen.show
-        requested = config
-        if isinstance(requested, Reproduction):
-            requested = configured(
-                folder, requested, resume=resume, workers=workers, on_progress=_calibrating(tell)
-            )
+            watched = stack.enter_context(Watch(folder, tell))
+            sys.stderr.write(f"watch {watched.page.resolve().as_uri()}\n")
+            show = watched.show
+        if isinstance(config, Reproduction):
+            if workers != 1:  # one pool for all phases: its processes load and compile once
+                workers = stack.enter_context(opened(workers, one_thread=True))
+            recorded = _calibrating(tell)
+            chosen = configured(folder, config, resume=resume, workers=workers, on_progress=recorded)
+        else:
+            chosen = config
         study = run_study(
-            folder, requested, workers=workers, engine=engine, resume=resume, shard=shard, on_progress=show
+            folder, chosen, workers=workers, engine=engine, resume=resume, shard=shard, on_progress=show
         )
         if part:
-            return Carried(folder, study)
-        made = None
+            return study, None
         if isinstance(config, Reproduction) and transfer:
-            made = transferred(study, starts=config.starts, workers=workers, on_progress=tell)
-        return reported(folder, study, workers=workers, on_progress=tell)._replace(transfers=made)
+            transferred(study, starts=config.starts, workers=workers, on_progress=tell)
+        return study, report(folder, study, workers=workers, on_progress=tell)
 
 
-def reported(
-    folder: Path, study: Study, *, workers: Workers, on_progress: OnProgress | None = None
-) -> Carried:
+def report(
+    folder: Path, study: Study, *, workers: Workers = None, on_progress: OnProgress | None = None
+) -> Path:
     """Score a study's runs and make its page.
 
     Args:
         folder: the study's.
-        study: its runs.
+        study: with its transfers, if there are any.
         workers, on_progress: as of `evolve`.
     """
     from realitygap.report.build import build_report
-    from realitygap.report.scores import study_tables
-    from realitygap.study.reader import DATABASE
     from realitygap.transfer.score_rows import marks_of
 
-    with _resumable(folder, DATABASE), _shown(on_progress) as tell:
-        scored, drawn = (counts(tell, *words) for words in (SCORING, REPORTING))
-        marks = marks_of(study, workers=workers, on_progress=scored)
-        page = build_report(folder, workers=workers, on_progress=drawn)
-    return Carried(folder, study, page, study_tables(study, marks))
+    with _resumable(folder), _shown(on_progress) as tell:
+        marks_of(study, workers=workers, on_progress=counts(tell, "scoring behaviour", "runs"))
+        drawn = counts(tell, "making the report", "figures")
+        return build_report(folder, workers=workers, on_progress=drawn)
 
 
-SCORING, REPORTING = ("scoring behaviour", "runs"), ("making the report", "figures")
-"""Phases, and what is counted in them."""
-
-
-def folder_of(task: str) -> Path:
-    """Where a task is evolved by default."""
+def folder_of(task: str, out: Path | None, shard: Shard | None) -> Path:
+    """Where a task is evolved: `out`, or out/TASK; of a shard beside that."""
     from realitygap.tasks import load_task
 
-    return Path("out", load_task(task).name)
+    folder = Path("out", load_task(task).name) if out is None else out
+    return folder if shard is None else shard.folder(folder)
 
 
-def begun_config(folder: Path, task: str, config: Path | None, resume: bool) -> StudyConfig:
-    """What a study starts from: a study's TOML, its own if it is resumed, or one condition of the task.
+def study_config(
+    folder: Path,
+    task: str,
+    *,
+    config: Path | None,
+    resume: bool,
+    noise: Sequence[float],
+    spread: Sequence[float],
+    settings: Iterable[str],
+    arena: str | None,
+    **fields: Any,
+) -> StudyConfig:
+    """The configuration of a study of one task.
 
     Args:
         folder: the study's.
         task: as typed.
-        config: a study's TOML, if one was given.
-        resume: whether the study in the folder goes on.
+        config, resume: a study's TOML to start from; else the folder's own study if it is resumed, else one
+            condition of the task.
+        noise, spread: a condition for each pair; those that it starts from where there are none.
+        settings: KEY=VALUE each, as in --set.
+        arena: the task's; None: as it starts from.
+        fields: of a configuration by name; None: as it starts from.
     """
-    from realitygap.study.config import StudyConfig
+    from realitygap.study.config import Condition, StudyConfig
     from realitygap.study.folder import exists, own_config
+    from realitygap.tasks import load_task
 
     if config is not None:
-        return StudyConfig.from_toml(config, task=task)
-    return own_config(folder) if resume and exists(folder) else StudyConfig.single(task)
-
-
-def changed_config(
-    begun: StudyConfig, task: str, noise: tuple[float, ...], settings: Iterable[str], given: Mapping[str, Any]
-) -> StudyConfig:
-    """A configuration changed to one task alone.
-
-    Args:
-        begun: what it starts from.
-        task: as typed.
-        noise: levels, each a condition; those that the configuration has for the task if none.
-        settings: KEY=VALUE each, as in --set.
-        given: what else was given: `spreads`, `arena`, fields of a configuration by name.
-    """
-    from realitygap.tasks import load_task
-
-    name, fields = load_task(task).name, dict(given)
-    arenas = {key: arena for key, arena in begun.arenas.items() if key == name}
-    conditions = _conditions(begun, task, noise, fields.pop("spreads", ()))
-    begun = replace(begun, conditions=conditions, arenas=arenas).with_settings(settings)
-    if "arena" in fields:
-        fields["arenas"] = {name: fields.pop("arena")}
-    return replace(begun, **fields)
-
-
-def _conditions(
-    config: StudyConfig, task: str, noise: tuple[float, ...], spreads: tuple[float, ...]
-) -> tuple[Condition, ...]:
-    """The task at each of `noise` within each of `spreads`; without one of them at those that a configuration
-    has for it, or at observed noise with constants as they are."""
-    from realitygap.study.config import Condition
-    from realitygap.tasks import load_task
+        begun = StudyConfig.from_toml(config, task=task)
+    else:
+        begun = own_config(folder) if resume and exists(folder) else StudyConfig.single(task)
 
     def same(other: str) -> bool:
         """By what it is called: a configuration's task files are not run to find that out."""
@@ -373,14 +336,17 @@ def _conditions(
             return Path(other).name == Path(task).name
         return load_task(other) is load_task(task)
 
-    if noise and spreads:
-        pairs = [(level, spread) for spread in spreads for level in noise]
-    else:
-        there = [(c.noise, c.spread) for c in config.conditions if same(c.task)] or [(1.0, 0.0)]
-        levels, shares = (dict.fromkeys(one) for one in zip(*there, strict=True))
-        pairs = [(level, spread) for spread in spreads or shares for level in noise or levels]
-        pairs = pairs if noise or spreads else there
-    return tuple(Condition(task=task, noise=level, spread=spread) for level, spread in pairs)
+    pairs = [(c.noise, c.spread) for c in begun.conditions if same(c.task)] or [(1.0, 0.0)]
+    if noise or spread:
+        levels, shares = (dict.fromkeys(column) for column in zip(*pairs, strict=True))
+        pairs = [(level, share) for share in spread or shares for level in noise or levels]
+    conditions = tuple(Condition(task=task, noise=level, spread=share) for level, share in pairs)
+    name = load_task(task).name
+    arenas = {key: value for key, value in begun.arenas.items() if key == name}
+    made = replace(begun, conditions=conditions, arenas=arenas).with_settings(settings)
+    if arena is not None:
+        fields["arenas"] = {name: arena}
+    return replace(made, **_given(fields))
 
 
 def different_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> list[str]:
@@ -431,34 +397,32 @@ def calibrate(
     """
     from realitygap.calibration.calibrate import base_of
     from realitygap.calibration.calibrate import calibrate as fit
-    from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
     from realitygap.world.robot import load_profile
 
-    target = None if out is None else as_path(out, "out")
+    target = None if out is None else Path(out)
     if target is not None and (target.is_dir() or not target.parent.is_dir()):
         raise UsageError(f"out: expected a file in a folder that exists, got {str(target)!r}. Make it first.")
-    if on_progress is not None and not callable(on_progress):
-        raise UsageError(f"on_progress: expected a function of two counts, got {on_progress!r}.")
-    read: Any = [recordings] if isinstance(recordings, str | PathLike) else recordings
-    must_be(read, Iterable, "recordings", "Give [recording], or folders.")
-    read = list(read)
-    if read and all(isinstance(one, str | PathLike) for one in read):
-        named = [objects] if isinstance(objects, str) else objects
-        read = load_recordings([fspath(one) for one in read], named)
-    elif objects and read:
+    read: Any = [recordings] if isinstance(recordings, str | PathLike) else list(recordings)
+    if all(isinstance(one, str | PathLike) for one in read):
+        read = load_recordings([fspath(one) for one in read], _several(objects))
+    elif objects:
         raise CalibrationError(
-            "objects: expected none with recordings that are loaded already: what a table shows is said "
-            f"where it is loaded, load_recording(path, object=...). Got {objects!r}."
+            "objects: expected none with recordings that are loaded already: load_recording(path, object=…)."
         )
-    for one in read:
-        must_be(one, SensorRecording | WheelRecording, "recordings", "load_recording(path) reads one.")
     start = load_profile(base_of(read) if base is None else base)
-    with ProgressLine() if on_progress is None else nullcontext() as line:
+    with nullcontext() if on_progress else ProgressLine() as line:
         told = on_progress if line is None else partial(_calibrating(line.show), "fit")
         made = fit(read, start, form=form, light=light, beside=beside, workers=workers, on_progress=told)
-    if target is not None:
-        made = made.named(target.stem)
-        write_profile(made, target)
+    if target is None:
+        return made
+    made = made.named(target.stem)
+    where = made.profile.provenance
+    files = ", ".join(f.file for f in where.files)
+    head = (
+        f"# Calibrated {where.date} by realitygap {where.version} from {files}.\n"
+        "# Lengths cm, speeds cm/s, angles degrees, readings counts; the end says where each comes from.\n"
+    )
+    atomic_write(target, head + made.profile.to_toml())
     return made
 
 
@@ -475,20 +439,8 @@ def load_recordings(paths: Iterable[str], objects: Sequence[str] = ()) -> list[R
     return [load_recording(place, object=name) for place, name in zip(found, said, strict=True)]
 
 
-def write_profile(made: Calibration, target: Path) -> None:
-    """Write a calibration's profile, under lines that say where it comes from."""
-    where = made.profile.provenance
-    files = ", ".join(f.file for f in where.files)
-    head = (
-        f"# Calibrated {where.date} by realitygap {where.version} from {files}.\n"
-        "# Lengths cm, speeds cm/s, angles degrees, readings counts; the end of the file says where each "
-        "comes from.\n"
-    )
-    atomic_write(target, head + made.profile.to_toml())
-
-
-def _name(given: Place | None) -> str | None:
-    return fspath(given) if isinstance(given, PathLike) else given
+def _text(given: Place | None) -> str | None:
+    return None if given is None else fspath(given)
 
 
 def _given(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -496,19 +448,9 @@ def _given(options: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-def _require_engine(name: str) -> None:
-    """Refuse an engine that is not there, before anything is done with it."""
-    from realitygap.simulation.simulation import engine_named
-
-    must_be(name, str, "engine", "Give cores or cuda.")
-    engine_named(name)
-
-
-def _several(given: Any, what: str, cure: str) -> Iterable[Any]:
-    """One value, or several."""
-    listed: Any = [given] if isinstance(given, str | float | int) else given
-    must_be(listed, Iterable, what, cure)
-    return listed  # type: ignore[no-any-return]
+def _several(given: Any) -> list[Any]:
+    """One value, or several, as a list."""
+    return [given] if isinstance(given, str | float | int) else list(given)
 
 
 @contextmanager
@@ -536,13 +478,11 @@ def _calibrating(tell: OnProgress) -> Callable[[str, int, int], None]:
 
 
 @contextmanager
-def _resumable(folder: Path, *files: str) -> Iterator[None]:
-    """On Ctrl-C say that finished work is kept in a folder, if that has one of the files that tell of it."""
+def _resumable(folder: Path) -> Iterator[None]:
+    """On Ctrl-C say that finished work is kept."""
     try:
         yield
-    except KeyboardInterrupt as stopped:
-        if isinstance(stopped, StudyInterruptedError):
-            raise
-        if not any((folder / file).is_file() for file in files):
-            raise StudyInterruptedError(f"stopped before the work in {folder} began.") from None
+    except StudyInterruptedError:
+        raise
+    except KeyboardInterrupt:
         raise StudyInterruptedError(f"stopped. What was saved in {folder} is kept.") from None

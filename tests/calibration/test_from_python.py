@@ -49,8 +49,6 @@ def test_errors_are_typed(made_tables, tmp_path):
     for out in (tmp_path / "no" / "robot.toml", tmp_path):
         with pytest.raises(UsageError, match="out: expected a file in a folder that exists"):
             realitygap.calibrate([loaded], out=out)
-    with pytest.raises(UsageError, match="on_progress: expected a function of two counts, got 5"):
-        realitygap.calibrate([loaded], on_progress=5)
 
 
 def test_a_machines_cores_change_no_bit(made_tables, monkeypatch):

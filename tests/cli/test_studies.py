@@ -309,8 +309,6 @@ def test_shards_from_python_are_the_study(study, tmp_path):
     assert [[run.finished for run in share.runs] for share in shares] == [[True, False], [False, True]]
     with pytest.raises(StudyError, match="missing: shard 2/2"):
         merge([shares[0]])
-    with pytest.raises(UsageError, match="shards: expected a path, got 1"):
-        merge([1])
     made = merge((share.folder for share in reversed(shares)), workers=1)  # as of `Path.glob`
     assert made.folder == tmp_path / "whole" and (made.folder / "report" / "index.html").is_file()
     assert [run.best_fitness for run in made.runs] == [run["best_fitness"] for run in printed["runs"]]

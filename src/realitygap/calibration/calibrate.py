@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from realitygap import lazy
 from realitygap.calibration.channel_fit import UNLIT, ChannelFit, unmeasured
 from realitygap.calibration.channels import fit_infrared, fit_light, ticks
 from realitygap.calibration.checks import refuse_mixed
@@ -25,7 +26,6 @@ from realitygap.calibration.rows import REFLECTANCE
 from realitygap.calibration.wheels.fit import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.files import must_be
-from realitygap.lazy import above
 from realitygap.work.pool import one_thread
 from realitygap.work.workers import Workers, opened
 from realitygap.world.robot import FittedChannel, Profile, Provenance, SourceFile, load_profile
@@ -81,11 +81,11 @@ class Calibration:
 
     def show(self, height: int = 900) -> Any:
         """The calibration's page in a notebook frame `height` pixels high; `save` writes it to a file."""
-        return above("report.notebook").shown_calibration(self, height)
+        return lazy.notebook().shown_calibration(self, height)
 
     def figures(self) -> Mapping[str, Any]:
         """The page's figures by name, as Matplotlib figures, each drawn when it is first used."""
-        figures: Mapping[str, Any] = above("report.notebook").of_calibration(self)
+        figures: Mapping[str, Any] = lazy.notebook().of_calibration(self)
         return figures
 
     def named(self, name: str, *, date: str | None = None) -> Self:

@@ -48,12 +48,8 @@ __all__ = ["evolve"]
 @option.as_json
 def evolve(
     task: str,
-    noise: tuple[float, ...],
     spreads: tuple[float, ...],
-    arena: str | None,
     out: Path | None,
-    config: Path | None,
-    settings: tuple[str, ...],
     workers: Workers,
     engine: str,
     shard: Shard | None,
@@ -71,24 +67,21 @@ def evolve(
     Example:
         realitygap evolve light-seeking --noise double --runs 3 --set evolution.rows=10
     """
-    from realitygap.api import begun_config, carry_out, changed_config, folder_of
+    from realitygap import api
     from realitygap.study.reader import DATABASE
 
-    folder = folder_of(task) if out is None else out
-    folder = folder if shard is None else shard.folder(folder)
-    begun = begun_config(folder, task, config, resume)
-    fields = {**options, "arena": arena, "spreads": spreads}
-    chosen = changed_config(begun, task, noise, settings, option.given(fields))
+    folder = api.folder_of(task, out, shard)
+    chosen = api.study_config(folder, task, spread=spreads, resume=resume, **options)
     if not resume:
         _notes(chosen, task)
     else:
         note_new(folder, DATABASE)
     again = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
     with resumable(folder, f"realitygap {again} --out {shlex.quote(str(folder))} --resume", DATABASE):
-        carried = carry_out(
+        study, page = api.carry_out(
             folder, chosen, workers=workers, engine=engine, resume=resume, shard=shard, watch=watch
         )
-    show_study(carried, json_output=json_output)
+    show_study(folder, study, page, json_output=json_output)
 
 
 def _notes(config: StudyConfig, task: str) -> None:

@@ -46,7 +46,7 @@ def merge(
         realitygap evolve avoidance --runs 9 --out out/nine --shard 1/3   # and 2/3, 3/3, anywhere
         realitygap merge out/nine-shard-*-of-3
     """
-    from realitygap.api import reported
+    from realitygap import api
     from realitygap.experiments.noise import CONFIG, NoiseConfig
     from realitygap.experiments.noise_run import merge_noise, noise_experiment
     from realitygap.study.load import load_study
@@ -78,8 +78,8 @@ def merge(
     with resumable(target, f"realitygap report {shlex.quote(str(target))}", DATABASE):
         study = merge_runs(found, target)
         note_versions([study.versions()])
-        carried = reported(target, study, workers=workers)
-    show_study(carried, told, json_output=json_output)
+        page = api.report(target, study, workers=workers)
+    show_study(target, study, page, told, json_output=json_output)
 
 
 def _merge_transfer(shards: Mapping[Shard, Path], study: Path, *, json_output: bool) -> None:

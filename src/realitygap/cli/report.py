@@ -25,8 +25,9 @@ def report(study: str, trust: bool, json_output: bool) -> None:
     Example:
         realitygap report out/reproduce
     """
-    from realitygap.api import reported
+    from realitygap import api
     from realitygap.experiments.noise import CONFIG
+    from realitygap.report.scores import study_tables
     from realitygap.study.load import load_study
     from realitygap.work.workers import opened
 
@@ -38,6 +39,7 @@ def report(study: str, trust: bool, json_output: bool) -> None:
         return
     ask_trust(study, trust)
     with opened(None, one_thread=True) as pool:
-        done = reported(Path(study), load_study(study), workers=pool)
-    tables = [table.to_dict() for table in done.tables]
-    tell(json_output, {"report": str(done.page), "tables": tables}, f"report {done.page}")
+        loaded = load_study(study)
+        page = api.report(Path(study), loaded, workers=pool)
+    tables = [table.to_dict() for table in study_tables(loaded)]
+    tell(json_output, {"report": str(page), "tables": tables}, f"report {page}")

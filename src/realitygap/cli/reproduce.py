@@ -60,21 +60,23 @@ def reproduce(
     Example:
         realitygap reproduce --out out/reproduce
     """
-    from realitygap.api import carry_out, reproduction
+    from realitygap import api
     from realitygap.experiments.reproduction import ASKED
     from realitygap.study.reader import DATABASE
+    from realitygap.transfer.load import load_transfers
 
-    requested = reproduction(out, resume, options)
+    requested = api.reproduction(out, resume, options)
     if not resume:
         note_few(requested.evaluations)
     else:
         note_new(out, DATABASE, ASKED)
     again = f"reproduce{' --no-transfer' * no_transfer}{option.unusual(engine)} --out {shlex.quote(str(out))}"
     with resumable(out, f"realitygap {again} --resume", DATABASE, ASKED), ProgressLine() as progress:
-        carried = carry_out(
+        study, page = api.carry_out(
             out, requested, workers=workers, engine=engine, resume=resume, watch=watch,
             transfer=not no_transfer, on_progress=progress.show,
         )  # fmt: skip
         took = progress.took()
-    show_study(carried, json_output=json_output)
+    made = {} if no_transfer else {"transfers": [one.to_dict() for one in load_transfers(out)]}
+    show_study(out, study, page, made, json_output=json_output)
     click.echo(took, err=True)

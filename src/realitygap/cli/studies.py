@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from realitygap.api import Carried
     from realitygap.report.scores import ScoreTable
+    from realitygap.study.load import Study
 
 __all__ = ["show_shard", "show_study"]
 
@@ -34,22 +34,24 @@ def show_shard(folder: Path, more: Mapping[str, Any], *lines: str, json_output: 
     tell(json_output, facts, *lines, f"\nshard {mark.shard} in {folder}\nwhen all are done: {merging}")
 
 
-def show_study(carried: Carried, more: Mapping[str, Any] | None = None, *, json_output: bool) -> None:
-    """Print a study's runs and scores, and where it and its report are; for a shard the finished runs, and
-    how to merge all shards. `more` are further parts of the JSON."""
-    folder, study, page, tables, transfers = carried
+def show_study(
+    folder: Path, study: Study, page: Path | None, more: Mapping[str, Any] | None = None, *, json_output: bool
+) -> None:
+    """Print a study's runs and scores, and where it and its page are; for a shard, which has none, the
+    finished runs, and how to merge all shards. `more` are further parts of the JSON."""
+    from realitygap.report.scores import study_tables
+
     if page is None:
         done = [run for run in study.runs if run.finished]
         if not json_output:
             print_runs(done)
         show_shard(folder, {"runs": [describe(study, run) for run in done]}, json_output=json_output)
         return
+    tables = study_tables(study)
     if json_output:
-        runs = [describe(study, run) for run in study.runs]
-        told = [table.to_dict() for table in tables]
-        made = {} if transfers is None else {"transfers": [one.to_dict() for one in transfers]}
-        facts = {"study": str(folder), "report": str(page), "runs": runs, "tables": told}
-        print_json({**facts, **made, **(more or {})})
+        runs, rows = [describe(study, run) for run in study.runs], [table.to_dict() for table in tables]
+        facts = {"study": str(folder), "report": str(page), "runs": runs, "tables": rows}
+        print_json({**facts, **(more or {})})
         return
     print_runs(study.runs)
     _print_scores(tables)

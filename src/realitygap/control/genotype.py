@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from realitygap import lazy
 from realitygap.control.slots import (
     EXPRESSED,
     LINK,
@@ -28,7 +29,6 @@ from realitygap.errors import GenotypeError, UsageError
 from realitygap.files import as_path, atomic_write, read_toml, refuse_unknown
 from realitygap.kernels.network import LIMIT
 from realitygap.kernels.params import MAX_DELAY, UPDATES, Networks
-from realitygap.lazy import above
 from realitygap.values import Command, as_count, as_stream
 
 __all__ = ["Genotype", "Link", "NetworkController", "Neuron"]
@@ -117,7 +117,7 @@ class Genotype:
         return "\n".join([HEADER, *self._lines(), "end", ""])
 
     def _repr_html_(self) -> str:
-        return str(above("report.notebook").network_html(self))
+        return str(lazy.notebook().network_html(self))
 
     @property
     def slots(self) -> int:

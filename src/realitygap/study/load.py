@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import lazy
 from realitygap.control.encoding import Encoding, genotype_of
 from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.errors import StudyError
@@ -23,7 +24,6 @@ from realitygap.evolution.algorithm import Genes, State
 from realitygap.evolution.ga import Population
 from realitygap.files import as_path, must_be
 from realitygap.kernels.params import Networks
-from realitygap.lazy import above
 from realitygap.study.folder import agree, read_materials, read_profile
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan
@@ -153,15 +153,15 @@ class Study(Tables):
         Raises:
             StudyError: no run has started.
         """
-        return above("report.notebook").shown_study(self, height)
+        return lazy.notebook().shown_study(self, height)
 
     def figures(self) -> Mapping[str, Any]:
         """The page's figures by name, each drawn by Matplotlib when first needed."""
-        figures: Mapping[str, Any] = above("report.notebook").of_study(self)
+        figures: Mapping[str, Any] = lazy.notebook().of_study(self)
         return figures
 
     def _repr_html_(self) -> str:
-        return str(above("report.notebook").study_html(self))
+        return str(lazy.notebook().study_html(self))
 
     def state(self, run: int) -> State | None:
         """The state in a run's last checkpoint; None before the first. This may run a user's file."""
@@ -267,10 +267,10 @@ class Run:
             UsageError: there is no such individual, or it cannot start there.
         """
         options = {"noise": noise, "pose": pose, "seed": seed, "seconds": seconds, "profile": profile}
-        return above("report.notebook").replayed(self, who, **options)
+        return lazy.notebook().replayed(self, who, **options)
 
     def _repr_html_(self) -> str:
-        return str(above("report.notebook").run_html(self))
+        return str(lazy.notebook().run_html(self))
 
     @property
     def population(self) -> Genes | None:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from realitygap import lazy
 from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes
 from realitygap.files import must_be
-from realitygap.lazy import above
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import read_config
 from realitygap.study.reader import DATABASE, Reader, Table
@@ -87,7 +87,7 @@ class Tables:
         Raises:
             UsageError: no such table, or no pandas.
         """
-        return above("export.tables").frame(self, table)
+        return lazy.tables().frame(self, table)
 
     def digest(self) -> str:
         """A digest of every run's results: equal for studies with the same runs, however they were made.

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import lazy
 from realitygap.kernels import params
-from realitygap.lazy import above
 from realitygap.values import Floats
 from realitygap.world.sensors import unit
 from realitygap.world.toml import Value, load, require, shipped
@@ -208,7 +208,7 @@ class Arena(Value):
         return table
 
     def _repr_html_(self) -> str:
-        return str(above("report.notebook").arena_html(self))
+        return str(lazy.notebook().arena_html(self))
 
     def to_kernel(self) -> params.Arena:
         """The arena as the kernels' arrays."""

@@ -9,10 +9,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap import lazy
 from realitygap.files import to_toml
 from realitygap.kernels import params
 from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES
-from realitygap.lazy import above
 from realitygap.values import as_count
 from realitygap.world.sensors import RAY_ANGLES_DEG, UNLIT, Ambient, Infrared
 from realitygap.world.toml import Value, load, require, shipped
@@ -379,7 +379,7 @@ class Profile(Value):
         )
 
     def _repr_html_(self) -> str:
-        return str(above("report.notebook").profile_html(self))
+        return str(lazy.notebook().profile_html(self))
 
     def channel(self, kind: str) -> Infrared | Ambient:
         """The sensors of a kind: "infrared" (or "proximity", as a task feeds them) or "ambient"."""
