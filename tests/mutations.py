@@ -28,7 +28,7 @@ EDGES = ("tests/calibration/test_edges.py",)
 MISFIT = ("tests/calibration/test_misfit.py",)
 WHEEL_FITS = ("tests/calibration/test_wheels.py",)
 TRACKER = ("tests/film/test_tracker.py",)
-WINDOW = ("tests/film/test_window.py",)
+TAG = ("tests/film/test_tag.py",)
 TRACK = ("tests/test_track.py",)
 DESCRIPTORS = ("tests/correspondence/test_descriptors.py",)
 SCORE = ("tests/correspondence/test_score.py",)
@@ -178,13 +178,14 @@ MUTATIONS = (
     # tracker
     Mutation("film/disk.py", "the heading is looked back",
              "math.atan2(front_y - y, front_x - x)", "math.atan2(y - front_y, x - front_x)", TRACKER),
-    Mutation("film/window.py", "places are a step off",
-             "_pixel(optics, place[0] + axis[j], place[1] + axis[i])",
-             "_pixel(optics, place[0] + axis[j] + axis[1] - axis[0], place[1] + axis[i])", TRACKER),
-    Mutation("film/masks.py", "the curves end early",
-             "round(4 * share * radius_px)", "round(2 * share * radius_px)", WINDOW),
-    Mutation("film/finder.py", "too little is looked at round a centre",
-             "judged * math.sqrt(2.0))) + 2", "judged * math.sqrt(2.0))) - 6", WINDOW),
+    Mutation("film/disk.py", "places are a step off",
+             "place + step * (found - half)", "place + step * (found - half + 1)", TRACKER),
+    Mutation("film/disk.py", "a front patch at any distance will do",
+             "if front is not None and abs(math.dist(front, centre) - ring) <= slack else None", "", TRACKER),
+    Mutation("film/disk.py", "one patch that is as it should be is enough",
+             "worst = min(worst, float", "worst = max(worst - 1, float", TRACKER),
+    Mutation("film/tag.py", "of two alike one is believed",
+             "return seen[0] if len(seen) == 1 else None", "return seen[0] if seen else None", TAG),
     Mutation("film/tracker.py", "a lost robot is guessed where it was",
              "return None if seen is None else (seen.pose, seen.quality)",
              "return (last and (last, 0.5)) if seen is None else (seen.pose, seen.quality)", TRACKER),

@@ -35,7 +35,7 @@ from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRe
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError, UsageError
 from realitygap.film.calibrate import calibrate_camera
-from realitygap.film.marker import load_marker
+from realitygap.film.tag import load_marker
 from realitygap.robots.address import Address
 from realitygap.robots.body import Channel
 from realitygap.robots.enki import EnkiBody

@@ -9,8 +9,8 @@ import pytest
 
 from realitygap.errors import FilmError
 from realitygap.film.calibrate import calibrate_camera
-from realitygap.film.marker import Tag, load_marker
-from realitygap.film.sheet import save_sheet, sheet
+from realitygap.film.printed import save_sheet
+from realitygap.film.tag import Tag, load_marker
 from realitygap.film.tracker import Tracker, track_film
 from realitygap.track import read_track
 from tests.film.conftest import known_frames, pinhole, write_film
@@ -79,7 +79,7 @@ HARD = {
 @pytest.mark.parametrize("condition", HARD)
 def test_hard_films_are_tracked_or_lost_never_guessed(condition, tmp_path, tag_camera, poses, errors_of):
     """Under noise, blur, glare, low contrast and compression at most a frame in eight is lost, and no place
-    that is told is off by more than 1 mm. In the heaviest no number can be read in nine frames of ten."""
+    that is told is off by more than 1 mm."""
     changes, quality = HARD[condition]
     film = write_film(tmp_path / "film.mp4", TAGS[ARUCO].but(**changes), poses[:16], quality)
     track = track_film(film, tag_camera, Tag.parse(ARUCO)).track
@@ -89,17 +89,16 @@ def test_hard_films_are_tracked_or_lost_never_guessed(condition, tmp_path, tag_c
 
 
 def test_hidden_marker_is_lost_and_found_again(tag_camera):
-    """A marker under a cable is seen where it was a moment ago, and nowhere else; one that is gone is lost
-    for that frame and found at once after it, wherever it is."""
+    """A marker under a cable, or one that is gone, is lost for that frame, and found at once after it."""
     clean, bare = Renderer(TAGS[ARUCO]), Renderer(Scene(robot=False))
     covered = Renderer(TAGS[ARUCO].but(hidden=0.5))
     tracker = Tracker(tag_camera, Tag.parse(ARUCO))
-    shown = [(clean, HERE), (covered, HERE), (bare, HERE), (covered, HERE), (clean, THERE)]
+    shown = [(clean, HERE), (covered, HERE), (clean, HERE), (bare, HERE), (clean, THERE)]
     seen = [tracker.see(renderer.picture(pose)) for renderer, pose in shown]
-    assert [one is not None for one in seen] == [True, True, False, False, True]
-    for k, (x, y, _), least in ((1, HERE, 0.8), (4, THERE, 0.9)):
+    assert [one is not None for one in seen] == [True, False, True, False, True]
+    for k, (x, y, _) in ((2, HERE), (4, THERE)):
         pose, quality = seen[k]
-        assert np.hypot(pose.x - x, pose.y - y) < 0.02 and quality > least
+        assert np.hypot(pose.x - x, pose.y - y) < 0.02 and quality > 0.9
 
 
 @pytest.mark.parametrize("text", TAGS)
@@ -155,26 +154,15 @@ def test_calibration_says_what_is_wrong_with_the_marker(tag_frames):
 
 
 def test_same_film_same_bits(tag_camera, poses):
-    """Tracked twice, and through windows of its pictures, a film gives the same track to the last bit."""
+    """Tracked twice a film gives the same track to the last bit."""
     renderer = Renderer(TAGS[ARUCO])
     pictures = [renderer.picture(pose) for pose in poses[:4]]
-
-    def look(picture):
-        def at(window):
-            shown = np.zeros_like(picture)
-            part = (slice(None), slice(None)) if window is None else window
-            shown[part] = picture[part]
-            return shown
-
-        return at
-
-    first, second, parts = (
-        Tracker(tag_camera, Tag.parse(ARUCO)).follow((k / 10, show(one)) for k, one in enumerate(pictures))
-        for show in (np.copy, np.copy, look)
+    first, second = (
+        Tracker(tag_camera, Tag.parse(ARUCO)).follow((k / 10, one) for k, one in enumerate(pictures))
+        for _ in range(2)
     )
     for name in ("x", "y", "heading", "quality"):
         assert (getattr(first, name) == getattr(second, name)).all()
-        assert (getattr(first, name) == getattr(parts, name)).all()
     assert first.found.all()
 
 
@@ -216,36 +204,22 @@ def test_cells_too_small_for_the_camera_are_refused(camera):
         Tracker(camera, Tag(size=3.0))
 
 
-def test_sheet_is_to_scale():
-    """On the page lies the marker of its number in its true size; a disk's page has its three circles."""
-    page = sheet(Tag.parse("apriltag:36h11:3,size=48"))
-    rects = re.findall(r'<rect x="(.+?)" y="(.+?)" width="(.+?)" height="(.+?)"/>', page)
-    picture = np.full((1000, 1000), 255, np.uint8)  # 10 pixels a mm
-    for x, y, width, height in ((10 * float(number) for number in one) for one in rects):
-        picture[round(500 + y) : round(500 + y + height), round(500 + x) : round(500 + x + width)] = 0
-    known = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36H11)
-    corners, numbers, _ = cv2.aruco.ArucoDetector(known).detectMarkers(picture)
-    assert numbers.ravel().tolist() == [3]
-    assert np.allclose(np.ptp(corners[0][0], axis=0), 480, atol=2)
-    assert 'width="210mm"' in page and sheet(load_marker()).count("<circle") == 3
-    with pytest.raises(FilmError, match="expected up to 180 mm"):
-        sheet(Tag(size=200))
-
-
-@pytest.mark.parametrize("suffix", [".pdf", ".png"])
-def test_sheet_as_a_file_is_to_scale(suffix, tmp_path):
-    """A page of A4 by its own account; in the picture the marker of its number has its true size, and a
-    disk its three circles' colours."""
+def test_sheet_is_to_scale(tmp_path):
+    """A page of A4 by its own account; in the picture the marker of its number has its true size, and a disk
+    its three circles' colours; what is larger than the page is refused."""
     tag = Tag.parse("apriltag:36h11:3,size=48")
-    save_sheet(tmp_path / f"a{suffix}", tag)
-    page = (tmp_path / f"a{suffix}").read_bytes()
-    if suffix == ".pdf":
-        box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", page)
-        assert [float(one) * 25.4 / 72 for one in box.groups()] == pytest.approx([210, 297], abs=0.01)
-        return
+    for suffix in ("pdf", "svg", "png"):
+        save_sheet(tmp_path / f"a.{suffix}", tag)
+    box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", (tmp_path / "a.pdf").read_bytes())
+    assert [float(one) * 25.4 / 72 for one in box.groups()] == pytest.approx([210, 297], abs=0.01)
+    page = (tmp_path / "a.svg").read_text()
+    width, height = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"', page).groups()
+    assert [float(one) * 25.4 / 72 for one in (width, height)] == pytest.approx([210, 297], abs=0.01)
+    assert "100 mm: print at 100 %, then measure this line</text>" in page
     shown = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_GRAYSCALE)
     assert shown.shape == pytest.approx((297 * 300 / 25.4, 210 * 300 / 25.4), abs=1)
-    assert page[page.index(b"pHYs") + 4 :][:4] == (11811).to_bytes(4, "big")  # dots a metre
+    dots = (tmp_path / "a.png").read_bytes().split(b"pHYs")[1][:4]
+    assert dots == (11811).to_bytes(4, "big")  # a metre
     known = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36H11)
     corners, numbers, _ = cv2.aruco.ArucoDetector(known).detectMarkers(shown[1250:2300, 700:1750])
     assert numbers.ravel().tolist() == [3]
@@ -254,6 +228,8 @@ def test_sheet_as_a_file_is_to_scale(suffix, tmp_path):
     disk = cv2.imread(str(tmp_path / "disk.png"), cv2.IMREAD_GRAYSCALE)
     middle, front = round(150 * 300 / 25.4), round((150 - 19.5) * 300 / 25.4)
     assert [disk[row, disk.shape[1] // 2] for row in (middle, middle - 130, front, 0)] == [255, 0, 255, 255]
+    with pytest.raises(FilmError, match="expected up to 180 mm"):
+        save_sheet(tmp_path / "large.pdf", Tag(size=200))
 
 
 def test_commands_take_a_marker(tmp_path, tag_frames, poses):

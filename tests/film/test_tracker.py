@@ -189,31 +189,3 @@ def test_spotted_floor_is_no_robot(camera, grain):
         spots = cv2.GaussianBlur(draw.normal(0, 1, (480, 640)), (0, 0), grain)
         picture = np.clip(128 + 50 * spots / spots.std(), 0, 255).astype(np.uint8)
         assert tracker.see(picture) is None
-
-
-def test_only_what_is_looked_at_has_to_be_shown(camera, poses):
-    """Given windows of its pictures the tracker finds what it finds in whole ones, to the last bit; it asks
-    for a whole one at first and where it has lost the disk, else for a small part."""
-    renderer = Renderer(Scene())
-    pictures = [renderer.picture(pose) for pose in poses[:6]]
-    pictures[3] = np.full_like(pictures[3], 128)
-    asked = []
-
-    def look(picture):
-        def at(window):
-            shown = np.random.default_rng(1).integers(0, 255, picture.shape, np.uint8)
-            part = (slice(None), slice(None)) if window is None else window
-            shown[part] = picture[part]
-            asked.append(1.0 if window is None else picture[part].size / picture.size)
-            return shown
-
-        return at
-
-    whole = Tracker(camera, Disk()).follow((k / 10, picture) for k, picture in enumerate(pictures))
-    parts = Tracker(camera, Disk()).follow((k / 10, look(picture)) for k, picture in enumerate(pictures))
-    assert all(
-        np.array_equal(getattr(whole, c), getattr(parts, c), equal_nan=True)
-        for c in ("t", "x", "y", "heading", "quality")
-    )
-    assert not whole.found.all() and whole.found.sum() == 5
-    assert asked.count(1.0) == 3 and max(share for share in asked if share < 1.0) < 0.2

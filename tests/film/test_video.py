@@ -104,12 +104,6 @@ def test_what_is_no_film_is_refused(tmp_path, name, content, says):
     assert str(path) in str(refusal.value)
 
 
-def test_folder_is_refused(tmp_path):
-    """A folder is no film."""
-    with pytest.raises(FilmError, match="a folder"):
-        FilmReader(tmp_path)
-
-
 def test_cut_off_film_is_kept_up_to_there(tmp_path, clean_film, camera, poses, errors_of):
     """Of a film that was cut off what can be read is tracked, and the cut is said."""
     data, path = clean_film.read_bytes(), tmp_path / "cut.mp4"

@@ -14,7 +14,7 @@ from realitygap.calibration.recorder.camera import plate_of
 from realitygap.control.genotype import Genotype
 from realitygap.errors import RobotError, UsageError
 from realitygap.film.disk import load_disk
-from realitygap.film.marker import Tag
+from realitygap.film.tag import Tag
 from realitygap.film.tracker import Tracker
 from realitygap.robots.recording import Recording
 from realitygap.tasks import load_task

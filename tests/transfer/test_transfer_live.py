@@ -16,7 +16,7 @@ from realitygap.errors import FilmError, StudyError, UsageError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import load_disk
 from realitygap.film.live import LiveCamera
-from realitygap.film.marker import load_marker
+from realitygap.film.tag import load_marker
 from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track

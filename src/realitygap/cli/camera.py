@@ -61,7 +61,7 @@ def calibrate(
         realitygap camera calibrate --frames frames --poses poses.csv --out camera.json
     """
     from realitygap.film.calibrate import calibrate_camera, read_frames
-    from realitygap.film.marker import load_marker
+    from realitygap.film.tag import load_marker
 
     worn, known = load_marker(marker, disk), read_frames(frames, poses)
     with ProgressLine(FILM_AFTER_S) as line:
@@ -86,8 +86,8 @@ def print_sheet(out: Path, marker: str | None, disk: str | None) -> None:
     Example:
         realitygap camera sheet --marker aruco:4x4_50:7,size=40 --out marker.pdf
     """
-    from realitygap.film.marker import load_marker
-    from realitygap.film.sheet import save_sheet
+    from realitygap.film.printed import save_sheet
+    from realitygap.film.tag import load_marker
 
     save_sheet(out, load_marker(marker, disk))
     click.echo(f"saved {out}")

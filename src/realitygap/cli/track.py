@@ -49,8 +49,8 @@ def track(
         realitygap track film.mp4 --camera camera.json --out track.csv --tails tails.png
     """
     from realitygap.film.camera import load_camera
-    from realitygap.film.marker import load_marker
-    from realitygap.film.tails import draw_tails, save_tails
+    from realitygap.film.printed import draw_tails, save_tails
+    from realitygap.film.tag import load_marker
     from realitygap.film.tracker import track_film
 
     model, worn = load_camera(camera), load_marker(marker, disk)

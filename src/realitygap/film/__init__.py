@@ -17,7 +17,7 @@ __all__, __getattr__ = names_of(__name__, {
     "camera": "CameraModel load_camera",
     "disk": "Disk load_disk",
     "live": "LiveCamera",
-    "tails": "draw_tails save_tails",
+    "printed": "draw_tails save_sheet save_tails",
     "tracker": "Tracked Tracker track_film",
     "video": "FilmReader FilmWriter",
 })  # fmt: skip

@@ -23,14 +23,12 @@ from realitygap.errors import FilmError
 from realitygap.files import atomic_write, read_json, refuse_unknown
 from realitygap.values import Floats
 
-__all__ = ["OUTSIDE", "CameraModel", "load_camera", "turning_point"]
+__all__ = ["CameraModel", "load_camera"]
 
 FORMAT = "realitygap camera 1"
 KEYS = ("format", "width_px", "height_px", "homography", "radial", "plane_cm", "lens_cm")
-LARGEST_PX, FARTHEST_CM = 10**5, 1e5
-"""Largest sides of a picture, and lengths in a room, for a camera of this project."""
-WORST = 1e14
-"""Condition of a homography above which its inverse means nothing."""
+LARGEST_PX, LARGEST_CM, LARGEST_CONDITION = 10**5, 1e5, 1e14
+"""Of a picture's sides, of lengths in a room, and of a homography whose inverse means something."""
 OUTSIDE = -1e6
 """Place in the picture, px, of what no ray brings into it."""
 
@@ -58,27 +56,27 @@ class CameraModel:
     lens_cm: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        if not (0 < self.width_px <= LARGEST_PX and 0 < self.height_px <= LARGEST_PX):
-            got = f"{self.width_px}, {self.height_px}"
-            raise FilmError(f"width_px, height_px: expected 1 to {LARGEST_PX}, got {got}.")
-        matrix = np.array(self.homography, dtype=np.float64)
+        matrix, numbers = (
+            np.array(self.homography, float),
+            (*self.radial, self.plane_cm, *(self.lens_cm or ())),
+        )
         size = np.abs(matrix).max(initial=0.0)
+        if not (0 < self.width_px <= LARGEST_PX and 0 < self.height_px <= LARGEST_PX):
+            raise FilmError(f"width_px, height_px: got {self.width_px}, {self.height_px}.")
         fit = matrix.shape == (3, 3) and np.isfinite(size) and size > 0
-        if not fit or not np.linalg.cond(matrix / size) < WORST:
+        if not fit or not np.linalg.cond(matrix / size) < LARGEST_CONDITION:
             raise FilmError("homography: expected 3 × 3 finite numbers that can be inverted.")
-        numbers = (*self.radial, self.plane_cm, *(self.lens_cm or ()))
-        if len(self.radial) != 2 or not all(abs(number) <= FARTHEST_CM for number in numbers):
+        if len(self.radial) != 2 or not all(abs(number) <= LARGEST_CM for number in numbers):
             raise FilmError(
-                f"radial, plane_cm, lens_cm: expected two numbers, one, and three or null, "
-                f"each up to {FARTHEST_CM:g}."
+                f"radial, plane_cm, lens_cm: expected numbers up to {LARGEST_CM:g}, got {numbers}."
             )
         if self.lens_cm is not None and self.lens_cm[2] <= self.plane_cm:
-            above = f"above the plane at {self.plane_cm:g} cm"
-            raise FilmError(f"lens_cm: expected {above}, got {self.lens_cm[2]:g}.")
-        matrix /= np.abs(matrix).max()
-        middle = np.linalg.solve(matrix, [*self.middle, 1.0])
-        if middle[2] < 0:  # points in front of the camera have a positive third coordinate
-            matrix = -matrix
+            raise FilmError(
+                f"lens_cm: expected above the plane at {self.plane_cm:g} cm, got {self.lens_cm[2]:g}."
+            )
+        matrix /= size
+        if np.linalg.solve(matrix, [*self.middle, 1.0])[2] < 0:
+            matrix = -matrix  # points in front of the camera have a positive third coordinate
         matrix.setflags(write=False)
         object.__setattr__(self, "homography", matrix)
 
@@ -107,19 +105,16 @@ class CameraModel:
         (x, y), h = self._moved((x, y), height_cm, self.plane_cm), self.homography
         depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
         seen = depth > 1e-12
-        if not seen.all():
-            depth = np.where(seen, depth, 1.0)
+        depth = np.where(seen, depth, 1.0)
         columns = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth
         rows = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth
-        if self.radial != (0.0, 0.0):
-            (middle_x, middle_y), half = self.middle, self.half_diagonal
-            x, y = (columns - middle_x) / half, (rows - middle_y) / half
-            factor = _bend(x * x + y * y, *self.radial)
-            columns, rows = middle_x + half * (x * factor), middle_y + half * (y * factor)
-            seen = seen & ~np.isnan(factor)
-        if not seen.all():
-            columns, rows = (np.where(seen, side, OUTSIDE) for side in (columns, rows))
-        return columns, rows
+        (k1, k2), (middle_x, middle_y), half = self.radial, self.middle, self.half_diagonal
+        x, y = (columns - middle_x) / half, (rows - middle_y) / half
+        square = x * x + y * y
+        seen &= square < _turning_point(k1, k2)
+        bend = half * (1 + k1 * square + k2 * square * square)
+        columns, rows = middle_x + bend * x, middle_y + bend * y
+        return np.where(seen, columns, OUTSIDE), np.where(seen, rows, OUTSIDE)
 
     def to_floor(self, pixels: ArrayLike, height_cm: float | None = None) -> Floats:
         """The places [..., 2] (cm) at a height (default: the plane's) that pixels [..., 2] show."""
@@ -216,25 +211,15 @@ def load_camera(path: str | Path) -> CameraModel:
             plane_cm=float(table["plane_cm"]),
             lens_cm=None if lens is None else (float(lens[0]), float(lens[1]), float(lens[2])),
         )
-    except FilmError as error:
-        raise FilmError(f"{path}: {error} {cure}") from None
-    except KeyError as error:
-        raise FilmError(f"{path}: {error.args[0]}: missing. {cure}") from None
-    except (TypeError, ValueError, IndexError, OverflowError) as error:
-        raise FilmError(f"{path}: a value of the wrong kind ({error}). {cure}") from None
-
-
-def _bend(square: Floats, k1: float, k2: float) -> Floats:
-    """What the lens multiplies points with whose squared distances these are; NaN beyond its fold."""
-    factor = 1 + k1 * square + k2 * square * square
-    limit = turning_point(k1, k2)
-    return np.asarray(factor if math.isinf(limit) else np.where(square < limit, factor, np.nan))
+    except (FilmError, KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
+        what = f"{error.args[0]}: missing." if isinstance(error, KeyError) else error
+        raise FilmError(f"{path}: {what} {cure}") from None
 
 
 def _straightened(v: Floats, k1: float, k2: float) -> Floats:
     """The ideal points that the lens puts at points [..., 2]: Newton's steps on the distance."""
     far = np.sqrt(np.einsum("...i,...i->...", v, v))
-    limit = math.sqrt(min(turning_point(k1, k2), 1e6))
+    limit = math.sqrt(min(_turning_point(k1, k2), 1e6))
     r = np.minimum(far, 0.999 * limit)
     for _ in range(20):
         square = r * r
@@ -243,7 +228,7 @@ def _straightened(v: Floats, k1: float, k2: float) -> Floats:
     return np.asarray(v * np.where(far > 0, r / np.where(far > 0, far, 1.0), 1.0)[..., None])
 
 
-def turning_point(k1: float, k2: float) -> float:
+def _turning_point(k1: float, k2: float) -> float:
     """The squared distance at which the lens would fold the picture back; infinite if it never does."""
     spread = 9 * k1 * k1 - 20 * k2  # of 1 + 3 k1 s + 5 k2 s², the slope of the bent distance
     if spread < 0:

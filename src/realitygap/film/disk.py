@@ -1,23 +1,78 @@
-"""The black and white disk that the robot carries (§6), read from TOML."""
+"""The black and white disk that the robot carries (§6), and what finds it in a picture.
 
+A white patch is found by a difference-of-Gaussians centre-surround mask (§6, footnote 3 of the paper): "a
+three dimensional mask constructed from the rotation of the difference between two Gaussian curves, of
+appropriate widths, around the vertical axis". Both curves have the volume 1, so that even light gives no
+response.
+
+Near a place, the picture is first laid out on the disk's plane, a square of so many steps a centimetre,
+where masks have one size and a distance is a distance. Anywhere, the masks run over the picture itself with
+the size that the patches have at its middle, and the likeliest places are then looked at closely.
+"""
+
+import heapq
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
 from importlib.resources import files
 from numbers import Real
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.errors import FilmError
 from realitygap.files import read_toml, refuse_unknown
+from realitygap.film.camera import CameraModel
 from realitygap.values import Floats, Pose
 
-__all__ = ["Disk", "load_disk"]
+__all__ = ["REACH_CM", "Disk", "DiskFinder", "Grey", "Sighting", "first_look", "load_disk"]
 
-LARGEST_CM = 1e3
-"""No robot is as large, and no camera of this project hangs as high."""
+Grey = NDArray[np.uint8]
+Response = NDArray[np.float32]
+
 WIDEST = 25.0
 """In radii of the front patch: a wider disk is compared at more places than OpenCV looks up at once."""
+
+INNER, OUTER = 0.56, 0.90
+"""Widths (standard deviations) of the two Gaussian curves in radii of the patch: their difference
+responds most to a disc of just that radius (a Laplacian of width r / √2 does)."""
+
+REACH_CM, _CLOSE_CM = 1.5, 0.7
+"""How far from the expected place the disk's centre is looked for, and from one that the masks found."""
+
+_RING_SLACK, _LOOSE = 0.35, 0.6
+"""How far off its ring about the centre the front patch may seem, in its radii; and while the scale is known
+only roughly."""
+
+KNOWN_AGAIN = 0.7
+"""Quality from which a disk near its last place is believed."""
+
+FOUND_ANEW = 0.9
+"""Quality from which a disk anywhere in a picture is believed: the likeliest place of a spotted
+floor reaches 0.84, of a page of print 0.92; a disk under strong noise, blur, glare, compression or
+a cable stays above 0.94 (measured on rendered pictures)."""
+
+_LEAST_RESPONSE, _SMALLEST_PX = 0.5, 0.5
+"""Response from which a mask's maximum counts, and the smallest radius of a patch: it is one pixel."""
+
+_CANDIDATES, _CLOSER_LOOKS, _PEAKS, _GOOD = 40, 6, 5, 0.95
+"""Places looked at, maxima about a place, and the quality from which no other candidate is looked at."""
+
+_SCALES, _LEAST_FRONT_PX = 1.1, 1.4
+"""Step between the scales that a first look tries, and the smallest front patch's radius worth trying."""
+
+_RIM, _GRAIN = 1.0, 0.25
+"""In radii of the front patch: how much of the disk's rim, into which the floor blurs, is not compared,
+and how far apart compared places are."""
+
+_HIDDEN = 0.25
+"""Part of the disk's black face that may be hidden by something bright."""
+
+_ANGLES = np.arange(72) * (math.tau / 72)
+_RING = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +97,6 @@ class Disk:
                 raise FilmError(f"{field.name}: expected a number of cm, got {value!r}.")
             if value < 0 or (value == 0 and field.name != "height_cm"):
                 raise FilmError(f"{field.name}: expected more than 0 cm, got {value!r}.")
-            if float(value) > LARGEST_CM:
-                raise FilmError(f"{field.name}: expected at most {LARGEST_CM:g} cm, got {value!r}.")
             object.__setattr__(self, field.name, float(value))
         if self.centre_radius_cm + self.front_radius_cm >= self.front_distance_cm:
             raise FilmError(
@@ -55,7 +108,6 @@ class Disk:
                 f"radius_cm: expected at least {self.front_distance_cm + self.front_radius_cm:g} (the "
                 f"front patch's far edge), got {self.radius_cm:g}. Make the disk larger or the patch smaller."
             )
-
         if self.radius_cm > WIDEST * self.front_radius_cm:
             raise FilmError(
                 f"front_radius_cm: expected at least {self.radius_cm / WIDEST:g} (a {WIDEST:g}th of "
@@ -90,3 +142,248 @@ def load_disk(path: str | Path | None = None) -> Disk:
         return Disk(**table)
     except FilmError as error:
         raise FilmError(f"{path}: {error}") from None
+
+
+class Sighting(NamedTuple):
+    """A marker as it was seen: its points on its plane [n, 2] (cm), the robot's pose, quality 0 to 1."""
+
+    points: Floats
+    pose: Pose
+    quality: float
+
+
+class DiskFinder:
+    """Looks for one kind of disk through one camera.
+
+    Args:
+        camera: its pictures are 8 bits grey, [height, width].
+        disk: what to look for.
+        slack: how far off its ring about the centre the front patch may seem, in its radii.
+
+    Raises:
+        FilmError: a camera that cannot correct for the disk's height, or shows it too small.
+    """
+
+    known_again, found_anew = KNOWN_AGAIN, FOUND_ANEW
+
+    def __init__(self, camera: CameraModel, disk: Disk, slack: float = _RING_SLACK) -> None:
+        camera.check_height(disk.height_cm)
+        self.camera, self.disk, self._slack = camera, disk, slack
+        middle, front = camera.to_floor(camera.middle, disk.height_cm), disk.front_radius_cm
+        self._scale = camera.pixels_per_cm(middle, disk.height_cm)
+        if not _SMALLEST_PX <= front * self._scale <= max(camera.width_px, camera.height_px):
+            raise FilmError(
+                f"front_radius_cm: the disk's front patch, {front:g} cm, has a radius of "
+                f"{front * self._scale:.3g} pixels in this camera's pictures; expected {_SMALLEST_PX:g} or "
+                "more, and less than the picture. Give the camera that filmed this disk, lengths in cm."
+            )
+        self._step = min(max(1 / self._scale, front / 9), front / 4)
+        self._shrink = max(1, int(front * self._scale / 2.5))
+        self._pattern = _pattern_of(disk)
+
+    def near(self, picture: Grey, place: Floats, reach_cm: float = REACH_CM) -> Sighting | None:
+        """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
+        disk, step = self.disk, self._step
+        half = math.ceil((reach_cm + disk.front_distance_cm + 3 * OUTER * disk.front_radius_cm) / step)
+        side = np.arange(-half, half + 1.0)
+        columns, rows = self.camera.columns_rows(
+            place[0] + step * side, (place[1] + step * side)[:, None], disk.height_cm
+        )
+        window = _sampled(picture, columns, rows).astype(np.float32)
+        for_centre, for_front, fine = _responses(window, disk, 1 / step)
+        best: Sighting | None = None
+        tops = _maxima(for_centre, 1, np.hypot(side, side[:, None]) <= reach_cm / step)
+        for top in tops[:_PEAKS]:
+            centre = _peak(for_centre, top)
+            front = None if centre is None else self._front(for_front, centre)
+            if centre is None or front is None:
+                continue
+            found = np.array([centre, front])
+            quality = _correlation(self._seen(fine, found), self._pattern)
+            if best is None or quality > best.quality:
+                points = place + step * (found - half)
+                best = Sighting(points, disk.pose_of(points), quality)
+        if best is None:
+            return None
+        return (
+            best if self.camera.shows(self.camera.to_pixels(best.points, disk.height_cm), 1.0).all() else None
+        )
+
+    def anywhere(self, picture: Grey) -> Sighting | None:
+        """The likeliest disk in the whole picture, or None."""
+        best: Sighting | None = None
+        for place in self._candidates(picture):
+            seen = self.near(picture, place, _CLOSE_CM)
+            if seen is not None and (best is None or seen.quality > best.quality):
+                best = seen
+                if best.quality > _GOOD:
+                    break
+        return best
+
+    def why_not(self, picture: Grey) -> str:
+        """Why the disk is not found in a picture: unknown."""
+        return ""
+
+    def _front(self, response: Response, centre: Floats) -> Floats | None:
+        """The front patch on its ring about the centre, both (column, row) of a window, or None."""
+        ring, slack = (
+            self.disk.front_distance_cm / self._step,
+            self._slack * self.disk.front_radius_cm / self._step,
+        )
+        side = np.arange(len(response))
+        off = np.abs(np.hypot(side - centre[0], side[:, None] - centre[1]) - ring)
+        top = np.unravel_index(int(np.where(off <= slack + 1, response, -np.inf).argmax()), response.shape)
+        front = _peak(response, top)
+        return front if front is not None and abs(math.dist(front, centre) - ring) <= slack else None
+
+    def _seen(self, fine: Response, found: Floats) -> Floats:
+        """What a window shows at the pattern's places [n] of a disk whose patches are there (column, row)."""
+        ahead_x, ahead_y = (found[1] - found[0]) / (math.dist(*found) * self._step)
+        spots = found[0] + self._pattern.places @ np.array([(ahead_x, ahead_y), (-ahead_y, ahead_x)])
+        return _sampled(fine, spots[:, :1], spots[:, 1:])[:, 0].astype(np.float64)
+
+    def _candidates(self, picture: Grey) -> Floats:
+        """Places (cm) where both masks respond together, the likeliest first, [n, 2]."""
+        disk, shrink, scale = self.disk, self._shrink, self._scale / self._shrink
+        height, width = (n // shrink for n in picture.shape)
+        small = picture[: height * shrink, : width * shrink].astype(np.float32)
+        if shrink > 1:
+            small = np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+        for_centre, for_front, _ = _responses(small, disk, scale)
+        tops = _maxima(for_centre, max(1, round(0.6 * disk.centre_radius_cm * scale)))[:_CANDIDATES]
+        places = self.camera.to_floor((tops[:, ::-1] + 0.5) * shrink - 0.5, disk.height_cm)
+        ring = places[:, None] + disk.front_distance_cm * _RING
+        around = np.rint((self.camera.to_pixels(ring, disk.height_cm) + 0.5) / shrink - 0.5).astype(int)
+        column, row = around[..., 0].clip(0, width - 1), around[..., 1].clip(0, height - 1)
+        fronts = for_front[row, column].max(axis=1)
+        together = np.minimum(for_centre[tops[:, 0], tops[:, 1]], 1.5 * fronts)
+        order = np.argsort(-together, kind="stable")[:_CLOSER_LOOKS]
+        return np.asarray(places[order[together[order] > 0]])
+
+
+def first_look(pictures: list[Grey], disk: Disk, report: Callable[[int], None]) -> list[Floats | None]:
+    """Where the disk's points are in each picture, [2, 2] px, found without knowing the camera.
+
+    A camera straight above is assumed, and its scale is the one at which some of the pictures show the disk
+    best. `report` is called with the number of pictures done.
+    """
+    height, width = pictures[0].shape
+    least, largest = _LEAST_FRONT_PX / disk.front_radius_cm, min(height, width) / (4 * disk.radius_cm)
+    count = max(1, math.ceil(math.log(largest / least, _SCALES)))
+    finders = []
+    for scale in least * _SCALES ** np.arange(count):
+        flat = np.diag([scale, scale, 1.0])
+        camera = CameraModel(width_px=width, height_px=height, homography=flat, plane_cm=disk.height_cm)
+        finders.append(DiskFinder(camera, disk, slack=_LOOSE))
+    some = [pictures[i] for i in np.unique(np.linspace(0, len(pictures) - 1, 4).astype(int))]
+    # Most promising scale first: what its likeness can still become, its number, pictures looked at.
+    heap = [(-float(len(some)), i, 0) for i in range(len(finders))]
+    while heap[0][2] < len(some):
+        bound, i, done = heap[0]
+        likeness = _quality(finders[i].anywhere(some[done])) ** 4
+        heapq.heapreplace(heap, (bound + 1 - likeness, i, done + 1))
+    best = heap[0][1]
+    looks: list[Floats | None] = []
+    for done, picture in enumerate(pictures):
+        seen = [(finder, finder.anywhere(picture)) for finder in finders[max(best - 1, 0) : best + 2]]
+        finder, one = max(seen, key=lambda pair: _quality(pair[1]))
+        looks.append(finder.camera.to_pixels(one.points) if one and one.quality >= KNOWN_AGAIN else None)
+        report(done + 1)
+    return looks
+
+
+def _quality(seen: Sighting | None) -> float:
+    return 0.0 if seen is None else seen.quality
+
+
+def _sampled(picture: NDArray[Any], columns: Floats, rows: Floats) -> NDArray[Any]:
+    """The picture between its pixels, and beyond its edge as at its edge."""
+    at = columns.astype(np.float32), rows.astype(np.float32)
+    return np.asarray(cv2.remap(picture, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def _responses(picture: Response, disk: Disk, px_per_cm: float) -> tuple[Response, Response, Response]:
+    """Both masks' responses, to the centre patch and to the front patch, and the picture under the front
+    mask's inner curve."""
+
+    def blurred(radius_cm: float, share: float) -> Response:
+        sigma = share * radius_cm * px_per_cm
+        return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE))
+
+    centre, front = disk.centre_radius_cm, disk.front_radius_cm
+    fine = blurred(front, INNER)
+    return blurred(centre, INNER) - blurred(centre, OUTER), fine - blurred(front, OUTER), fine
+
+
+def _maxima(response: Response, reach: int, where: NDArray[np.bool_] | bool = True) -> NDArray[np.int64]:
+    """The places (row, column) that nothing within `reach` pixels surpasses, the highest first, [n, 2]."""
+    kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    top = (response >= cv2.dilate(response, kernel)) & (response > _LEAST_RESPONSE) & where
+    return np.argwhere(top)[np.argsort(-response[top], kind="stable")]
+
+
+def _peak(response: Response, top: Any) -> Floats | None:
+    """The top (column, row) of the quadratic through the 3 × 3 values about a place (row, column), or None.
+
+    Least squares over the nine values, so that it is exact for any quadratic.
+    """
+    row, column = (int(place) for place in top)
+    if not (0 < row < response.shape[0] - 1 and 0 < column < response.shape[1] - 1):
+        return None
+    v = response[row - 1 : row + 2, column - 1 : column + 2].astype(np.float64)
+    slope = np.array([(v[:, 2] - v[:, 0]).sum(), (v[2] - v[0]).sum()]) / 6
+    dxx, dyy = (v[:, 2] - 2 * v[:, 1] + v[:, 0]).sum() / 3, (v[2] - 2 * v[1] + v[0]).sum() / 3
+    dxy = (v[2, 2] - v[2, 0] - v[0, 2] + v[0, 0]) / 4
+    if dxx >= 0 or dxx * dyy <= dxy * dxy:
+        return None
+    off = -np.linalg.solve([(dxx, dxy), (dxy, dyy)], slope)
+    return np.array([column, row]) + off if np.abs(off).max() <= 1 else None
+
+
+class _Pattern(NamedTuple):
+    """The disk as a correlation judges it: places on it [n, 2] (disk's axes, cm) and how white they are;
+    which of them are nearer to the centre patch than to the front one, and which are black."""
+
+    places: Floats
+    white: Floats
+    inner: NDArray[np.bool_]
+    black: NDArray[np.bool_]
+
+
+def _pattern_of(disk: Disk) -> _Pattern:
+    """What the disk looks like under the front mask's inner curve, without its rim."""
+    front, parts = disk.front_radius_cm, 4  # of a step, for the blur
+    reach, step = disk.radius_cm - _RIM * front, _GRAIN * front
+    count = math.ceil((reach + 2 * front) / step)  # the front patch reaches into the rim
+    side = np.arange(-count * parts, count * parts + 1) * (step / parts)
+    away, ahead = np.hypot(side, side[:, None]), np.hypot(side - disk.front_distance_cm, side[:, None])
+    sharp = ((away < disk.centre_radius_cm) | (ahead < front)).astype(np.float32)
+    white = cv2.GaussianBlur(sharp, (0, 0), INNER * front / (step / parts))[::parts, ::parts]
+    away, (y, x) = away[::parts, ::parts], np.meshgrid(side[::parts], side[::parts], indexing="ij")
+    keep, between = away <= reach, (disk.centre_radius_cm + disk.front_distance_cm - front) / 2
+    white = white[keep].astype(np.float64)
+    return _Pattern(np.stack([x[keep], y[keep]], 1), white, away[keep] < between, white < 0.15)
+
+
+def _correlation(seen: Floats, pattern: _Pattern) -> float:
+    """How much what is seen at the pattern's places looks like the disk, 0 to 1.
+
+    The correlation is taken for the centre patch and for the front patch with their surroundings
+    apart, and the worse one counts: a lone white spot is no robot. Of the black face the brightest
+    quarter is left out, whatever it is, so that a hand or a cable may lie there. Light that grows
+    evenly across the disk, as a lamp's reflection does, is taken away first.
+    """
+
+    def unhidden() -> NDArray[np.bool_]:
+        return ~pattern.black | (seen <= np.quantile(seen[pattern.black], 1 - _HIDDEN))
+
+    use = unhidden()
+    terms = np.column_stack([np.ones(use.sum()), pattern.white[use], pattern.places[use]])
+    slope = np.linalg.solve(terms.T @ terms, terms.T @ seen[use])[2:]
+    seen = seen - pattern.places @ slope
+    use, worst = unhidden(), 1.0
+    for part in (pattern.inner & use, ~pattern.inner & use):
+        a, b = seen[part] - seen[part].mean(), pattern.white[part] - pattern.white[part].mean()
+        strength = math.sqrt((a @ a) * (b @ b))
+        worst = min(worst, float(a @ b) / strength if strength > 0 else 0.0)
+    return max(worst, 0.0)

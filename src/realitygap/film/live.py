@@ -9,7 +9,7 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -114,29 +114,25 @@ class LiveCamera(Closing):
 
 
 def _serve(pipe: Connection, source: str, size: tuple[int, int] | None) -> None:
-    """In the process of its own: serve one camera until nobody listens."""
+    """In the process of its own: take frames and carry out orders until nobody listens."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it must stop the robot first
-    try:
-        with closing(_Opened(source, size)) as camera:
+    with suppress(EOFError, OSError):
+        try:
+            camera = _Opened(source, size)
+        except FilmError as error:
+            pipe.send(error)
+            return
+        with closing(camera):
             pipe.send("open")
             while True:
-                _attend(pipe, camera)
-    except FilmError as error:
-        pipe.send(error)
-    except (EOFError, OSError):
-        pass
-
-
-def _attend(pipe: Connection, camera: _Opened) -> None:
-    """Take a frame, or carry out an order."""
-    if not pipe.poll(None if camera.still else 0):
-        camera.take()
-        return
-    order, *rest = pipe.recv()
-    try:
-        pipe.send(getattr(camera, order)(*rest))
-    except FilmError as error:
-        pipe.send(error)
+                if not pipe.poll(None if camera.still else 0):
+                    camera.take()
+                    continue
+                order, *rest = pipe.recv()
+                try:
+                    pipe.send(getattr(camera, order)(*rest))
+                except FilmError as error:
+                    pipe.send(error)
 
 
 class _Opened:

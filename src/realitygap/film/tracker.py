@@ -7,8 +7,7 @@ is reported as lost, never guessed.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,9 +16,8 @@ import numpy as np
 
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
-from realitygap.film.finder import Look, Sighting
-from realitygap.film.marker import Marker
-from realitygap.film.tag import finder_of
+from realitygap.film.disk import Sighting
+from realitygap.film.tag import Marker, finder_of
 from realitygap.film.video import FilmReader, Image
 from realitygap.track import COLUMNS, Track
 from realitygap.values import Pose
@@ -49,16 +47,15 @@ class Tracker:
         self._last: Pose | None = None
         self.best_quality, self.doubt = 0.0, ""
 
-    def see(self, picture: Image | Look) -> tuple[Pose, float] | None:
-        """The robot's pose in a picture [height, width], or what shows one, and its quality, or None."""
+    def see(self, picture: Image) -> tuple[Pose, float] | None:
+        """The robot's pose in a picture [height, width], and its quality, or None."""
         finder, last, seen = self._finder, self._last, None
         if last is not None:
             seen = self._believed(finder.near(picture, np.array([last.x, last.y])), finder.known_again)
         if seen is None or seen.quality < finder.found_anew:  # a likeness, of a robot that has gone far?
-            whole = picture(None) if callable(picture) else picture
-            seen = self._believed(finder.anywhere(whole), finder.found_anew) or seen
+            seen = self._believed(finder.anywhere(picture), finder.found_anew) or seen
             if seen is None and not self.doubt:
-                self.doubt = finder.why_not(whole)
+                self.doubt = finder.why_not(picture)
         self._last = None if seen is None else seen.pose
         return None if seen is None else (seen.pose, seen.quality)
 
@@ -75,12 +72,11 @@ class Tracker:
             at = f"({other.pose.x:.0f}, {other.pose.y:.0f}) cm"
             self.doubt = f"another {marker.name} like the robot's is seen at {at}: cover all but the robot's"
 
-    def follow(self, frames: Iterable[tuple[float, Image | Look]]) -> Track:
+    def follow(self, frames: Iterable[tuple[float, Image]]) -> Track:
         """The track of pictures with their times (s), one after the other; none is kept."""
-        with _one_thread():
-            return _track([(t_s, self.see(picture)) for t_s, picture in frames])
+        return _track([(t_s, self.see(picture)) for t_s, picture in frames])
 
-    def blame(self, frames: int) -> str:
+    def no_detection_message(self, frames: int) -> str:
         """The message if the robot is seen in none of the frames."""
         name = self._marker.name
         cure = (
@@ -133,20 +129,9 @@ def track_film(
     report(len(rows), len(rows))
     track = _track(rows)
     if not track.found.any():
-        raise FilmError(f"{film}: {tracker.blame(len(track))}")
+        raise FilmError(f"{film}: {tracker.no_detection_message(len(track))}")
     trouble = "; ".join(filter(None, (reader.trouble, tracker.doubt))) or None
     return Tracked(track=track, last_frame=last, trouble=trouble)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """OpenCV's work on windows as small as the tracker's: waking its threads costs more than they do."""
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(threads)
 
 
 def _track(rows: list[Row]) -> Track:

@@ -25,8 +25,7 @@ Image = NDArray[np.uint8]
 _LUMA_FIRST = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "gray")
 """Pixel formats of 8 bits whose first plane is the brightness."""
 
-_BETWEEN = int(av.video.frame.PictureType.B)
-"""Frames that build on earlier and on later ones (type B)."""
+_TYPE_B = int(av.video.frame.PictureType.B)
 
 _ANY_NOTES = {} if int(av.__version__.split(".")[0]) >= 19 else {"metadata_errors": "replace"}
 """Opens a film even if its notes are not UTF-8, as PyAV 19 and later do by default."""
@@ -88,31 +87,27 @@ class FilmReader(Closing):
         self._container.close()
 
     def __iter__(self) -> Iterator[Frame]:
-        begin: float | None = None
-        count, damaged, last = 0, 0, 0.0
-        for source, hurt in _sound_or_hurt(self._decoded()):
+        begin, last, count, n_damaged = None, 0.0, 0, 0
+        for source, damaged in _marked(self._decoded()):
             t = count / self._rate() if source.pts is None else float(source.pts * source.time_base)
             begin = t if begin is None else begin
-            if t - begin < last and not hurt:
+            if t - begin < last and not damaged:
                 raise FilmError(f"{self.path}: its times fall back at {last:.2f} s. Cut the film there.")
-            last, count, damaged = t - begin, count + 1, damaged + hurt
-            yield Frame(round(last, 9), _turned(_grey(source), source), hurt, source)
+            last, count, n_damaged = t - begin, count + 1, n_damaged + damaged
+            yield Frame(round(last, 9), _turned(_grey(source), source), damaged, source)
         if not count:
             raise FilmError(f"{self.path}: no frame can be read from this film. Give another file.")
-        self._judge(count, damaged, last)
+        self._judge(count, n_damaged, last)
 
     def _open(self) -> Any:
         if not self.path.exists():
             raise FilmError(f"{self.path}: no such film. Check the path.")
-        if self.path.is_dir():
-            raise FilmError(f"{self.path}: a folder; give the path of a film.")
         try:
             container: Any = av.open(str(self.path), **_ANY_NOTES)
-        except PermissionError:
-            raise FilmError(f"{self.path}: cannot be read. Check the file's permissions.") from None
-        except (FFmpegError, ValueError, OSError):
+        except (FFmpegError, ValueError, OSError) as error:
+            why = getattr(error, "strerror", None) or error
             raise FilmError(
-                f"{self.path}: not a film, or cut off so early that its table of contents is missing. "
+                f"{self.path}: not a film, or cut off so early that its table of contents is missing: {why}. "
                 "Give a film as a camera writes it (MP4, MOV, MKV, AVI …)."
             ) from None
         if not container.streams.video or container.streams.video[0].codec_context is None:
@@ -152,7 +147,7 @@ class FilmReader(Closing):
         with suppress(FFmpegError):  # what the decoder still holds of a film that was cut off
             yield from self._stream.codec_context.decode(None)
 
-    def _judge(self, count: int, damaged: int, last: float) -> None:
+    def _judge(self, count: int, n_damaged: int, last: float) -> None:
         """Say what the pass found."""
         expected, reached = self.frames_expected, count
         if not self._stream.frames:  # it tells its length alone: pictures may come at any rate
@@ -162,8 +157,8 @@ class FilmReader(Closing):
                 f"the film is cut off or damaged: {count} of about {expected} frames could be read, "
                 f"the last at {last:.2f} s"
             )
-        elif damaged:
-            self.trouble = f"{damaged} of the film's {count} frames are damaged or depend on damaged ones"
+        elif n_damaged:
+            self.trouble = f"{n_damaged} of the film's {count} frames are damaged or depend on damaged ones"
         if count > 1 and int(self._container.format.flags) & _NO_TIMES:
             assumed = (
                 f"the file holds no times, so {self._rate():g} frames a second are assumed: put the film "
@@ -261,28 +256,20 @@ class FilmWriter:
             self._stream.codec_context.thread_count = _THREADS
 
 
-def _sound_or_hurt(sources: Iterator[Any]) -> Iterator[tuple[Any, bool]]:
-    """Frames, and whether each is damaged: most frames of a film only say what changed since others.
-
-    So damage lasts until the next key frame, and it also reaches the frames just before, which build
-    on what comes after them (type B): these wait until that is known.
-    """
-    waiting: list[Any] = []
-    hurt = False
+def _marked(sources: Iterator[Any]) -> Iterator[tuple[Any, bool]]:
+    """Frames, and whether each is damaged. Most only say what changed since others, so damage lasts until the
+    next key frame; frames of type B build on the next one too, and wait until that is known."""
+    waiting, damaged = list[Any](), False
     for source in sources:
-        if source is None:
-            hurt = True
+        if source is None or source.pict_type == _TYPE_B:
+            damaged = damaged or source is None or bool(source.is_corrupt)
+            waiting += [source] * (source is not None)
             continue
-        if source.pict_type == _BETWEEN:
-            waiting.append(source)
-            hurt = hurt or bool(source.is_corrupt)
-            continue
-        anew = bool(source.is_corrupt) or (hurt and not source.key_frame)
-        yield from ((one, hurt or anew) for one in waiting)
-        yield source, anew
+        before, damaged = damaged, bool(source.is_corrupt) or (damaged and not source.key_frame)
+        yield from ((one, before or damaged) for one in waiting)
+        yield source, damaged
         waiting.clear()
-        hurt = anew
-    yield from ((one, hurt) for one in waiting)
+    yield from ((one, damaged) for one in waiting)
 
 
 def _grey(source: Any) -> Image:

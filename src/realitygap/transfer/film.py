@@ -19,7 +19,7 @@ from realitygap.files import atomic_write, to_toml
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.camera import CameraModel, load_camera
 from realitygap.film.disk import Disk, load_disk
-from realitygap.film.marker import Marker
+from realitygap.film.tag import Marker
 from realitygap.study.lock import locked
 from realitygap.track import Track
 from realitygap.twin.states import States
@@ -27,10 +27,8 @@ from realitygap.values import Pose
 from realitygap.world.arena import Arena
 
 if TYPE_CHECKING:
-    from realitygap.film.finder import Look
     from realitygap.film.tracker import Tracked
     from realitygap.twin.camera import OverheadCamera
-    from realitygap.twin.drawing import Window
 
 __all__ = [
     "CAMERA", "DISK", "FILM", "FPS", "TAILS", "TRACK", "WATCH_FPS", "Watcher", "film_and_track",
@@ -81,9 +79,6 @@ def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
 
 class Watcher:
     """The camera over a unit's arena, which watches trials without keeping a film.
-
-    Only the part of a frame that the tracker looks at is drawn: a window where it last saw the robot, or all
-        of it. The track has the same bits as with whole frames.
 
     Args:
         file: keeps the camera's calibration.
@@ -158,20 +153,10 @@ class Watcher:
         `stream` is the first frame's number, which seeds its pixels' noise.
         """
         from realitygap.film.tracker import Tracker
+        from realitygap.twin.drawing import WHOLE
 
         frames = self.eye.looks(states, fps=WATCH_FPS, first=stream)
-        return Tracker(self.camera, self.marker).follow((t_s, self._look(show)) for t_s, show in frames)
-
-    def _look(self, show: Callable[[Window], Any]) -> Look:
-        height, width = self.camera.height_px, self.camera.width_px
-        seen = np.empty((height, width), np.uint8)
-
-        def at(window: Window | None) -> Any:
-            part = (slice(0, height), slice(0, width)) if window is None else window
-            seen[part] = _grey(show(part))
-            return seen
-
-        return at
+        return Tracker(self.camera, self.marker).follow((t_s, _grey(show(WHOLE))) for t_s, show in frames)
 
 
 def film_and_track(
@@ -227,7 +212,7 @@ def keep_film(
     Raises:
         FilmError: the film is not of this camera, or shows no marker.
     """
-    from realitygap.film.tails import draw_tails, save_tails
+    from realitygap.film.printed import draw_tails, save_tails
     from realitygap.film.tracker import track_film
 
     tracked = track_film(folder / FILM, camera, marker, tell)

@@ -12,7 +12,7 @@ from realitygap.errors import UsageError
 from realitygap.files import must_be
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
-from realitygap.film.marker import Marker, load_marker
+from realitygap.film.tag import Marker, load_marker
 from realitygap.plugins import place_of
 from realitygap.robots.address import Address, as_scale
 from realitygap.study.settings import LARGEST, whole

@@ -19,7 +19,7 @@ from realitygap.values import Closing, Pose
 if TYPE_CHECKING:
     from realitygap.film.camera import CameraModel
     from realitygap.film.live import Filmed
-    from realitygap.film.marker import Marker
+    from realitygap.film.tag import Marker
 
 __all__ = ["Found", "Overhead"]
 

@@ -11,7 +11,7 @@ from realitygap.control.controllers import OwnController, named_controller
 from realitygap.control.genotype import NetworkController
 from realitygap.errors import UsageError
 from realitygap.film.disk import Disk
-from realitygap.film.marker import Marker, Tag
+from realitygap.film.tag import Marker, Tag
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
 from realitygap.robots.body import Body, Paced, Placing, Seen, channel

@@ -16,7 +16,7 @@ import numpy as np
 
 from realitygap import temporary
 from realitygap.errors import RealityGapError, UsageError
-from realitygap.film.marker import Marker
+from realitygap.film.tag import Marker
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
 from realitygap.robots.body import Body, Filmed, Placing, Seen, abandon, known_pose

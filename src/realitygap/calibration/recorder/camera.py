@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.recorder.wheel_plans import camera_places
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
-from realitygap.film.marker import Marker, Tag, load_marker
+from realitygap.film.tag import Marker, Tag, load_marker
 from realitygap.film.tracker import Tracker
 from realitygap.twin.camera import OverheadCamera
 from realitygap.twin.plate import Plate

@@ -18,7 +18,7 @@ from realitygap.robots.body import Body, Filmed, Placing
 from realitygap.values import Closing, Pose
 
 if TYPE_CHECKING:
-    from realitygap.film.marker import Marker
+    from realitygap.film.tag import Marker
 
 __all__ = ["Ask", "EnoughError", "OwnSite", "PersonSite", "Site", "site_of"]
 
@@ -165,7 +165,7 @@ def site_of(
         UsageError: nobody can place the robot, or a marker is given for a robot without a camera.
     """
     if isinstance(body, Placing):
-        from realitygap.film.marker import load_marker
+        from realitygap.film.tag import load_marker
 
         own = int.from_bytes(hashlib.sha256(f"{seed}/{part}".encode()).digest()[:7])
         worn = None if marker is None else load_marker(marker)
