@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -15,15 +14,17 @@ from realitygap.control.genotype import Genotype
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.body import Body
-from realitygap.robots.clock import Clock, VirtualClock
+from realitygap.robots.clock import Clock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
+from realitygap.robots.twin import TwinLine
 from realitygap.simulation.body import SimulatedBody, network_inputs
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import Start, load_task
 from realitygap.testing import BodyContract
-from realitygap.twin.process import start_twin
-from realitygap.twin.server import BODY, STRANGER
+from realitygap.twin.body import TwinBody
+from realitygap.twin.firmware import Firmware
+from realitygap.twin.stranger import StrangerBody
 from realitygap.values import Command, Pose
 from realitygap.world.arena import Arena
 from realitygap.world.robot import load_profile
@@ -51,26 +52,23 @@ class TestSimulatedBody(BodyContract):
 
 
 class TestTwinBody(BodyContract):
-    """The physics, in a process of its own, through driver and pseudo-terminal, under the virtual clock."""
+    """The physics, through driver and line."""
 
     pulses_per_unit = 100.0
-    physics = BODY
+    physics = TwinBody
 
-    @contextmanager
-    def opened(self) -> Iterator[tuple[Body, Clock]]:
-        with ExitStack() as stack:
-            room = {"size_cm": [50.0, 50.0]}
-            twin = stack.enter_context(start_twin(room, unit=1, seed=2, body=self.physics))
-            clock = VirtualClock(twin.channel)
-            stack.callback(clock.close)
-            khepera = stack.enter_context(Khepera.connect(twin.device, clock=clock))
-            yield KheperaBody(khepera, kinds=("proximity", "ambient"), carry=twin.place), clock
+    def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
+        body = self.physics({"size_cm": [50.0, 50.0]}, unit=1, seed=2)
+        firmware = Firmware(body, baud=38400, name="twin unit 1")
+        khepera = Khepera.awake(TwinLine(firmware))
+        body = KheperaBody(khepera, kinds=("proximity", "ambient"), carry=firmware.place)
+        return nullcontext((body, khepera.clock))
 
 
 class TestStranger(TestTwinBody):
     """Another physics behind the same line, whose commands take effect late."""
 
-    physics = STRANGER
+    physics = StrangerBody
 
 
 def _genes(k: int) -> np.ndarray:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tests.served import Served
 
 import realitygap.transfer.run as study_transfer
 from realitygap import Genotype, load_study, load_transfers
@@ -26,7 +27,6 @@ from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.transfer.film import Watcher
 from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
 from realitygap.values import Pose
 from realitygap.world.arena import Arena
@@ -157,7 +157,7 @@ def test_a_rate_belongs_to_a_robot_with_a_choice(study, refused):
 
 def test_a_person_is_told_where_to_put_the_robot(study):
     """x, y and the heading in numbers and words; Enter starts; without a person nothing moves."""
-    with start_twin({"size_cm": [60, 60]}, unit=1, clock="real", pose=Pose(x=30, y=30, heading=0)) as twin:
+    with Served({"size_cm": [60, 60]}, unit=1, pose=(30, 30, 0)) as twin:
         robot = f"serial:{twin.device}"
         words = ["transfer", str(study), "1", "--robot", robot, "--seconds", "0.5", "--baud", "any"]
         nobody = CliRunner().invoke(realitygap, words, input="")
@@ -177,7 +177,7 @@ def test_a_person_is_told_where_the_camera_sees_the_robot(study, tmp_path):
     arena = load_task("avoidance").arena
     camera = tmp_path / "camera.json"
     Watcher(camera, arena, unit=1, noise=1.0, radius_cm=2.9)
-    with start_twin(arena.plain(), unit=1, clock="real") as twin:
+    with Served(arena.plain(), unit=1) as twin:
         words = ["transfer", str(study), "1", "--robot", f"serial:{twin.device}", "--seconds", "0.5"]
         told = CliRunner().invoke(realitygap, words, input="")
         requested = [float(one) for one in re.findall(r"[xy] = ([\d.]+) cm|: (-?\d+)°", told.stderr)

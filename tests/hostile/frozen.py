@@ -22,11 +22,11 @@ from pathlib import Path
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
-from realitygap.twin.process import start_twin
 from tests.robots.conftest import ARENA, BODY, ROOT, STALL_S
 from tests.robots.controllers import Constant, bands
 from tests.robots.pump import Faults, Pump
 from tests.robots.test_faults import comes_to_stand
+from tests.served import Served
 
 HANG = "a controller that hangs"
 WAYS = (
@@ -75,7 +75,7 @@ def child(device: str, folder: str, hangs_at: int) -> None:
 def one_drive(way: object, draw: random.Random, folder: Path) -> tuple[float, bool, str]:
     """Seconds until the robot was told to stand, whether it stands, how the recording says it ended."""
     hangs_at = 5 + draw.randrange(8) if way == HANG else -1
-    with start_twin(ARENA, unit=1, body=BODY, clock="real") as twin, Tap(twin.device) as tap:
+    with Served(ARENA, body=BODY) as twin, Tap(twin.device) as tap:
         words = [sys.executable, "-m", "tests.hostile.frozen", "--child", tap.device, str(folder / "r")]
         with subprocess.Popen(
             [*words, str(hangs_at)],

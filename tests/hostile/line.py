@@ -20,15 +20,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from realitygap.errors import RealityGapError
-from realitygap.robots.clock import RealClock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
-from realitygap.twin.process import start_twin
 from tests.robots.conftest import ARENA, BODY
 from tests.robots.controllers import Constant, bands
 from tests.robots.pump import Faults, Pump
 from tests.robots.test_faults import comes_to_stand
+from tests.served import Served
 
 SECONDS = 1.5
 TOO_LONG_S = 30.0
@@ -73,10 +72,8 @@ def breaking(pump: Pump, draw: random.Random) -> Iterator[str]:
 def complaint(folder: Path, draw: random.Random) -> tuple[str, str]:
     """What came of a drive, and what is wrong about it ("": nothing)."""
     baud = draw.choice([19200, 38400, 115200])
-    with start_twin(ARENA, unit=1, body=BODY, clock="real", baud=baud) as twin, Pump(
-        twin.device, Faults()
-    ) as pump:  # fmt: skip
-        khepera = Khepera.connect(pump.device, baud=baud, clock=RealClock())
+    with Served(ARENA, body=BODY, baud=baud) as twin, Pump(twin.device, Faults()) as pump:
+        khepera = Khepera.connect(pump.device, baud=baud)
         body, recorder = KheperaBody(khepera), Recorder(folder / "r")
         pump.faults, error, begun = random_faults(draw), "", time.monotonic()
         with breaking(pump, draw) as what:

@@ -6,7 +6,6 @@ import sys
 from contextlib import ExitStack, closing
 
 from realitygap.robots.address import Address
-from realitygap.robots.clock import RealClock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder
@@ -27,7 +26,7 @@ def main(device: str, folder: str) -> None:
         if ":" in device:
             body = stack.enter_context(closing(Address.parse(device).open()))
         else:
-            connected = Khepera.connect(device, clock=RealClock(), give_up_s=STALL_S)
+            connected = Khepera.connect(device, give_up_s=STALL_S)
             body = KheperaBody(stack.enter_context(connected))
         drive(body, Talking(3, 4), seconds=60, inputs=bands, recorder=Recorder(folder))
 

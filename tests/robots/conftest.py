@@ -1,21 +1,22 @@
-"""Twins without physics, and lines that lose things."""
+"""Twins without physics, in process and served, and lines that lose things."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from realitygap.robots.clock import Clock, RealClock, VirtualClock
 from realitygap.robots.khepera.body import Khepera
-from realitygap.twin.process import TwinProcess, start_twin
+from realitygap.robots.twin import TwinLine
+from realitygap.twin.firmware import Firmware
+from tests.robots.kinematic import KinematicBody
 from tests.robots.pump import Faults, Pump
+from tests.served import ROOT, Served
 
-ROOT = Path(__file__).parents[2]
+__all__ = ["ARENA", "BODY", "ROOT", "STALL_S", "Bench", "bench"]
+
 BODY = "tests.robots.kinematic:KinematicBody"
 ARENA = {"size_cm": [50.0, 50.0]}
 STALL_S = 10.0
@@ -28,28 +29,28 @@ class Bench:
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
 
-    def twin(self, **settings: Any) -> TwinProcess:
-        return self._stack.enter_context(start_twin(ARENA, **{"unit": 1, "body": BODY, **settings}))
+    def twin(self, **settings: Any) -> Served:
+        """In real time, in a process of its own."""
+        return self._stack.enter_context(Served(ARENA, **{"unit": 1, "body": BODY, **settings}))
 
-    def pump(self, twin: TwinProcess, faults: Faults | None = None) -> Pump:
+    def pump(self, twin: Served, faults: Faults | None = None) -> Pump:
         return self._stack.enter_context(Pump(twin.device, faults or Faults()))
 
-    def khepera(self, device: str, clock: Clock | None = None, **settings: Any) -> Khepera:
-        clock = clock or RealClock()
-        self._stack.callback(clock.close)
-        khepera = Khepera.connect(device, clock=clock, **{"give_up_s": STALL_S, **settings})
+    def khepera(self, device: str, **settings: Any) -> Khepera:
+        khepera = Khepera.connect(device, **{"give_up_s": STALL_S, **settings})
         self._stack.callback(khepera.abandon)
         return khepera
 
-    def virtual(self, **settings: Any) -> tuple[TwinProcess, Khepera]:
-        twin = self.twin(**settings)
-        return twin, self.khepera(twin.device, VirtualClock(twin.channel), baud=settings.get("baud", 38400))
+    def virtual(
+        self, *, unit: int = 1, noise: float = 1.0, seed: int = 0, baud: int = 38400
+    ) -> tuple[Firmware, Khepera]:
+        """In this process, in time of its own."""
+        body = KinematicBody(ARENA, unit=unit, noise=noise, seed=seed)
+        firmware = Firmware(body, baud=baud, name=f"twin unit {unit}")
+        return firmware, Khepera.awake(TwinLine(firmware))
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    """Twins run in processes of their own, which must find the tests' bodies."""
-    paths = [str(ROOT), str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, paths)))
+def bench() -> Iterator[Bench]:
     with ExitStack() as stack:
         yield Bench(stack)

@@ -14,7 +14,7 @@ from tests.robots.conftest import Bench
 
 
 class TestVirtualSerialBody(BodyContract):
-    """A body on a pseudo-terminal, under the virtual clock."""
+    """A body on the line of a twin in this process."""
 
     pulses_per_unit = 100.0
     bench: Bench
@@ -24,8 +24,8 @@ class TestVirtualSerialBody(BodyContract):
         self.bench = bench
 
     def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
-        twin, khepera = self.bench.virtual()
-        body = KheperaBody(khepera, kinds=("proximity", "ambient"), carry=twin.place)
+        firmware, khepera = self.bench.virtual()
+        body = KheperaBody(khepera, kinds=("proximity", "ambient"), carry=firmware.place)
         return nullcontext((body, khepera.clock))
 
 
@@ -33,6 +33,6 @@ class TestRealSerialBody(TestVirtualSerialBody):
     """The same in real time."""
 
     def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
-        twin = self.bench.twin(clock="real")
+        twin = self.bench.twin()
         khepera = self.bench.khepera(twin.device)
         return nullcontext((KheperaBody(khepera, carry=twin.place), khepera.clock))

@@ -10,17 +10,16 @@ from pathlib import Path
 import pytest
 
 from realitygap.errors import LineError, RobotError, UsageError
-from realitygap.robots.clock import VirtualClock
 from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.robots.line.line import GIVE_UP_S, Answer
 from realitygap.robots.line.protocol import GarbledError, Request
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
-from realitygap.twin.process import TwinProcess
 from tests.robots.conftest import Bench
 from tests.robots.controllers import Constant, bands
 from tests.robots.pump import Faults
+from tests.served import Served
 
 FAULTS = {
     "lost": Faults(lost=0.004, seed=1),
@@ -31,7 +30,7 @@ FAULTS = {
 }
 
 
-def comes_to_stand(twin: TwinProcess, folder: Path) -> bool:
+def comes_to_stand(twin: Served, folder: Path) -> bool:
     """Whether the robot stands, now or soon: for 0.2 s it does not move."""
     for k in range(60):
         twin.film(folder / f"look-{k}.csv")
@@ -46,7 +45,7 @@ def comes_to_stand(twin: TwinProcess, folder: Path) -> bool:
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_drive_gets_through_a_bad_line(bench: Bench, name: str, tmp_path: Path) -> None:
     """Some answers are asked for again; the drive ends, every step is kept, the robot stands."""
-    twin = bench.twin(clock="real", baud=115200)
+    twin = bench.twin(baud=115200)
     pump = bench.pump(twin)
     khepera = bench.khepera(pump.device, baud=115200)
     body = KheperaBody(khepera)
@@ -70,7 +69,7 @@ def test_half_a_line_does_not_spoil_the_next(bench: Bench) -> None:
 
 def test_an_old_answer_is_not_taken_for_a_new_one(bench: Bench) -> None:
     """An answer that comes after its time-out is dropped, not read as the next question's."""
-    twin = bench.twin(clock="real", noise=0.0)
+    twin = bench.twin(noise=0.0)
     pump = bench.pump(twin)
     khepera = bench.khepera(pump.device)
     for k in range(20):  # until one has come late: it does not if the computer stands still meanwhile
@@ -87,7 +86,7 @@ def test_an_old_answer_is_not_taken_for_a_new_one(bench: Bench) -> None:
 
 def test_a_silent_line_is_given_up(bench: Bench, tmp_path: Path) -> None:
     """No answers from step 5 on: an error that warns of a moving robot, steps kept."""
-    twin = bench.twin(clock="real")
+    twin = bench.twin()
     pump = bench.pump(twin)
     khepera = bench.khepera(pump.device)
 
@@ -106,7 +105,7 @@ def test_a_silent_line_is_given_up(bench: Bench, tmp_path: Path) -> None:
 
 def test_a_device_gone_in_mid_trial_ends_the_drive_at_once(bench: Bench, tmp_path: Path) -> None:
     """The plug is pulled: an error that says so, and a readable recording."""
-    pump = bench.pump(bench.twin(clock="real"))
+    pump = bench.pump(bench.twin())
     khepera = bench.khepera(pump.device)
 
     class Pulled(Constant):
@@ -119,20 +118,6 @@ def test_a_device_gone_in_mid_trial_ends_the_drive_at_once(bench: Bench, tmp_pat
     with pytest.raises(LineError, match="the line is lost"):
         drive(KheperaBody(khepera), Pulled(), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
     assert len(Recording.from_folder(tmp_path / "r").t) == 3
-
-
-def test_a_twin_that_dies_ends_the_drive(bench: Bench) -> None:
-    """Under the virtual clock too: the channel closes."""
-    twin, khepera = bench.virtual()
-
-    class Killer(Constant):
-        def decide(self, inputs: object) -> object:
-            if self.steps == 3:
-                twin.close()
-            return super().decide([])
-
-    with pytest.raises(RobotError, match=r"twin|line is lost"):
-        drive(KheperaBody(khepera), Killer(), seconds=2, clock=khepera.clock, inputs=bands)
 
 
 def test_a_robot_that_takes_one_command_at_a_time_is_asked_so(
@@ -159,9 +144,10 @@ def test_a_port_that_cannot_be_opened_says_why(bench: Bench, tmp_path: Path) -> 
     """No such device; a device that another driver has."""
     with pytest.raises(UsageError, match="No such file or directory; check the cable"):
         bench.khepera(str(tmp_path / "ttyUSB9"))
-    twin, _ = bench.virtual()
+    twin = bench.twin()
+    bench.khepera(twin.device)
     with pytest.raises(UsageError, match="no other program has it"):
-        bench.khepera(twin.device, VirtualClock(twin.channel))
+        bench.khepera(twin.device)
 
 
 def test_the_robots_own_refusal_is_passed_on(bench: Bench) -> None:

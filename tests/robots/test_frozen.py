@@ -19,10 +19,10 @@ from realitygap.robots.guard import SILENCE_S, TICK_S, Silence
 from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
-from realitygap.twin.process import TwinProcess
 from tests.robots.conftest import ROOT, Bench
 from tests.robots.controllers import Constant, Wary, bands
 from tests.robots.test_faults import comes_to_stand
+from tests.served import Served
 
 
 def test_a_silence_is_ended_within_half_a_second() -> None:
@@ -48,7 +48,7 @@ def test_a_computer_that_stood_still_is_no_silence() -> None:
 
 
 @contextmanager
-def child(twin: TwinProcess, folder: Path) -> Iterator[subprocess.Popen[str]]:
+def child(twin: Served, folder: Path) -> Iterator[subprocess.Popen[str]]:
     """A driver in a process of its own that has begun to drive; in a group of its own, as a shell's job."""
     with subprocess.Popen(
         [sys.executable, "-m", "tests.robots.child", twin.device, str(folder)],
@@ -78,7 +78,7 @@ def test_a_suspended_driver_leaves_the_robot_standing(
     bench: Bench, tmp_path: Path, number: signal.Signals, says: str
 ) -> None:
     """The robot stands while its driver is suspended, by SIGSTOP or Ctrl-Z; woken, the drive is over."""
-    twin = bench.twin(clock="real")
+    twin = bench.twin()
     with child(twin, tmp_path / "r") as driver:
         driver.send_signal(number)
         _, status = os.waitpid(driver.pid, os.WUNTRACED)
@@ -111,7 +111,7 @@ def test_a_controller_that_hangs_is_no_danger(
     bench: Bench, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """The guard stops the robot meanwhile and says so; when the controller comes back the drive is over."""
-    twin = bench.twin(clock="real")
+    twin = bench.twin()
     khepera = bench.khepera(twin.device)
     stood: list[bool] = []
     controller = Once(lambda: stood.append(comes_to_stand(twin, tmp_path)))
@@ -129,7 +129,7 @@ def test_a_controller_that_hangs_is_no_danger(
 
 def test_no_robot_is_driven_without_a_guard(bench: Bench) -> None:
     """A guard that is killed ends the drive, and the robot stands."""
-    khepera = bench.khepera(bench.twin(clock="real").device)
+    khepera = bench.khepera(bench.twin().device)
     assert khepera._guard._process is not None
     controller = Once(khepera._guard._process.kill)
     with pytest.raises(FrozenError, match="the guard's process has ended"):

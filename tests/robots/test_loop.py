@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 
 from realitygap.errors import BaudError, LineError, RobotStoppedError, UsageError
-from realitygap.robots.clock import RealClock, VirtualClock
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
+from realitygap.robots.twin import TwinLine
+from realitygap.twin.firmware import Firmware
 from realitygap.values import Pose
-from tests.robots.conftest import Bench
+from tests.robots.conftest import ARENA, Bench
 from tests.robots.controllers import Constant, Wary, bands
+from tests.robots.kinematic import KinematicBody
 from tests.robots.test_recording import equal
 
 BOTH = ("proximity", "ambient")
@@ -54,31 +56,41 @@ def test_counters_and_speeds_say_what_the_wheels_did(bench: Bench) -> None:
     assert np.array_equal(recording.commands, np.tile((6, -3), (20, 1)))
 
 
-def test_the_conversation_is_the_same_under_both_clocks(bench: Bench) -> None:
-    """Nothing on the line tells virtual from real time; no command of it means a step."""
+def test_the_conversation_in_process_and_on_a_pseudo_terminal_has_the_same_bytes(bench: Bench) -> None:
+    """Nothing on the line tells a twin's own time from real time; no command of it means a step."""
 
-    def conversation(kind: str) -> tuple[int, bytes, bytes]:
-        twin = bench.twin(clock=kind, noise=0.0)
-        pump = bench.pump(twin)
-        clock = VirtualClock(twin.channel) if kind == "virtual" else RealClock()
-        khepera = bench.khepera(pump.device, clock)
+    def driven(khepera: Khepera) -> int:
         body = KheperaBody(khepera, kinds=BOTH)
         body.reset()
-        drive(body, Constant(0, 0), seconds=1, clock=clock, inputs=bands)
-        return khepera.line.faults, pump.asked, pump.answered
+        drive(body, Constant(0, 0), seconds=1, inputs=bands)
+        return khepera.line.faults
 
-    said = conversation("virtual")
-    assert said[0] == 0
+    class Tapped(Firmware):
+        """Keeps what passes."""
+
+        asked = answered = b""
+
+        def receive(self, data: bytes) -> None:
+            self.asked += data
+            super().receive(data)
+
+        def run(self, until: int, lines: int = 0) -> bytes:
+            out = super().run(until, lines)
+            self.answered += out
+            return out
+
+    tapped = Tapped(KinematicBody(ARENA, unit=1, noise=0.0, seed=0), baud=38400, name="twin unit 1")
+    assert driven(Khepera.awake(TwinLine(tapped))) == 0
     for _ in range(8):  # if the computer stands still, real answers come late and are asked for again
-        real = conversation("real")
-        if not real[0]:
+        pump = bench.pump(bench.twin(noise=0.0))
+        if not driven(bench.khepera(pump.device)):
             break
-    assert real == said
+    assert (pump.asked, pump.answered) == (tapped.asked, tapped.answered)
 
 
 def test_a_real_clock_keeps_its_time(bench: Bench) -> None:
     """No step begins before its time, and one that begins late says how late."""
-    khepera = bench.khepera(bench.twin(clock="real").device)
+    khepera = bench.khepera(bench.twin().device)
     recording = trial(khepera, seconds=1.5)
     due = recording.t - recording.late
     assert (np.diff(due) >= 0.1 - 1e-5).all()
@@ -110,19 +122,17 @@ def test_9600_baud_is_refused_for_both_sensors(bench: Bench) -> None:
 def test_any_baud_rate_is_found(bench: Bench) -> None:
     """The jumper's rate is found by trying; at a wrong one nobody answers."""
     twin = bench.twin(baud=57600)
-    clock = VirtualClock(twin.channel)
     with pytest.raises(LineError, match=r"no Khepera answers .* at 9600 baud"):
-        bench.khepera(twin.device, clock, baud=9600)
-    assert bench.khepera(twin.device, clock, baud=None).line.baud == 57600
+        bench.khepera(twin.device, baud=9600, give_up_s=0.1)
+    assert bench.khepera(twin.device, baud=None, give_up_s=0.1).line.baud == 57600
 
 
 def test_the_banner_of_a_fresh_robot_is_heard(bench: Bench) -> None:
     """Two lines after a reset; none the second time."""
-    twin, khepera = bench.virtual(unit=7)
+    firmware, khepera = bench.virtual(unit=7)
     assert len(khepera.banner) == 2 and "unit 7" in khepera.banner[0]
     assert khepera.versions == {"bios": "5.02", "protocol": "5.01"}
-    khepera.abandon()
-    assert bench.khepera(twin.device, khepera.clock).banner == ()
+    assert Khepera.awake(TwinLine(firmware)).banner == ()
 
 
 def test_a_body_that_breaks_is_stopped_and_recorded(bench: Bench, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ def test_a_driver_that_is_stopped_or_killed_leaves_the_robot_standing(
     bench: Bench, tmp_path: Path, number: signal.Signals
 ) -> None:
     """Ctrl-C, SIGTERM and a closed terminal stop the wheels first; after kill -9 the guard does."""
-    twin = bench.twin(clock="real")
+    twin = bench.twin()
     with subprocess.Popen(
         [sys.executable, "-m", "tests.robots.child", twin.device, str(tmp_path / "r")],
         cwd=ROOT,
@@ -50,7 +50,7 @@ def test_a_driver_that_is_stopped_or_killed_leaves_the_robot_standing(
 
 def test_a_second_ctrl_c_does_not_disturb_the_stop(bench: Bench, tmp_path: Path) -> None:
     """Two signals at once: the stop is carried through."""
-    twin = bench.twin(clock="real")
+    twin = bench.twin()
     with subprocess.Popen(
         [sys.executable, "-m", "tests.robots.child", twin.device, str(tmp_path / "r")],
         cwd=ROOT,

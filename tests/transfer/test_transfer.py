@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import realitygap.twin.render as render
 from realitygap.errors import (
     ConfigError,
     LineError,
@@ -35,8 +34,8 @@ from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import Transferred, load_transfers
 from realitygap.transfer.trial import Stage
 from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.process import start_twin
 from realitygap.twin.states import States, heading_of
+from tests.served import Served
 from tests.transfer.helpers import transfer
 
 SECONDS = 1.0
@@ -146,7 +145,7 @@ def test_units_and_noise_and_seeds_are_different_robots(study):
 def test_a_film_is_tracked_to_the_truth(watched, view, monkeypatch):
     """Mean error below 0.4 mm and 0.5°; a trial is made again to be filmed. A drawing needs no renderer."""
     if view == "drawn":
-        monkeypatch.setattr(render, "GL_LIBRARIES", ("glory",))
+        monkeypatch.setenv("MUJOCO_GL", "glory")
     else:
         try:
             OverheadCamera({"size_cm": [60.0, 60.0]}, unit=1, view=view).close()
@@ -233,7 +232,7 @@ def after_rows(study, one, then):
 def test_a_line_that_dies_keeps_its_recording(study):
     """One clear message, a readable recording, and the next try does not throw it away."""
     arena = study.task("obstacle-avoidance").arena.plain()
-    with start_twin(arena, unit=1, clock="real") as twin:
+    with Served(arena, unit=1) as twin:
 
         def carry(one, pose):
             twin.place(pose)
@@ -252,7 +251,7 @@ def test_a_robot_on_a_port_is_carried_to_its_starts(study):
     """Each start is asked for; Ctrl-C stops the robot first; a second try keeps what was recorded."""
     arena = study.task("obstacle-avoidance").arena.plain()
     asked = []
-    with start_twin(arena, unit=1, clock="real") as twin:
+    with Served(arena, unit=1) as twin:
         settings = {"robots": (f"serial:{twin.device}",), "seconds": SECONDS, "starts": 2}
 
         def carry(one, pose):

@@ -24,9 +24,9 @@ from realitygap.transfer.film import Watcher
 from realitygap.transfer.run import load_transfers
 from realitygap.twin import drawing
 from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.process import start_twin
 from realitygap.twin.states import States
 from realitygap.values import Pose
+from tests.served import Served
 from tests.transfer.helpers import transfer
 
 SECONDS, FPS = 1.0, 25
@@ -94,7 +94,7 @@ def seen_from_above(file: Path, arena, plate=None, *, nobody: int = COVERED, the
 @pytest.fixture(scope="module")
 def robot(arena):
     """A twin in real time, which stands between two tests; and how it is carried."""
-    with start_twin(arena.plain(), unit=1, clock="real") as twin:
+    with Served(arena.plain(), unit=1) as twin:
         yield f"serial:{twin.device}", lambda one, pose: twin.place(pose)
 
 

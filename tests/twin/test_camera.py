@@ -116,7 +116,8 @@ def test_a_film_of_recorded_states() -> None:
 
 def test_a_renderer_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without EGL and OSMesa frames can be drawn all the same."""
-    monkeypatch.setattr(render, "GL_LIBRARIES", ("glory",))
+    monkeypatch.setattr(render, "LIBRARIES", ("glory",))
+    monkeypatch.setenv("MUJOCO_GL", "glory")
     with OverheadCamera(ARENAS["light-seeking"], unit=0) as eye:
         assert eye.metadata["view"].startswith("drawn")
     with pytest.raises(ConfigError, match="EGL or OSMesa"):

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import csv
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.twin.firmware import NEVER, Firmware
+from realitygap.values import Pose
 from tests.robots.kinematic import KinematicBody
 
 MS = 1_000_000
@@ -16,7 +20,7 @@ ARENA = {"size_cm": [50.0, 50.0]}
 
 def firmware(baud: int = 115200, banner: bool = False) -> Firmware:
     """A robot without noise, its banner read."""
-    made = Firmware(KinematicBody(ARENA, unit=1, noise=0, seed=0), baud=baud, banner=("one", "two"))
+    made = Firmware(KinematicBody(ARENA, unit=1, noise=0, seed=0), baud=baud, name="twin unit 1")
     if not banner:
         made.run(100 * MS)
     return made
@@ -108,7 +112,9 @@ def test_the_banner_comes_after_a_reset() -> None:
     """Two lines, at their time."""
     robot = firmware(9600, banner=True)
     assert robot.run(1 * MS) == b""
-    assert robot.run(50 * MS) == b"one\r\ntwo\r\n"
+    assert robot.run(200 * MS).decode().splitlines() == [
+        "Khepera, twin unit 1: pseudo-reality, no robot", "bios 5.02, serial protocol 5.01"
+    ]  # fmt: skip
 
 
 def test_a_command_in_pieces_is_one_command() -> None:
@@ -131,14 +137,20 @@ def test_time_does_not_depend_on_how_it_is_cut() -> None:
     assert ends[0] == ends[1] == ends[2]
 
 
-def test_a_watch_looks_at_its_times() -> None:
-    """Every 20 ms of simulated time, however time is cut."""
+def test_a_film_has_the_pose_each_20_ms(tmp_path: Path) -> None:
+    """Of the twin's own time, from now on, however time is cut; the file says no more after its end."""
     robot = firmware()
-    times: list[int] = []
-    robot.watch(20, lambda: times.append(robot.body.time_ms))
+    robot.place(Pose(x=11, y=12, heading=0.5))
+    robot.film(tmp_path / "states.csv")
     for until in (115, 120, 121, 333):
         robot.run(until * MS)
-    assert times == list(range(100, 334, 20))
+    robot.film(None)
+    robot.run(400 * MS)
+    rows = list(csv.DictReader((tmp_path / "states.csv").read_text().splitlines()))
+    assert [row["t_s"] for row in rows] == [f"{ms / 1000:.3f}" for ms in range(100, 334, 20)]
+    assert {(row["x_cm"], row["y_cm"], row["heading_deg"]) for row in rows} == {
+        ("11.000000", "12.000000", "28.647890")
+    }
 
 
 @given(st.lists(st.binary(max_size=40), max_size=10))

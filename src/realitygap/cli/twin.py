@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -23,7 +23,7 @@ def twin() -> None:
 
     \b
     Example:
-        realitygap twin serve --arena avoidance --clock real
+        realitygap twin serve --arena avoidance
     """
 
 
@@ -35,15 +35,12 @@ def twin() -> None:
 @option.twin_noise()
 @option.seed(says=" It does not change the unit's constants: those depend on --unit alone.")
 @option.baud("Baud rate set by its jumper.", any_rate=False)
-@click.option(
-    "--clock", type=click.Choice(["real", "virtual"]), default="real",
-    help="virtual: time runs as far as a clock on the second channel allows.",
-)  # fmt: skip
 @option.pose(required=False)
 @option.as_json
 def serve(
-    arena_name: str, twin_noise: float | None, pose: option.Numbers | None, json_output: bool, **words: Any
-) -> None:
+    arena_name: str, unit: int, twin_noise: float | None, seed: int, baud: int, pose: option.Numbers | None,
+    json_output: bool,
+) -> None:  # fmt: skip
     """Put a twin on a pseudo-terminal and serve it until Ctrl-C.
 
     \b
@@ -52,21 +49,25 @@ def serve(
     """
     import signal
 
-    from realitygap.twin.server import Server, Settings
+    from realitygap.twin.body import TwinBody
+    from realitygap.twin.firmware import Firmware
+    from realitygap.twin.serve import Server
     from realitygap.world.robot import load_profile
 
     arena, start = _arena(arena_name)
     if pose is not None:
         start = option.checked_pose(pose, arena, load_profile("paper"))
     noise = 1.0 if twin_noise is None else twin_noise
-    settings = {"arena": arena.plain(), "noise": noise, **words}
+    body = TwinBody(arena.plain(), unit=unit, noise=noise, seed=seed)
     if start is not None:
-        settings["pose"] = (start.x, start.y, start.heading)
+        body.place(start.x, start.y, start.heading)
     for number in (signal.SIGTERM, signal.SIGHUP):  # its folder is removed however it is ended
         signal.signal(number, signal.default_int_handler)
-    with Server(Settings(**settings)) as server:
-        facts = {"device": server.device, "clock_channel": server.channel, **settings}
-        told = "{baud} baud, {clock} clock, unit {unit}; Ctrl-C ends it".format(**words)
+    with Server(Firmware(body, baud=baud, name=f"twin unit {unit}")) as server:
+        facts = {"device": server.device, "channel": server.channel, "unit": unit, "noise": noise,
+                 "seed": seed, "baud": baud, "arena": arena.plain(),
+                 "pose": None if start is None else (start.x, start.y, start.heading)}  # fmt: skip
+        told = f"{baud} baud, unit {unit}; Ctrl-C ends it"
         tell(json_output, facts, f"device: {server.device}", f"second channel: {server.channel}", told)
         try:
             server.serve()

@@ -31,8 +31,8 @@ FORMS = (
 )
 
 OPENERS = {
-    "twin": "realitygap.robots.khepera.twin:opened",
-    "stranger": "realitygap.robots.khepera.twin:opened_stranger",
+    "twin": "realitygap.robots.twin:opened",
+    "stranger": "realitygap.robots.twin:opened_stranger",
     "enki": "realitygap.robots.enki:opened",
     "khepera": "realitygap.robots.khepera.body:opened",
     "serial": "realitygap.robots.khepera.body:opened",

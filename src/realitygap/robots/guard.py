@@ -34,13 +34,13 @@ DRIVES, STANDS, LEAVES, STOPPED = b"+", b"-", b".", b"!"
 class Guard:
     """Watches over this process, for the line with descriptor `fd`; `stop` makes its robot stop.
 
-    Where time `waits` for this process no robot drives on without it: then nobody watches.
+    A simulated robot, whose time waits for this process, has no line (None): nobody watches.
     """
 
-    def __init__(self, fd: int, stop: bytes, *, waits: bool = False) -> None:
+    def __init__(self, fd: int | None, stop: bytes) -> None:
         self._last: float | None = None
         self._process: subprocess.Popen[bytes] | None = None
-        if waits:
+        if fd is None:
             return
         self._socket, theirs = socket.socketpair()
         self._socket.setblocking(False)

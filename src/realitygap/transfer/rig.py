@@ -4,7 +4,7 @@
         track, recording = rig.drive(controller, stream=5, pose=Pose(x=25, y=25, heading=0.5))
 
 A trial on the twin is a function of unit, noise, stream, pose and controller alone: before each the unit is
-switched off and on again, in one process for all trials.
+switched off and on again.
 """
 
 import math

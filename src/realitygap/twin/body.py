@@ -4,13 +4,12 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from realitygap.errors import ConfigError
 from realitygap.twin.arena import check_arena
 from realitygap.twin.arithmetic import cos_sin
-from realitygap.twin.model import BODY_RADIUS, NOMINAL_VOLT, build_xml
+from realitygap.twin.model import BODY_RADIUS, NOMINAL_VOLT, build_xml, mujoco
 from realitygap.twin.noise import check_scale, creep_of, draws
 from realitygap.twin.sensors import CYCLE_MS, HISTORY_MS, PHASE_MS, Sensors
 from realitygap.twin.states import States, heading_of

@@ -21,7 +21,6 @@ from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
 from realitygap.twin.noise import check_scale, draws, normal_draws
 from realitygap.twin.painting import expose
 from realitygap.twin.plate import Plate
-from realitygap.twin.render import open_renderer
 from realitygap.twin.states import States, heading_of
 from realitygap.twin.unit import draw_unit
 from realitygap.values import Closing
@@ -71,10 +70,7 @@ class OverheadCamera(Closing):
         self._unit, self._noise = unit, check_scale(noise)
         if view == "mujoco" and plate is not None:
             raise ConfigError("MuJoCo's renderer shows no robot with a plate: ask for the drawn view")
-        self._renderer = open_renderer(arena, unit, self.lens) if view == "mujoco" else None
-        if view == "mujoco" and self._renderer is None:
-            raise ConfigError("MuJoCo's renderer needs an EGL or OSMesa library and neither works here: "
-                              "install one, or ask for the drawn view")  # fmt: skip
+        self._renderer = _renderer(arena, who, self.lens) if view == "mujoco" else None
         self._drawing = Drawing(arena, self.lens, plate) if self._renderer is None else None
         columns, rows = np.meshgrid(np.arange(WIDTH) - WIDTH / 2, np.arange(HEIGHT) - HEIGHT / 2)
         corner = (WIDTH**2 + HEIGHT**2) / 4
@@ -95,7 +91,7 @@ class OverheadCamera(Closing):
         return other
 
     def close(self) -> None:
-        """End the renderer's process, if there is one."""
+        """Release the renderer, if there is one."""
         if self._renderer is not None:
             self._renderer.close()
 
@@ -139,3 +135,9 @@ class OverheadCamera(Closing):
             t = number / fps
             row = int(np.searchsorted(states.time_ms, start + t * 1000.0 + 1e-6, side="right")) - 1
             yield t, partial(self.frame, states.pose[row], first + number)
+
+
+def _renderer(*words: Any) -> Any:
+    from realitygap.twin.render import Renderer  # it needs MuJoCo, OpenCV and a GL library
+
+    return Renderer(*words)

@@ -5,12 +5,16 @@ a wire of its own; a command is carried out when its line end has arrived, its a
 when the answer's last character has gone. Between events the body's physics runs on.
 """
 
+import math
 from collections import deque
-from collections.abc import Callable, Iterable
-from typing import NamedTuple, Protocol
+from collections.abc import Iterable
+from pathlib import Path
+from typing import IO, NamedTuple, Protocol
 
+from realitygap.files import naming_errors
 from realitygap.robots.khepera.protocol import KHEPERA
 from realitygap.robots.line.protocol import RefusedError, answer
+from realitygap.values import Pose
 
 __all__ = ["BIOS", "PROTOCOL", "Firmware", "RobotBody"]
 
@@ -22,6 +26,9 @@ SPEED, POSITION = 0, 1
 
 LONGEST = 256
 """Characters of a command that the robot keeps; more are no command."""
+
+FILM_MS = 20
+"""Where the robot is is written for the camera this often."""
 
 NEVER = 1 << 62
 MS = 1_000_000
@@ -37,6 +44,8 @@ class RobotBody(Protocol):
     time_ms: int
 
     def advance(self, milliseconds: int) -> None: ...
+    def proximity(self) -> list[int]: ...
+    def ambient(self) -> list[int]: ...
     def pulses(self) -> tuple[int, int]: ...
     def speeds(self) -> tuple[int, int]: ...
     def on_target(self) -> tuple[bool, bool]: ...
@@ -57,10 +66,10 @@ class Firmware:
     Args:
         body: the robot.
         baud: the jumper's rate.
-        banner: the two lines after a reset.
+        name: what the first of the two lines after a reset says of it.
     """
 
-    def __init__(self, body: RobotBody, *, baud: int, banner: tuple[str, str]) -> None:
+    def __init__(self, body: RobotBody, *, baud: int, name: str) -> None:
         self.body = body
         self.baud = baud
         self.now = body.time_ms * MS
@@ -71,10 +80,10 @@ class Firmware:
         self._in_free = self._out_free = self.now
         self._mode = SPEED
         self._target: tuple[int, ...] = (0, 0)
-        self._watch: Callable[[], None] | None = None
-        self._watch_ms = self._watch_next = 0
-        for text in banner:
-            self._put_out(text.encode("ascii") + b"\r\n")
+        self._film: IO[str] | None = None
+        self._look_ms = 0
+        self._put_out(f"Khepera, {name}: pseudo-reality, no robot\r\n".encode("ascii"))
+        self._put_out(f"bios {BIOS}, serial protocol {PROTOCOL}\r\n".encode("ascii"))
 
     def receive(self, data: bytes) -> None:
         """Bytes that somebody writes to the line now."""
@@ -88,7 +97,7 @@ class Firmware:
         self._half = (self._half + data[gone:])[: LONGEST + 1]
 
     def run(self, until: int, lines: int = 0) -> bytes:
-        """Let time pass up to `until`, or until so many lines have been put out (0: never mind).
+        """Let time pass up to `until`, or until `lines` lines have been put out (0: no limit).
 
         Returns:
             What was put out.
@@ -109,24 +118,35 @@ class Firmware:
 
     def catch_up(self) -> None:
         """Bring the body to the present."""
-        left = self.now // MS - self.body.time_ms
-        while self._watch is not None and left > 0 and self._watch_next - self.body.time_ms <= left:
-            part = max(0, self._watch_next - self.body.time_ms)
-            if part:
-                self.body.advance(part)
-            self._watch()
-            self._watch_next += self._watch_ms
-            left -= part
-        if left > 0:
-            self.body.advance(left)
+        end = self.now // MS
+        while self._film is not None and self._look_ms <= end:
+            self._advance_to(self._look_ms)
+            x, y, heading = self.body.truth()
+            where = f"{self._look_ms / 1000:.3f},{x:.6f},{y:.6f},{math.degrees(heading):.6f}"
+            self._film.write(f"{where},{int(self.body.leds[0])},{int(self.body.leds[1])}\n")
+            self._look_ms += FILM_MS
+        self._advance_to(end)
 
-    def watch(self, every_ms: int, look: Callable[[], None] | None) -> None:
-        """Call `look` now and every so many ms of simulated time; None: no more."""
+    def _advance_to(self, time_ms: int) -> None:
+        if time_ms > self.body.time_ms:
+            self.body.advance(time_ms - self.body.time_ms)
+
+    def place(self, pose: Pose) -> None:
+        """The experimenter's hand."""
         self.catch_up()
-        self._watch, self._watch_ms = look, every_ms
-        self._watch_next = self.body.time_ms + every_ms
-        if look is not None:
-            look()
+        self.body.place(pose.x, pose.y, pose.heading)
+
+    def film(self, states: Path | None) -> None:
+        """Write where the robot is, now and every 20 ms, into a sealed file for the camera; None ends it."""
+        self.catch_up()
+        if self._film is not None:
+            film, self._film = self._film, None
+            with naming_errors(film.name):
+                film.close()
+        if states is not None:
+            self._film, self._look_ms = states.open("w", encoding="utf-8"), self.body.time_ms
+            self._film.write("t_s,x_cm,y_cm,heading_deg,led_0,led_1\n")
+            self.catch_up()
 
     def next_out(self) -> int:
         """When the next answer will have been put out, ns."""

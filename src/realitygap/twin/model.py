@@ -1,14 +1,24 @@
 """The robot and its arena for MuJoCo: bodies, wheels, motors (SI units)."""
 
+import os
 from collections.abc import Mapping
 from itertools import count
 from typing import Any
+
+try:
+    import mujoco
+except Exception:  # MUJOCO_GL names what does not work here: that concerns a renderer alone
+    _named = os.environ.get("MUJOCO_GL", "")
+    os.environ["MUJOCO_GL"] = "disable"
+    import mujoco
+
+    os.environ["MUJOCO_GL"] = _named
 
 from realitygap.twin.arena import WALL_HALF
 from realitygap.twin.arithmetic import arctan2, cos_sin, hypot
 from realitygap.twin.unit import Unit
 
-__all__ = ["BODY_RADIUS", "BODY_TOP", "CLEARANCE", "NOMINAL_VOLT", "WALL_HEIGHT", "build_xml"]
+__all__ = ["BODY_RADIUS", "BODY_TOP", "CLEARANCE", "NOMINAL_VOLT", "WALL_HEIGHT", "build_xml", "mujoco"]
 
 BODY_RADIUS = 0.0275  # K-Team, Khepera user manual: diameter 55 mm
 BODY_TOP = 0.030  # the same: height 30 mm

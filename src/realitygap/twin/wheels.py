@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import llvmlite.binding
-import mujoco
 import numba
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
 from realitygap.twin.arithmetic import jit
+from realitygap.twin.model import mujoco
 from realitygap.twin.noise import CREEP_MS, Creep, creep_at
 
 __all__ = ["FOUND", "RECORD_MS", "STATE", "Machine", "Wheel", "note", "run"]

@@ -143,7 +143,7 @@ class PacketLine(Line):
                     if kind == wanted:
                         return packet
                     continue
-            heard = self.clock.read(self.fileno(), until=until, lines=0)
+            heard = self._read(until, 0)
             if not heard and self.clock.now() >= until:
                 raise GarbledError("no answer to a packet")
             self._heard += heard
@@ -151,9 +151,7 @@ class PacketLine(Line):
     def _resynchronise(self) -> None:
         """Drop what comes in, until it is quiet: an answer that is late would be taken for the next one's."""
         until = self.clock.now() + self.dialect.patience_s
-        while self.clock.now() < until and self.clock.read(
-            self.fileno(), until=self.clock.now() + QUIET_S, lines=0
-        ):
+        while self.clock.now() < until and self._read(self.clock.now() + QUIET_S, 0):
             pass
         self.forget()
 

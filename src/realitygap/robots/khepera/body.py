@@ -4,7 +4,6 @@ from functools import partial
 from typing import Any
 
 from realitygap.robots.body import KINDS, Channel
-from realitygap.robots.clock import RealClock, VirtualClock
 from realitygap.robots.khepera.protocol import FULL, KHEPERA, PULSES_PER_MM, SENSORS
 from realitygap.robots.line.body import LineBody
 from realitygap.robots.line.driver import Driver
@@ -35,28 +34,17 @@ class KheperaBody(LineBody):
 
 
 def opened(
-    port: str,
-    *,
-    baud: int | None = KHEPERA.usual,
-    kinds: tuple[str, ...] = ("proximity",),
-    clock_channel: str | None = None,
-    **_: Any,
+    port: str, *, baud: int | None = KHEPERA.usual, kinds: tuple[str, ...] = ("proximity",), **_: Any
 ) -> KheperaBody:
-    """The Khepera on a serial port, told to stop; with a clock channel a twin in virtual time.
+    """The Khepera on a serial port, told to stop.
 
     Args:
         port: of the line.
         baud: its rate; None: try all.
         kinds: of sensors to read.
-        clock_channel: of a twin in virtual time.
 
     Raises:
         UsageError: the port cannot be opened, or is too slow for these sensors.
         LineError: no robot answers.
     """
-    clock = VirtualClock(clock_channel) if clock_channel else RealClock()
-    try:
-        return KheperaBody.standing(partial(Khepera.connect, port, baud=baud, clock=clock), kinds)
-    except BaseException:
-        clock.close()
-        raise
+    return KheperaBody.standing(partial(Khepera.connect, port, baud=baud), kinds)

@@ -7,7 +7,7 @@ import numpy as np
 
 from realitygap.errors import BaudError, UsageError
 from realitygap.robots.body import KINDS, Channel, Odometry
-from realitygap.robots.clock import RealClock
+from realitygap.robots.clock import Clock
 from realitygap.robots.line.driver import Driver
 from realitygap.robots.line.protocol import Dialect, Request
 from realitygap.values import Command, Pose, Readings
@@ -104,7 +104,7 @@ class LineBody:
         self.attend(kinds, turns=True)
 
     @property
-    def clock(self) -> RealClock:
+    def clock(self) -> Clock:
         return self.driver.clock
 
     @property
@@ -133,7 +133,6 @@ class LineBody:
         """Stop, be carried to `pose`, counters at zero."""
         self._stand()
         if pose is not None and self._carry is not None:
-            self.clock.settle()
             self._carry(pose)
         self._zero()
 
@@ -165,7 +164,6 @@ class LineBody:
 
     def close(self) -> None:
         self.driver.close()
-        self.clock.close()
 
     def inspect(self) -> dict[str, Any]:
         """Switch its LEDs on and off, and count the requests repeated so far."""

@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import ClassVar, Self, cast
 
 from realitygap.errors import LineError, RealityGapError, RobotError
-from realitygap.robots.clock import RealClock
+from realitygap.robots.clock import Clock
 from realitygap.robots.guard import Guard
 from realitygap.robots.line.line import GIVE_UP_S, STOP, Line, nothing
 from realitygap.robots.line.protocol import Dialect, Request
@@ -33,7 +33,7 @@ class Driver(Closing, ABC):
         self.line = line
         self.versions = dict(zip(self.dialect.facts, versions, strict=True))
         self.banner = tuple(banner)
-        self._guard = Guard(line.fileno(), line.halt, waits=line.clock.waits)
+        self._guard = Guard(None if line.clock.waits else line.fileno(), line.halt)
         line.before = self._guard.beat
 
     @classmethod
@@ -42,7 +42,7 @@ class Driver(Closing, ABC):
         port: str,
         *,
         baud: int | None = None,
-        clock: RealClock | None = None,
+        clock: Clock | None = None,
         give_up_s: float = GIVE_UP_S,
     ) -> Self:
         """Open a port and wake the robot.
@@ -86,16 +86,12 @@ class Driver(Closing, ABC):
         return cls(line, cast("Sequence[str]", line.ask(Request(cls.dialect.version))[0]), banner)
 
     @property
-    def clock(self) -> RealClock:
+    def clock(self) -> Clock:
         return self.line.clock
 
     def command(self, left: int, right: int) -> None:
         """Wheel speeds, the robot's own units."""
-        request = self.dialect.request("D", left, right)
-        if self.clock.waits:  # nothing happens before the next question, which asks for its answer too
-            self.line.promise(request)
-        else:
-            self.line.ask(request)
+        self.line.ask(self.dialect.request("D", left, right))
 
     def speeds(self) -> tuple[int, int]:
         """Wheel speeds as the robot says them, its own units."""
@@ -136,8 +132,6 @@ class Driver(Closing, ABC):
             LineError: the robot did not confirm: it may still be moving.
         """
         failure: RealityGapError | None = None
-        with suppress(RobotError):
-            self.line.redeem()
         until, tries, (least, most) = self.clock.now() + STOP_S, 0, STOP_TRIES
         while tries < least or (tries < most and self.clock.now() < until):
             tries += 1

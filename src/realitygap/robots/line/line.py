@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from realitygap.errors import LineError, UsageError
-from realitygap.robots.clock import RealClock
+from realitygap.robots.clock import Clock, RealClock
 from realitygap.robots.line.protocol import Dialect, GarbledError, RefusedError, Request
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["GIVE_UP_S", "STOP", "Answer", "Line", "Wire", "nothing", "why_not_opened"]
 
 Answer = tuple[int, ...] | tuple[str, ...]
+
+CHUNK = 4096
 
 QUIET_S = 0.03
 """After this long a silence no older answer is on its way."""
@@ -60,7 +63,7 @@ class Wire:
 
     _port: Any
 
-    def __init__(self, device: str, clock: RealClock) -> None:
+    def __init__(self, device: str, clock: Clock) -> None:
         self.device, self.clock, self.faults = device, clock, 0
         self.before: Callable[[], None] = nothing
         self._heard = b""
@@ -80,6 +83,15 @@ class Wire:
             LineError: the line is lost.
         """
         self.before()
+        self._write(data)
+
+    def forget(self) -> None:
+        """Drop the input so far."""
+        self._heard = b""
+        while self._read(self.clock.now(), 0):
+            pass
+
+    def _write(self, data: bytes) -> None:
         sent = 0
         while sent < len(data):
             try:
@@ -90,12 +102,26 @@ class Wire:
                 raise LineError(f"the line is lost: {self.device}: {error}") from None
             except TypeError:  # the port is closed: it has no descriptor
                 raise LineError(f"the line is lost: {self.device} is closed") from None
-        self.clock.wrote(sent)
 
-    def forget(self) -> None:
-        """Drop the input so far."""
-        self._heard = b""
-        self.clock.forget(self.fileno())
+    def _read(self, until: float, lines: int) -> bytes:
+        """What comes in: the first bytes, nothing if there are none by `until`.
+
+        A line that is simulated may wait for `lines` lines.
+
+        Raises:
+            LineError: the line is lost.
+        """
+        try:
+            if not select.select([self.fileno()], [], [], max(0.0, until - self.clock.now()))[0]:
+                return b""
+            data = os.read(self.fileno(), CHUNK)
+        except BlockingIOError:
+            return b""
+        except (OSError, ValueError, TypeError) as error:
+            raise LineError(f"the line is lost: {getattr(error, 'strerror', None) or error}") from None
+        if not data:
+            raise LineError("the line is lost: the device has hung up")
+        return data
 
 
 class Line(Wire):
@@ -115,14 +141,13 @@ class Line(Wire):
         dialect: Dialect,
         *,
         baud: int | None,
-        clock: RealClock | None = None,
+        clock: Clock | None = None,
         give_up_s: float = GIVE_UP_S,
     ) -> None:
         super().__init__(device, clock or RealClock())
         self.dialect, self.baud, self.give_up_s = dialect, baud, give_up_s
         self.odd = ""
         self.together = True
-        self._promised: tuple[Request, ...] = ()
         self._batch_failures = 0
         self._port = self._opened()
 
@@ -133,29 +158,8 @@ class Line(Wire):
             LineError: the line is lost, or no answer was understood in time.
             RefusedError: the robot refused a command each time.
         """
-        with self.clock.undisturbed():
-            return self._ask(requests, self.give_up_s if give_up_s is None else give_up_s)
-
-    def promise(self, request: Request) -> None:
-        """Send a command that may be sent again; its answer is fetched with that of the next question, and
-        it is repeated with that if need be.
-
-        Raises:
-            LineError: the line is lost.
-        """
-        with self.clock.undisturbed():
-            self.redeem()
-            self.tell(request.data)
-            self._promised = (request,)
-
-    def redeem(self) -> None:
-        """Fetch the answer to a command that was promised one, whatever it is."""
-        if self._promised:
-            with self.clock.undisturbed(), contextlib.suppress(GarbledError, RefusedError):
-                self._exchange(())
-
-    def _ask(self, requests: Sequence[Request], give_up_s: float) -> list[Answer]:
-        start, tries, promised = self.clock.now(), 1, self._promised
+        give_up_s = self.give_up_s if give_up_s is None else give_up_s
+        start, tries = self.clock.now(), 1
         try:
             return self._first_try(requests)
         except (GarbledError, RefusedError) as error:
@@ -168,8 +172,6 @@ class Line(Wire):
             tries += 1
             try:
                 self._resynchronise()
-                for request in promised:
-                    self._exchange((request,))
                 return [answer for request in requests for answer in self._exchange((request,))]
             except (GarbledError, RefusedError) as error:
                 self.faults += 1
@@ -212,25 +214,18 @@ class Line(Wire):
         return answers
 
     def _exchange(self, requests: Sequence[Request]) -> list[Answer]:
-        promised, self._promised = self._promised, ()
-        if not promised:
-            self.forget()
-        elif not requests:
-            self._heard += self.clock.fetch(self.fileno())
-        if requests:
-            self.tell(b"".join(request.data for request in requests))
-        awaited = (*promised, *requests)
-        until = self.clock.now() + self.dialect.patience_s + self._wire_s(awaited)
+        self.forget()
+        self.tell(b"".join(request.data for request in requests))
+        until = self.clock.now() + self.dialect.patience_s + self._wire_s(requests)
         answers: list[Answer] = []
-        for request in awaited:
-            left = len(awaited) - len(answers)
-            line = self._next_line(until, min(left, len(requests) or 1))  # a promised one is on its way
+        for request in requests:
+            line = self._next_line(until, len(requests) - len(answers))
             if line is None:
                 raise GarbledError(f"nothing to {request.text!r}")
             self.odd = line
             answers.append(self.dialect.parse_answer(line, request))
             self.odd = ""
-        return answers[len(promised) :]
+        return answers
 
     def _resynchronise(self) -> None:
         """Bring the line back into step.
@@ -263,7 +258,7 @@ class Line(Wire):
                 self._heard = b""
             if late:
                 return None
-            heard = self.clock.read(self.fileno(), until=until, lines=lines)
+            heard = self._read(until, lines)
             late = not heard and self.clock.now() >= until
             self._heard += heard
 

@@ -64,7 +64,7 @@ class ThymioBody:
                 f"it has no {', '.join(missing) or PROXIMITY + ' of seven'}"
             )
         self._stop = line.setting(TARGETS[0], 0) + line.setting(TARGETS[1], 0)
-        self._guard = Guard(line.fileno(), self._stop, waits=line.clock.waits)
+        self._guard = Guard(line.fileno(), self._stop)
         line.before = self._guard.beat
         self._given = Command(left=0, right=0)
         self._readings: Readings | None = None
@@ -153,7 +153,6 @@ class ThymioBody:
         """Close the line without a word to the robot."""
         self.line.before = nothing
         self.line.close()
-        self.clock.close()
         self._guard.release()
 
     def inspect(self) -> dict[str, Any]:

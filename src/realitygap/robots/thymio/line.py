@@ -195,7 +195,7 @@ class AsebaLine(Wire):
                     self._heard = b""
                     continue
                 return message
-            heard = self.clock.read(self.fileno(), until=until, lines=0)
+            heard = self._read(until, 0)
             if not heard and self.clock.now() >= until:
                 return None
             self._heard += heard
