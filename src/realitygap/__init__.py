@@ -16,7 +16,7 @@ from realitygap.lazy import names_of
 
 if TYPE_CHECKING:
     from realitygap.api import calibrate, evolve, merge, reproduce
-    from realitygap.calibration.recordings.files import load_recording
+    from realitygap.calibration.recordings import load_recording
     from realitygap.calibration.unit import calibrated_unit
     from realitygap.control.genotype import Layout, braitenberg, constant, load_genotype, save_genotype
     from realitygap.control.network import NetworkController, decode
@@ -60,7 +60,7 @@ __all__ = [
 
 _, __getattr__ = names_of(__name__, {
     "api": "calibrate evolve merge reproduce",
-    "calibration.recordings.files": "load_recording",
+    "calibration.recordings": "load_recording",
     "calibration.unit": "calibrated_unit",
     "control.genotype": "Layout braitenberg constant load_genotype save_genotype",
     "control.network": "NetworkController decode",
