@@ -74,8 +74,7 @@ def real_time(pose: Pose) -> None:
         assert served.stdout is not None
         device = json.loads(served.stdout.readline())["device"]
         body = Address.parse(f"khepera:{device}").open(kinds=("proximity", "ambient"))
-        layout = Layout()
-        driver = NetworkController(braitenberg("proximity", layout), layout)
+        driver = Genotype.braitenberg("proximity").controller()
         made = drive(body, driver, seconds=10.0, inputs=lambda r: inputs("proximity", r))
         body.close()
         served.terminate()

@@ -26,7 +26,7 @@ from realitygap.work.progress import OnProgress, Progress, ProgressLine, counts
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.recordings.recording import Recording
+    from realitygap.calibration.recordings import Recording
     from realitygap.experiments.reproduction import Reproduction
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import Study
@@ -428,7 +428,7 @@ def calibrate(
 
 def load_recordings(paths: Iterable[str], objects: Sequence[str] = ()) -> list[Recording]:
     """Every recording at some places; `objects` as of `calibrate`."""
-    from realitygap.calibration.recordings.files import find_recordings, load_recording
+    from realitygap.calibration.recordings import find_recordings, load_recording
 
     found = [place for path in paths for place in find_recordings(path)]
     if len(objects) not in (0, 1, len(found)):

@@ -15,7 +15,7 @@ from realitygap.calibration.calibrate import base_of, calibrate
 from realitygap.calibration.channel_fit import ChannelFit
 from realitygap.calibration.lookup import rings, without
 from realitygap.calibration.misfit import Yardstick, misfits
-from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.calibration.rows import Rows
 from realitygap.world.robot import Profile, load_profile
 

@@ -18,7 +18,7 @@ from realitygap.calibration.forward import (
     scene_of,
     wheel_speeds,
 )
-from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
+from realitygap.calibration.recordings import SensorRecording, WheelRecording
 from realitygap.world.robot import Profile, load_profile
 from tests.calibration.tables import write_tables
 

@@ -19,8 +19,7 @@ from realitygap.calibration.measured import TWO_BEAMS, Measured
 from realitygap.calibration.recorder import edges as recorder
 from realitygap.calibration.recorder.edges import look_between
 from realitygap.calibration.recorder.record import Wanted, record
-from realitygap.calibration.recordings.files import load_recording
-from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.recordings import SensorRecording, load_recording
 from realitygap.calibration.rows import BESIDE_DEG, Rows, repeated_noise
 from realitygap.calibration.share import thinned
 from realitygap.errors import RecordingError
@@ -95,7 +94,7 @@ def seen(robot: Profile, object: str, where: np.ndarray, repeats: int) -> Sensor
         kind="infrared", object=object, distance_cm=rows[:, 0], bearing_deg=rows[:, 1],
         repeat=np.tile(np.arange(repeats), len(where)),
         counts=np.zeros((len(rows), len(robot.infrared.sensors))),
-        source=f"made {object}", facts={"unit": 1},
+        source=f"made {object}", facts={"placed_by": "program"},
     )  # fmt: skip
     clean = proximity(robot, scene_of(blank))
     drawn = clean + 4.0 * np.random.default_rng(len(rows)).normal(size=clean.shape)

@@ -15,8 +15,7 @@ from realitygap.calibration.channels import agreed, rivals
 from realitygap.calibration.infrared import infrared_problems
 from realitygap.calibration.judge import judge
 from realitygap.calibration.noise import Sample, lit_noise, sample_noise
-from realitygap.calibration.recordings.files import load_recording
-from realitygap.calibration.recordings.recording import CHANNELS, SensorRecording
+from realitygap.calibration.recordings import CHANNELS, SensorRecording, load_recording
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import Fit
 from realitygap.calibration.wheels.odometry import measure_odometry
@@ -111,7 +110,7 @@ def test_a_check_tells_what_a_millimetre_explains(recorded, robot):
     sound = recorded("wall", noise=5.0)
     near = judge(replace(sound, distance_cm=sound.distance_cm - 0.1), robot)
     assert near.ratio == pytest.approx(near.misplaced, rel=0.3) and near.ratio_placed < 0.7 * near.ratio
-    assert math.isnan(judge(replace(sound, facts={"unit": 1}), robot).misplaced)
+    assert math.isnan(judge(replace(sound, facts={"placed_by": "program"}), robot).misplaced)
 
 
 def test_a_reflectance_that_hangs_on_the_form_is_not_believed():

@@ -12,8 +12,7 @@ from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.forward import scene_of
 from realitygap.calibration.judge import judge
 from realitygap.calibration.lookup import rings, without
-from realitygap.calibration.recordings.files import load_recording
-from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.recordings import SensorRecording, load_recording
 from realitygap.calibration.rows import Rows
 from realitygap.errors import CalibrationError, ConfigError, TaskError
 from realitygap.kernels.infrared import infrared

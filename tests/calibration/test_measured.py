@@ -17,8 +17,7 @@ from realitygap.calibration.judge import judge
 from realitygap.calibration.measured import Measured
 from realitygap.calibration.misfit import misplaced
 from realitygap.calibration.noise import Sample, noise_tables
-from realitygap.calibration.recordings.files import find_recordings, load_recording
-from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.recordings import SensorRecording, find_recordings, load_recording
 from realitygap.calibration.rows import Rows, repeated_noise
 from realitygap.errors import RecordingError
 from realitygap.world.robot import Profile, load_profile

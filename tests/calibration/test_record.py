@@ -29,9 +29,7 @@ from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, s
 from realitygap.calibration.recorder.record import Wanted, record
 from realitygap.calibration.recorder.site import EnoughError, OwnSite, PersonSite
 from realitygap.calibration.recorder.wheel_plans import FLOOR_CM, Trial, wheel_plan
-from realitygap.calibration.recordings.facts import read_facts
-from realitygap.calibration.recordings.files import load_recording
-from realitygap.calibration.recordings.recording import BODY_RADIUS_CM, SensorRecording
+from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording, load_recording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError, UsageError
 from realitygap.film.calibrate import calibrate_camera
@@ -472,7 +470,7 @@ def test_a_recording_says_what_its_surface_throws_back(tmp_path, said, written):
     """The object's reflectance stands in recording.toml, and in the room of a stand-in where it is known."""
     wanted = Wanted(plan="infrared", object="cylinder:3", reflectance=said, repeats=1)
     asked(tmp_path, "", "", "q", wanted=wanted)
-    assert read_facts(tmp_path).get("reflectance") == written
+    assert load_recording(tmp_path).facts.get("reflectance") == written
     assert load_recording(tmp_path).reflectance == pytest.approx(said, nan_ok=True)
     rooms = [infrared_plan(name, reflectance=said).room.get("reflectance") for name in ("wall", "cylinder:3")]
     assert rooms == ([[0.5], [1.0, 0.5]] if said == 0.5 else [None, None])

@@ -14,8 +14,7 @@ from realitygap.calibration.checks import refuse_swapped
 from realitygap.calibration.forward import illumination, light_readings, scene_of
 from realitygap.calibration.judge import judge
 from realitygap.calibration.recorder import plans
-from realitygap.calibration.recordings.files import load_recording
-from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.recordings import SensorRecording, load_recording
 from realitygap.calibration.rows import FOLDS
 from realitygap.calibration.search import search
 from realitygap.calibration.unit_folder import PARTS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.calibration.recordings.files import load_recording
+from realitygap.calibration.recordings import load_recording
 from realitygap.errors import RecordingError
 
 GOOD = "8 8 3 5 2\n" + "".join(
@@ -43,19 +43,19 @@ def test_an_object_that_is_not_said_is_guessed_aloud(sam):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda t: "", "empty"),
-        (lambda t: t.replace("8 8 3 5 2", "6 8 3 5 2", 1), "line 1: sensors: expected 8"),
-        (lambda t: t.replace("8 8 3 5 2", "8 8 3 -5 2", 1), "line 1: first_mm: expected 0 or more, got -5"),
-        (lambda t: t.replace("8 8 3 5 2", "8 8 3 0.05 0.02", 1), "Are these millimetres?"),
-        (lambda t: t.replace("8 8 3 5 2", "hello", 1), "line 1: expected `sensors"),
-        (lambda t: t.replace("8 8 3 5 2", "8 8 3 5", 1), "line 1: expected five numbers"),
-        (lambda t: t.replace("8 8 3 5 2", "8 999999999 3 5 2", 1), "the table ends here|expected 8 readings"),
-        (lambda t: t[: len(t) // 2], "cut short|expected 8 readings"),
-        (lambda t: t.replace("END\n", ""), "END is missing"),
-        (lambda t: t.replace("0 0 7 0 1023 0 3 4", "0 0 7 0 1023 0 3"), "line 3: expected 8 readings, got 7"),
-        (lambda t: t.replace("1 0 7 0 1023 9 3 4", "1 0 7 0 2000 9 3 4"), "line 4: sensor 4: .* got '2000'"),
-        (lambda t: t.replace("1 0 7 0 1023 9 3 4", "1 0 7 0 -3 9 3 4"), "line 4: sensor 4: .* got '-3'"),
-        (lambda t: t.replace("TURN 1\n", ""), "line 11: expected `TURN 1`"),
+        (lambda t: "", "line 1: expected `sensors"),
+        (lambda t: t.replace("8 8 3 5 2", "6 8 3 5 2", 1), "line 1: expected `sensors .* got '6 8 3 5 2'"),
+        (lambda t: t.replace("8 8 3 5 2", "8 8 3 -5 2", 1), "line 1: expected `sensors"),
+        (lambda t: t.replace("8 8 3 5 2", "8 8 3 5", 1), "line 1: expected `sensors"),
+        (lambda t: t.replace("8 8 3 5 2", "8 999999999 3 5 2", 1), "line 11: expected 8 readings"),
+        (lambda t: t.replace("8 8 3 5 2", "8 8 999999999 5 1e-7", 1), "line 29: expected `TURN`"),
+        (lambda t: t[: len(t) // 2], "rows of readings and END|expected 8 readings"),
+        (lambda t: t.replace("END\n", ""), "expected 24 rows of readings and END, got 24 and '7 2"),
+        (lambda t: t + "END\n", "expected 24 rows of readings and END"),
+        (lambda t: t.replace("0 0 7 0 1023 0 3 4", "0 0 7 0 1023 0 3"), "line 3: expected 8 readings"),
+        (lambda t: t.replace("1 0 7 0 1023 9 3 4", "1 0 7 0 2000 9 3 4"), "line 4: .* from 0 to 1023, got"),
+        (lambda t: t.replace("1 0 7 0 1023 9 3 4", "1 0 7 0 -3 9 3 4"), "line 4: .* from 0 to 1023, got"),
+        (lambda t: t.replace("TURN 1\n", ""), "line 11: expected `TURN`"),
     ],
 )
 def test_a_broken_table_is_refused_by_its_line(sam, change, words):

@@ -9,7 +9,7 @@ import pytest
 
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
-from realitygap.calibration.recordings.files import load_recording
+from realitygap.calibration.recordings import load_recording
 from realitygap.calibration.wheels.fit import fit_wheels
 from realitygap.calibration.wheels.intervals import intervals
 from realitygap.errors import CalibrationError

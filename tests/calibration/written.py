@@ -8,18 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.recordings.checks import FACTS
-from realitygap.calibration.recordings.facts import UNKNOWN
-from realitygap.calibration.recordings.files import (
+from realitygap.calibration.recordings import (
+    FACTS,
     POLAR,
     POSE,
     READINGS,
     STEP_COLUMNS,
     STEPS,
     UNITS,
+    UNKNOWN,
     WHEEL_COUNTS,
+    Recording,
+    SensorRecording,
+    WheelRecording,
 )
-from realitygap.calibration.recordings.recording import Recording, SensorRecording, WheelRecording
 from realitygap.files import to_toml
 
 __all__ = ["save_recording"]

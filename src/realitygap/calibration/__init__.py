@@ -8,7 +8,6 @@ from realitygap.lazy import names_of
 __all__, __getattr__ = names_of(__name__, {
     "calibrate": "Calibration",
     "judge": "Judgement",
-    "recordings.files": "load_recording",
-    "recordings.recording": "Recording SensorRecording WheelRecording",
+    "recordings": "Recording SensorRecording WheelRecording load_recording",
     "unit": "calibrated_robot calibrated_unit",
 })  # fmt: skip

@@ -14,13 +14,14 @@ from realitygap.calibration.channel_fit import UNLIT, ChannelFit, unmeasured
 from realitygap.calibration.channels import fit_infrared, fit_light, ticks
 from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.light import LIGHT_FORMS
-from realitygap.calibration.recordings.body import as_recorded, tells_heights
-from realitygap.calibration.recordings.recording import (
+from realitygap.calibration.recordings import (
     FOLLOWED_STEPS,
     Recording,
     SensorRecording,
     WheelRecording,
+    as_recorded,
     count_unit,
+    tells_heights,
 )
 from realitygap.calibration.rows import REFLECTANCE
 from realitygap.calibration.wheels.fit import WheelFit, doubts, fit_wheels

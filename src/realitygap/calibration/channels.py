@@ -18,7 +18,7 @@ from realitygap.calibration.light_forms import LightCurves, light_problems
 from realitygap.calibration.lookup import fit_lookup
 from realitygap.calibration.noise import noise_tables
 from realitygap.calibration.optics import backgrounds, in_mean
-from realitygap.calibration.recordings.recording import SensorRecording
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.calibration.rows import FOLDS, REFLECTANCE, Rows
 from realitygap.calibration.searches import searched
 from realitygap.calibration.solve import Fit, value_of

@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recordings.recording import Recording, SensorRecording, count_unit
+from realitygap.calibration.recordings import Recording, SensorRecording, count_unit
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.world.robot import Profile

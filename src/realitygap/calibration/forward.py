@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recordings.recording import SensorRecording, WheelRecording
+from realitygap.calibration.recordings import SensorRecording, WheelRecording
 from realitygap.kernels.params import Arena as KernelArena
 from realitygap.kernels.params import Robot
 from realitygap.kernels.work import Scratch, new_scratch, unfed

@@ -9,7 +9,7 @@ import numpy as np
 from realitygap.calibration import forms
 from realitygap.calibration.forms import Problem
 from realitygap.calibration.forward import Scene, proximity
-from realitygap.calibration.recordings.recording import count_unit
+from realitygap.calibration.recordings import count_unit
 from realitygap.calibration.rows import Rows
 from realitygap.calibration.solve import ROBUST_AT, Fit, Free, Values, value_of
 from realitygap.values import Floats

@@ -11,7 +11,7 @@ from realitygap.calibration.channel_fit import unmeasured
 from realitygap.calibration.descent import BY_HAND, LIGHT, SHIFT
 from realitygap.calibration.forward import Scene
 from realitygap.calibration.misfit import LIMITS, Misfit
-from realitygap.calibration.recordings.recording import (
+from realitygap.calibration.recordings import (
     FOLLOWED_STEPS,
     Recording,
     SensorRecording,

@@ -20,7 +20,7 @@ from realitygap.calibration.forward import (
     rows_of,
     work_of,
 )
-from realitygap.calibration.recordings.recording import count_unit
+from realitygap.calibration.recordings import count_unit
 from realitygap.calibration.solve import Free, Values, value_of
 from realitygap.kernels.params import Robot
 from realitygap.kernels.work import Scratch

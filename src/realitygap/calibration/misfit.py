@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.forward import Scene, proximity, table_at
 from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
-from realitygap.calibration.recordings.recording import (
+from realitygap.calibration.recordings import (
     CHANNELS,
     FIRST_NOISE,
     SensorRecording,
@@ -251,7 +251,7 @@ def displaced(recording: SensorRecording, profile: Profile, scene: Scene, turn: 
         recording, profile, scene: the places, the robot, and the room they are in.
         turn: of the rig, degrees.
     """
-    if "unit" in recording.facts or not (scene.bare or recording.from_sensor is not None):
+    if recording.by_program or not (scene.bare or recording.from_sensor is not None):
         return np.full(recording.counts.shape, np.nan)
     there, *moved = (proximity(profile, scene, turn, away) for away in (0.0, -PLACED_CM, PLACED_CM))
     return np.asarray(np.sqrt(np.mean(np.square(np.array(moved) - there), axis=0)))

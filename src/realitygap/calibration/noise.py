@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.forward import table_at
-from realitygap.calibration.recordings.recording import FIRST_NOISE, SensorRecording, count_unit
+from realitygap.calibration.recordings import FIRST_NOISE, SensorRecording, count_unit
 from realitygap.values import Floats
 
 __all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise"]

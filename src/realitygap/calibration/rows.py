@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration import checks
 from realitygap.calibration.forward import scene_of
-from realitygap.calibration.recordings.recording import FIRST_NOISE, SensorRecording, count_unit
+from realitygap.calibration.recordings import FIRST_NOISE, SensorRecording, count_unit
 from realitygap.calibration.solve import Measured
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from realitygap.calibration.calibrate import Calibration, calibrate
-from realitygap.calibration.recordings.recording import Recording, SensorRecording
+from realitygap.calibration.recordings import Recording, SensorRecording
 from realitygap.errors import CalibrationError
 from realitygap.world.robot import Profile
 

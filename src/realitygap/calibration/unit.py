@@ -37,7 +37,7 @@ from realitygap.world.robot import Profile, load_profile
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.recordings.recording import Recording
+    from realitygap.calibration.recordings import Recording
 
 __all__ = ["calibrated_again", "calibrated_robot", "calibrated_unit"]
 
@@ -264,7 +264,7 @@ def record_part(folder: Path, name: str, report: Progress) -> None:
 def fitted(folder: Path, names: Sequence[str], **how: Any) -> Calibration:
     """The calibration by some of the folder's parts; `how` is for `calibrate`."""
     from realitygap.calibration.calibrate import calibrate
-    from realitygap.calibration.recordings.files import load_recording
+    from realitygap.calibration.recordings import load_recording
     from realitygap.calibration.share import calibrate_share
 
     known = settings_of(folder)

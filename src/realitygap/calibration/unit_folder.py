@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from realitygap.calibration.recorder.journal import STUDY
-from realitygap.calibration.recordings.checks import FACTS
+from realitygap.calibration.recordings import FACTS
 from realitygap.errors import CalibrationError
 from realitygap.files import atomic_write, read_toml, refuse_unknown, to_toml
 

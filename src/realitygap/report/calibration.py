@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from realitygap.calibration.judge import LIMITS
-from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.calibration.recordings import WheelRecording
 from realitygap.report import calibration_figures as draw
 from realitygap.report.page import Figures, OnProgress, Picture, Steps, Words, write_page
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recordings.objects import cylinder_radius
-from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.calibration.recordings import WheelRecording, cylinder_radius
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
 from realitygap.values import Floats
 

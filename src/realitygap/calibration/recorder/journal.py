@@ -7,8 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from realitygap.calibration.recordings.checks import FACTS
-from realitygap.calibration.recordings.files import READINGS, STEPS
+from realitygap.calibration.recordings import FACTS, READINGS, STEPS
 from realitygap.errors import RecordingError
 from realitygap.files import atomic_write, naming_errors, read_toml, to_toml
 

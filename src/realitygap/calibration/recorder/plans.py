@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from realitygap.calibration.recorder.grid import Grid
-from realitygap.calibration.recordings.objects import check_object, cylinder_radius
-from realitygap.calibration.recordings.recording import BODY_RADIUS_CM
+from realitygap.calibration.recordings import BODY_RADIUS_CM, check_object, cylinder_radius
 from realitygap.errors import RecordingError
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, load_arena

@@ -21,14 +21,22 @@ from realitygap.calibration.recorder.journal import ARENA, Journal, alone, refus
 from realitygap.calibration.recorder.plans import KHEPERA, Part, Place, SensorPlan, sensor_plans
 from realitygap.calibration.recorder.site import Ask, EnoughError, Site, site_of
 from realitygap.calibration.recorder.wheel_plans import ROOM, Trial, wheel_plan
-from realitygap.calibration.recordings.body import stated_heights, stated_shape
-from realitygap.calibration.recordings.facts import UNKNOWN
-from realitygap.calibration.recordings.files import EDGES, POSE, STEP_COLUMNS, UNFINISHED, UNITS
-from realitygap.calibration.recordings.recording import CHANNELS
+from realitygap.calibration.recordings import (
+    BODY_RADIUS_CM,
+    CHANNELS,
+    EDGES,
+    HEIGHTS_CM,
+    POSE,
+    STEP_COLUMNS,
+    UNFINISHED,
+    UNITS,
+    UNKNOWN,
+)
 from realitygap.errors import UsageError
 from realitygap.files import atomic_write
 from realitygap.robots.body import Body, Filmed, Placing, Seen, attend, channel, facts_of
 from realitygap.values import Pose
+from realitygap.world.robot import Body as Shape
 from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["REPEATS", "Made", "Wanted", "check_period", "parts_for", "record"]
@@ -286,3 +294,23 @@ def _pose(pose: Pose | None) -> tuple[str, ...]:
     if pose is None:
         return ("", "", "")
     return f"{pose.x:.4f}", f"{pose.y:.4f}", f"{math.degrees(pose.heading):.3f}"
+
+
+def stated_shape(base: Profile | None, one: Any) -> dict[str, Any]:
+    """The body's outline and the kind of its sensors as facts; without a base the Khepera's."""
+    body = base.body if base else Shape(radius_cm=BODY_RADIUS_CM)
+    shape: dict[str, Any] = {"body_radius_cm": body.radius_cm}
+    if body.outline_cm:
+        shape["body_outline_cm"] = [list(corner) for corner in body.outline_cm]
+    shape["sensors"] = one.sensors
+    if one.high != load_profile("paper").channel(one.name).top:
+        shape["full_scale"] = one.high
+    return shape
+
+
+def stated_heights(base: Profile | None) -> dict[str, float]:
+    """Heights of body and sensors as facts, cm, if the base has both; without a base the Khepera's."""
+    if base is None:
+        return HEIGHTS_CM
+    heights = dict(zip(HEIGHTS_CM, (base.body.height_cm, base.ambient.sensor_height_cm), strict=True))
+    return heights if all(heights.values()) else {}

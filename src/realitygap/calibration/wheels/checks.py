@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.calibration.recordings import WheelRecording
 from realitygap.calibration.wheels.odometry import Odometry, enough_pictures, measured_speeds
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
@@ -110,7 +110,7 @@ def _refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile
         if low <= pulses <= high:
             continue
         expected, got = f"{low:g} to {high:g} pulses per mm", pulses
-        if recording.told:
+        if recording.from_commands:
             expected, got = f"{0.1 / high:.3g} to {0.1 / low:.3g} cm/s a unit", length
             cure = f"Are commands in units of profile {base.name!r}, x_cm and y_cm in cm?"
         raise CalibrationError(

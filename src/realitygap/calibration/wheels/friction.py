@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.calibration.recordings import WheelRecording
 from realitygap.kernels.params import STEP_S
 from realitygap.values import Floats
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.constants import SIGMAS
-from realitygap.calibration.recordings.recording import WheelRecording
+from realitygap.calibration.recordings import WheelRecording
 from realitygap.values import Floats
 from realitygap.world.robot import Constant
 
@@ -81,7 +81,7 @@ def measured_speeds(
     """
     step, way = np.diff(recording.t_s), np.diff(recording.counters, axis=0)
     lengths = odometry.cm_per_pulse if odometry else cm_per_pulse
-    if recording.told:
+    if recording.from_commands:
         way = np.full_like(way, np.nan)
         if odometry is not None and recording.pose is not None:
             turn, ahead = np.array([_moved(a, b, 0.0) for a, b in pairwise(recording.pose)]).T
@@ -166,7 +166,7 @@ def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int)
     for rows in recording.trials():
         seen = _thinned(rows[np.isfinite(recording.pose[rows]).all(axis=1)], apart)
         for a, b in pairwise(seen):
-            if recording.told and not _alike(recording.commands[rows[0] : b], a - rows[0]):
+            if recording.from_commands and not _alike(recording.commands[rows[0] : b], a - rows[0]):
                 continue
             steps = np.diff(recording.counters[a : b + 1], axis=0)
             pulses = steps.sum(axis=0)
@@ -175,7 +175,7 @@ def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int)
             guess = (pulses[1] - pulses[0]) / (10.0 * recording.pulses_per_mm) / track_cm
             turn, way = _moved(recording.pose[a], recording.pose[b], guess)
             told = recording.commands[a:b]
-            since = STEADY_STEPS if recording.told else 1
+            since = STEADY_STEPS if recording.from_commands else 1
             before = recording.commands[max(a - since, rows[0]) : b]
             steady = b == a + 1 and a - rows[0] >= since and bool((before == before[0]).all())
             same = bool((told[:, 0] == told[:, 1]).all())

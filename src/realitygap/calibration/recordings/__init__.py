@@ -1,1 +1,0 @@
-"""Recordings: reading, checking and writing the open format and `.sam` tables."""
