@@ -7,7 +7,7 @@
     tracked = track_film("film.mp4", load_camera("camera.json"), load_disk())
     tracked.track.write_csv("track.csv")
 
-Other rooms never see it: whoever made a film, a person or the twin, it is a file.
+Whoever made a film, a person or the twin, it is a file.
 """
 
 from realitygap.lazy import names_of

@@ -191,23 +191,24 @@ class DiskFinder:
         )
         window = _sampled(picture, columns, rows).astype(np.float32)
         for_centre, for_front, fine = _responses(window, disk, 1 / step)
+        ring, slack = disk.front_distance_cm / step, self._slack * disk.front_radius_cm / step
         best: Sighting | None = None
         tops = _maxima(for_centre, 1, np.hypot(side, side[:, None]) <= reach_cm / step)
         for top in tops[:_PEAKS]:
-            centre = _peak(for_centre, top)
-            front = None if centre is None else self._front(for_front, centre)
-            if centre is None or front is None:
+            if (centre := _peak(for_centre, top)) is None:
+                continue
+            off = np.abs(np.hypot(side + half - centre[0], side[:, None] + half - centre[1]) - ring)
+            highest = int(np.where(off <= slack, for_front, -np.inf).argmax())
+            if (front := _peak(for_front, np.unravel_index(highest, off.shape))) is None:
                 continue
             found = np.array([centre, front])
             quality = _correlation(self._seen(fine, found), self._pattern)
             if best is None or quality > best.quality:
                 points = place + step * (found - half)
                 best = Sighting(points, disk.pose_of(points), quality)
-        if best is None:
-            return None
-        return (
-            best if self.camera.shows(self.camera.to_pixels(best.points, disk.height_cm), 1.0).all() else None
-        )
+        if best is None or self.camera.shows(self.camera.to_pixels(best.points, disk.height_cm), 1.0).all():
+            return best
+        return None
 
     def anywhere(self, picture: Grey) -> Sighting | None:
         """The likeliest disk in the whole picture, or None."""
@@ -223,18 +224,6 @@ class DiskFinder:
     def why_not(self, picture: Grey) -> str:
         """Why the disk is not found in a picture: unknown."""
         return ""
-
-    def _front(self, response: Response, centre: Floats) -> Floats | None:
-        """The front patch on its ring about the centre, both (column, row) of a window, or None."""
-        ring, slack = (
-            self.disk.front_distance_cm / self._step,
-            self._slack * self.disk.front_radius_cm / self._step,
-        )
-        side = np.arange(len(response))
-        off = np.abs(np.hypot(side - centre[0], side[:, None] - centre[1]) - ring)
-        top = np.unravel_index(int(np.where(off <= slack + 1, response, -np.inf).argmax()), response.shape)
-        front = _peak(response, top)
-        return front if front is not None and abs(math.dist(front, centre) - ring) <= slack else None
 
     def _seen(self, fine: Response, found: Floats) -> Floats:
         """What a window shows at the pattern's places [n] of a disk whose patches are there (column, row)."""
