@@ -223,7 +223,7 @@ def test_stays_in_its_room_whatever_it_is_told() -> None:
 
 @pytest.mark.parametrize(("unit", "seed", "speeds"), [(1, 2, (4, 5)), (4, 0, (5, 5))])
 def test_pressing_on_a_cylinder_throws_nobody(unit: int, seed: int, speeds: tuple[int, int]) -> None:
-    """With a cylinder for the robot's body MuJoCo threw it here, after 7.0 and 2.2 s, by over a centimetre."""
+    """With a cylinder for the robot's body MuJoCo threw it here, after 7.0 and 2.2 s."""
     body = TwinBody(ARENAS["obstacle-avoidance"], unit=unit, seed=seed)
     body.place(25, 25, 0.5)
     body.set_speed(*speeds)

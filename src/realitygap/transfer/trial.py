@@ -5,6 +5,7 @@ A trial on the twin is a function of its situation alone.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from functools import cache
@@ -198,10 +199,12 @@ class Stage:
         self, one: Situation, folder: Path, facts: dict[str, Any], path: Track, driven: Driven
     ) -> None:
         path.write_csv(folder / SITUATED)
-        facts["fitness"]["situated"] = score(path, self.study.task(one.task), self.study.profile)
+        kept = driven.recording
+        facts["timing"] = kept.timing
+        fitness = score(path, self.study.task(one.task), self.study.profile)
+        facts["fitness"]["situated"] = fitness if kept.timing is None else math.nan
         facts["film"] = one.film
         facts["situated_from"] = one.source
-        kept = driven.recording
         facts["late_steps"] = kept.late_steps
         facts["missed_steps"] = None if np.isnan(kept.read).all() else kept.missed_steps
         facts["lost_steps"] = path.lost

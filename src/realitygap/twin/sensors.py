@@ -2,8 +2,8 @@
 
 Infrared reflected to each, and the lamp's light, direct and off the walls. The laws are the twin's own, taken
 from what the real tables show, not from the paper's equations. Everything stands upright, so light is
-followed in the plane. Lamps hang higher than the robot is tall: what of their light passes over it, it does not
-shade.
+followed in the plane. Lamps hang higher than the robot is tall: what of their light passes over it, it does
+not shade.
 """
 
 import math
