@@ -20,10 +20,9 @@ from realitygap.control.genotype import Genotype
 from realitygap.robots.address import Address
 from realitygap.robots.loop import drive
 from realitygap.tasks import load_task
+from realitygap.track import read_track
 from realitygap.transfer.rig import Rig
 from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.drawing import WHOLE
-from realitygap.twin.states import States
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import load_arena
 from realitygap.world.robot import load_profile
@@ -59,7 +58,7 @@ def parts(task: str, pose: Pose, folder: Path) -> None:
             before = spent()
             rig.trial(driver, stream, pose, 20.0, sealed=sealed)
             driven = spent()
-            rig.watcher.track(rig.states(sealed, 20.0), stream)
+            rig.watcher.track(rig.truth(sealed, 20.0), stream)
             least = [min(pair) for pair in zip(least, (driven - before, spent() - driven), strict=True)]
     print(
         f"{task}: a watched trial of 20 s: {sum(least):.2f} s of processor time (driver and twin "
@@ -88,16 +87,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for task, (_, pose) in TASKS.items():
             parts(task, pose, Path(folder))
-            states = States.from_file(Path(folder) / f"{task}.csv")
+            truth = read_track(Path(folder) / f"{task}.csv")
             for view in ("drawn", "mujoco"):
                 try:
                     with OverheadCamera(load_arena(task).plain(), unit=1, view=view) as camera:
                         start = time.perf_counter()
-                        count = sum(
-                            1
-                            for _, (_t, show) in zip(range(200), camera.looks(states), strict=False)
-                            if show(WHOLE).size
-                        )
+                        count = sum(1 for _ in zip(range(200), camera.frames(truth, fps=10), strict=False))
                         print(f"  camera, {view}: {count / (time.perf_counter() - start):.0f} frames/s")
                 except Exception as error:  # no EGL or OSMesa here
                     print(f"  camera, {view}: {error}")

@@ -30,51 +30,11 @@ SETTINGS = {
     "OpenCV": {"OPENCV_CPU_DISABLE": "SSE4.1,SSE4.2,AVX,AVX2,FMA3,AVX512-SKX"},
     "Numba": {"NUMBA_CPU_NAME": "x86-64"},
 }
-ALIKE = ("arithmetic", "readings", "evolution")
+ALIKE = ("evolution",)
 ROOM = {
     "size_cm": [100, 80], "cylinders": [[30, 40, 4], [70, 20, 3]], "walls": [[50, 0, 60, 30]],
     "lamps": [[20, 60], [95, 75]],
 }  # fmt: skip
-
-
-def arithmetic() -> list[Any]:
-    """The twin's own functions."""
-    from realitygap.twin import arithmetic as own
-
-    x = np.linspace(-50.0, 50.0, 20_001)
-    bits = np.random.PCG64(1).random_raw(20_000)
-    return [*own.cos_sin(x), own.arctan2(x, x[::-1] * x - 7.0), own.power(x, 2.6), own.normals(bits)]
-
-
-def readings() -> list[Any]:
-    """A unit's constants, sensors, noise and camera, at places that no physics moves."""
-    from realitygap.twin.arena import check_arena
-    from realitygap.twin.camera import OverheadCamera
-    from realitygap.twin.noise import creep_at, creep_of
-    from realitygap.twin.sensors import HISTORY_MS, Sensors
-    from realitygap.twin.states import States
-    from realitygap.twin.unit import draw_unit
-    from tests.twin.slow_sensors import illumination, reflected
-
-    unit = draw_unit(3)
-    sensors = Sensors(check_arena(ROOM), unit, noise=1.0, seed=5)
-    found: list[Any] = [repr(unit).encode()]
-    for k in range(60):
-        angle = 0.7 * k
-        poses = np.tile([0.1 + 0.013 * k, 0.6 - 0.005 * k, angle], (8, 1))
-        found += [illumination(sensors, poses), reflected(sensors, poses)]
-        pose = States.standing([0], [10 + 1.3 * k], [60 - 0.5 * k], [angle]).pose
-        history = np.tile(pose, (HISTORY_MS, 1))
-        found += [np.array([sensors.proximity(20 * k, history), sensors.ambient(20 * k, history)])]
-    creep, refill = creep_of(5, 1.0, unit.axle_phase)
-    for k in range(2000):
-        if k % len(creep.block) == 0:
-            refill()
-        found.append(np.array(creep_at(creep, k % 2, 0.01 * k, 0.3, 0.1 * k)))
-    with OverheadCamera(ROOM, unit=3, view="drawn", seed=5) as eye:
-        pose = States.standing([0], [40.0], [50.0], [0.5]).pose[0]
-        found.append(eye.frame(pose, 1))
-    return found
 
 
 def twin() -> list[Any]:
@@ -89,7 +49,7 @@ def twin() -> list[Any]:
         for _ in range(100):
             body.advance(100)
             found.append(np.array([body.proximity(), body.ambient()]))
-        found.append(body.states().pose)
+        found.append(np.array(body.truth()))
     return found
 
 
@@ -97,9 +57,8 @@ def physics() -> list[Any]:
     """MuJoCo alone, with the twin's model: two constant voltages, no control, no noise."""
     import mujoco
 
-    from realitygap.twin.arena import check_arena
-    from realitygap.twin.model import build_xml
-    from realitygap.twin.unit import draw_unit
+    from realitygap.twin.body import build_xml
+    from realitygap.twin.unit import check_arena, draw_unit
 
     model = mujoco.MjModel.from_xml_string(build_xml(check_arena(ROOM), draw_unit(1)))
     data = mujoco.MjData(model)
@@ -154,7 +113,7 @@ def fit() -> list[Any]:
 
 
 PARTS: dict[str, Callable[[], list[Any]]] = {
-    part.__name__: part for part in (arithmetic, readings, twin, physics, evolution, track, fit)
+    part.__name__: part for part in (twin, physics, evolution, track, fit)
 }
 
 

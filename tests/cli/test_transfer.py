@@ -12,7 +12,6 @@ import time
 import tomllib
 from pathlib import Path
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 from tests.served import Served
@@ -27,7 +26,6 @@ from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.transfer.film import Watcher
 from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.states import States
 from realitygap.values import Pose
 from realitygap.world.arena import Arena
 
@@ -196,14 +194,12 @@ def test_a_person_is_told_where_the_camera_sees_the_robot(study, tmp_path):
 
 def filmed(file: Path, arena: Arena, places: list[tuple[float, ...]]) -> Path:
     """A film of the twin at these places, one a frame."""
-    x, y, heading = np.array(places).T
-    states = States.standing(np.arange(len(x)) * 40, x, y, np.radians(heading))
     with (
         OverheadCamera(arena.plain(), unit=1, view="drawn") as eye,
         FilmWriter(file, rate=25, made_by="the tests") as film,
     ):
-        for k, pose in enumerate(states.pose):
-            film.add(eye.frame(pose, k))
+        for k, place in enumerate(places):
+            film.add(eye.frame(Pose.from_degrees(*place), k))
     return file
 
 

@@ -20,7 +20,7 @@ from realitygap.robots.body import Body, Filmed, Placing, Seen
 from realitygap.robots.clock import Clock
 from realitygap.robots.enki import EnkiBody
 from realitygap.testing import BodyContract
-from realitygap.twin.states import States
+from realitygap.track import read_track
 from realitygap.values import Command, Pose
 from realitygap.world.robot import load_profile
 
@@ -203,10 +203,10 @@ def test_a_camera_gets_a_state_each_step(tmp_path):
         body.clock.sleep_until(body.clock.now() + 1.0)
         end = body.pose
         body.film(None)
-    states = States.from_file(tmp_path / "sealed.csv")
-    assert states.time_ms.tolist() == list(range(0, 1001, 20))
-    assert tuple(100 * states.pose[0, :2]) == pytest.approx((20, 30))
-    assert tuple(100 * states.pose[-1, :2]) == pytest.approx((end.x, end.y), abs=1e-4)
+    truth = read_track(tmp_path / "sealed.csv")
+    assert truth.t == pytest.approx(np.arange(51) / 50)
+    assert (truth.x[0], truth.y[0]) == pytest.approx((20, 30))
+    assert (truth.x[-1], truth.y[-1]) == pytest.approx((end.x, end.y), abs=1e-4)
 
 
 def test_a_killed_process_is_said_and_nothing_is_left():

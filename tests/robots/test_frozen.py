@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from realitygap.errors import FrozenError
-from realitygap.robots.guard import SILENCE_S, TICK_S, Silence
+from realitygap.robots.guard import SILENCE_S, TICK_S, Watchdog
 from realitygap.robots.khepera.body import KheperaBody
 from realitygap.robots.loop import drive
 from realitygap.robots.recording import Recorder, Recording
@@ -27,24 +27,24 @@ from tests.served import Served
 
 def test_a_silence_is_ended_within_half_a_second() -> None:
     """Counted from the driver's last word while its wheels may turn; it is said once."""
-    silence = Silence()
-    assert not any(silence.passes(TICK_S) for _ in range(100)), "nobody drives"
+    silence = Watchdog()
+    assert not any(silence.expired(TICK_S) for _ in range(100)), "nobody drives"
     for words in (b"+", b"-+", b"++"):
         silence.hear(words)
-        ticks = [silence.passes(TICK_S) for _ in range(100)]
+        ticks = [silence.expired(TICK_S) for _ in range(100)]
         assert ticks.count(True) == 1
         assert SILENCE_S <= (ticks.index(True) + 1) * TICK_S <= 0.5 - TICK_S
     silence.hear(b"+-")
-    assert not any(silence.passes(TICK_S) for _ in range(100)), "it stands"
+    assert not any(silence.expired(TICK_S) for _ in range(100)), "it stands"
 
 
 def test_a_computer_that_stood_still_is_no_silence() -> None:
     """A guard that was frozen with its driver hears it first."""
-    silence = Silence()
+    silence = Watchdog()
     silence.hear(b"+")
-    assert not silence.passes(60.0)
+    assert not silence.expired(60.0)
     silence.hear(b"+")
-    assert not silence.passes(60.0)
+    assert not silence.expired(60.0)
 
 
 @contextmanager
@@ -135,6 +135,44 @@ def test_no_robot_is_driven_without_a_guard(bench: Bench) -> None:
     with pytest.raises(FrozenError, match="the guard's process has ended"):
         drive(KheperaBody(khepera), controller, seconds=2, clock=khepera.clock, inputs=bands)
     assert khepera.speeds() == (0, 0)
+
+
+def test_a_guard_that_is_frozen_ends_the_drive(bench: Bench, tmp_path: Path) -> None:
+    """The driver hears no echo, stops the robot within half a second, and says so."""
+    twin = bench.twin()
+    khepera = bench.khepera(twin.device)
+    guard = khepera._guard._process
+    assert guard is not None
+    frozen: list[float] = []
+
+    def freeze() -> None:
+        guard.send_signal(signal.SIGSTOP)
+        frozen.append(time.monotonic())
+
+    try:
+        with pytest.raises(FrozenError, match=r"guard's process has not answered for 0\.[3-9] s"):
+            drive(KheperaBody(khepera), Once(freeze), seconds=3, inputs=bands)
+        assert time.monotonic() - frozen[0] < 0.6
+        assert khepera.speeds() == (0, 0)
+    finally:
+        guard.send_signal(signal.SIGCONT)
+    assert len(drive(KheperaBody(khepera), Constant(), seconds=0.5, inputs=bands).t) == 5
+
+
+def test_a_pause_of_driver_and_guard_together_ends_the_drive(bench: Bench, tmp_path: Path) -> None:
+    """As a paused container: the guard has lived through no silence, but the driver sees its own gap."""
+    twin = bench.twin()
+    with child(twin, tmp_path / "r") as driver:
+        children = Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split()
+        both = [*map(int, children), driver.pid]
+        for pid in both:
+            os.kill(pid, signal.SIGSTOP)
+        time.sleep(1.5)
+        for pid in both:
+            os.kill(pid, signal.SIGCONT)
+        _, errors = driver.communicate(timeout=60)
+        assert driver.returncode != 0 and "the drive was frozen for 1." in errors
+    assert comes_to_stand(twin, tmp_path)
 
 
 def test_a_robot_whose_time_waits_needs_no_guard(bench: Bench) -> None:

@@ -6,24 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pytest
 
-from realitygap.calibration.recorder.camera import plate_of
 from realitygap.control.genotype import Genotype
 from realitygap.errors import ConfigError, UsageError
-from realitygap.film.disk import load_disk
 from realitygap.film.tag import Tag
-from realitygap.film.tracker import Tracker
 from realitygap.robots.recording import Recording
 from realitygap.tasks import load_task
 from realitygap.track import Track
-from realitygap.transfer.film import WATCH_FPS
 from realitygap.transfer.paths import score
 from realitygap.transfer.rig import Rig, _refuse_elsewhere
-from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.drawing import WHOLE
 from realitygap.values import Pose
 from realitygap.world.robot import load_profile
 
@@ -78,22 +71,6 @@ def test_a_trial_does_not_know_what_was_before_it(used: SimpleNamespace, folder:
     assert not same(used.first, second)
 
 
-def test_the_track_is_that_of_whole_frames(used: SimpleNamespace, tmp_path: Path) -> None:
-    """To the last bit, pixel noise included."""
-    used.rig.trial(DRIVER, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
-    states = used.rig.states(tmp_path / "sealed.csv", 1.0)
-    track = used.rig.watcher.track(states, 9)
-    with OverheadCamera(TASK.arena.plain(), unit=1, view="drawn") as eye:
-        frames = [
-            (t, cv2.cvtColor(show(WHOLE), cv2.COLOR_RGB2GRAY))
-            for t, show in eye.looks(states, fps=WATCH_FPS, first=9)
-        ]
-    whole = Tracker(used.rig.watcher.camera, load_disk()).follow(frames)
-    assert len(whole) == 11 and whole.found.all()
-    names = ("t", "x", "y", "heading", "quality")
-    assert all(np.array_equal(getattr(track, name), getattr(whole, name)) for name in names)
-
-
 def test_a_rig_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:
     """A pose in a wall, a length of no whole steps: one clear error, then as ever."""
     with pytest.raises(ConfigError, match="does not fit"):
@@ -105,22 +82,16 @@ def test_a_rig_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:
 
 def test_a_twin_that_wears_a_tag_is_tracked_by_it(tmp_path: Path) -> None:
     """Calibrated and watched with a marker that sits off its middle and turned: never lost, within 0.3 mm of
-    where it was, and the track is that of whole frames."""
+    where it was."""
     tag = Tag.parse("aruco:5x5_100:2,size=32,x=-12,y=5,angle=90")
     with rig(tmp_path) as one:
         one.marker = tag
         one.trial(DRIVER, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
-        states = one.states(tmp_path / "sealed.csv", 1.0)
-        track, camera = one.watcher.track(states, 9), one.watcher.camera
+        truth = one.truth(tmp_path / "sealed.csv", 1.0)
+        track = one.watcher.track(truth, 9)
     assert track.lost == 0
-    rows = np.searchsorted(states.time_ms, states.time_ms[0] + 1000 * track.t + 1e-6, side="right") - 1
-    true = 100 * states.pose[rows]
-    assert np.hypot(track.x - true[:, 0], track.y - true[:, 1]).max() < 0.03
-    with OverheadCamera(TASK.arena.plain(), unit=1, view="drawn", plate=plate_of(tag)) as eye:
-        looks = eye.looks(states, fps=WATCH_FPS, first=9)
-        frames = [(t, cv2.cvtColor(show(WHOLE), cv2.COLOR_RGB2GRAY)) for t, show in looks]
-    whole = Tracker(camera, tag).follow(frames)
-    assert all(np.array_equal(getattr(track, name), getattr(whole, name)) for name in ("x", "y", "heading"))
+    rows = np.searchsorted(truth.t, truth.t[0] + track.t + 1e-6, side="right") - 1
+    assert np.hypot(track.x - truth.x[rows], track.y - truth.y[rows]).max() < 0.03
 
 
 def test_each_stand_has_a_camera_of_its_own(folder: Path) -> None:

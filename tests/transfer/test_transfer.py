@@ -34,7 +34,6 @@ from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import Transferred, load_transfers
 from realitygap.transfer.trial import Stage
 from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.states import States, heading_of
 from tests.served import Served
 from tests.transfer.helpers import transfer
 
@@ -156,15 +155,13 @@ def test_a_film_is_tracked_to_the_truth(watched, view, monkeypatch):
     assert before.situated_from == "counters" and one.situated_from == "film" and one.filmed
     assert transfer(watched, [2], seconds=SECONDS, workers=1)[0].situated_from == "film"  # kept
     assert one.view is not None and one.view.lower().startswith(view)
-    track, truth = read_track(one.folder / "track.csv"), States.from_file(one.folder / "sealed.csv")
+    track, truth = read_track(one.folder / "track.csv"), read_track(one.folder / "sealed.csv")
     with FilmReader(one.folder / "film.mp4") as film:
         assert film.notes["view"] == one.view
     assert len(track) == round(25 * SECONDS) + 1 and track.lost == 0
-    shown = np.searchsorted(truth.time_ms - truth.time_ms[0], track.t * 1000 + 1e-3, side="right") - 1
-    off = np.hypot(track.x - 100 * truth.pose[shown, 0], track.y - 100 * truth.pose[shown, 1])
-    turned = (
-        track.heading_deg - np.degrees([heading_of(pose) for pose in truth.pose[shown]]) + 180
-    ) % 360 - 180
+    shown = np.searchsorted(truth.t - truth.t[0], track.t + 1e-6, side="right") - 1
+    off = np.hypot(track.x - truth.x[shown], track.y - truth.y[shown])
+    turned = (track.heading_deg - truth.heading_deg[shown] + 180) % 360 - 180
     assert off.mean() < 0.04 and off.max() < 0.15
     assert np.abs(turned).mean() < 0.5
     assert (one.folder / "tails.png").read_bytes()[:4] == b"\x89PNG"
@@ -189,10 +186,10 @@ def test_a_watched_trial_is_seen_ten_times_a_second(made, watched, tmp_path):
         driver = watched.controller(one.task, watched.runs[one.run - 1].champion)
         pose, sealed = stage.simulation(again.task, again.noise).start(again.stream), tmp_path / "sealed.csv"
         stage.rig(again).trial(driver, again.stream, pose, SECONDS, sealed=sealed)
-    track, truth = read_track(one.folder / "track.csv"), States.from_file(sealed)
-    shown = np.searchsorted(truth.time_ms - truth.time_ms[0], one.situated.t * 1000 + 1e-3, "right") - 1
+    track, truth = read_track(one.folder / "track.csv"), read_track(sealed)
+    shown = np.searchsorted(truth.t - truth.t[0], one.situated.t + 1e-6, "right") - 1
     path = one.situated
-    off = np.hypot(path.x - 100 * truth.pose[shown, 0], path.y - 100 * truth.pose[shown, 1])
+    off = np.hypot(path.x - truth.x[shown], path.y - truth.y[shown])
     assert len(track) == len(path.t) and off.mean() < 0.03 and off.max() < 0.1
     counted = transfer(watched, [one.run], seconds=SECONDS, workers=1, watch=False)[0]
     assert counted.situated_from == "counters" and counted.view is None

@@ -22,9 +22,8 @@ from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
 from realitygap.transfer.film import Watcher
 from realitygap.transfer.run import load_transfers
-from realitygap.twin import drawing
+from realitygap.twin import camera as twin_camera
 from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.states import States
 from realitygap.values import Pose
 from tests.served import Served
 from tests.transfer.helpers import transfer
@@ -73,20 +72,17 @@ def seen_from_above(file: Path, arena, plate=None, *, nobody: int = COVERED, the
     """A film of nobody for three frames, then of a robot that turns; for its last two thirds, if need be,
     with another plate."""
     turn, count = math.radians(90.0) / FPS, 3 * FPS
-    heading = STANDS.heading + turn * np.arange(count)
-    states = States.standing(
-        np.arange(count) * 40, np.full(count, STANDS.x), np.full(count, STANDS.y), heading
-    )
+    poses = [Pose(x=STANDS.x, y=STANDS.y, heading=STANDS.heading + turn * k) for k in range(count)]
     with ExitStack() as opened:
         eye = opened.enter_context(OverheadCamera(arena.plain(), unit=1, view="drawn", plate=plate))
         later = eye
         if then is not None:
             later = opened.enter_context(OverheadCamera(arena.plain(), unit=1, view="drawn", plate=then))
         film = opened.enter_context(FilmWriter(file, rate=FPS, made_by="the tests"))
-        away = States.standing([0], [-50.0], [-50.0], [0.0]).pose[0]
+        away = Pose(x=-50.0, y=-50.0, heading=0.0)
         for k in range(nobody):
             film.add(eye.frame(away, 900 + k))
-        for k, pose in enumerate(states.pose):
+        for k, pose in enumerate(poses):
             film.add((eye if k < FPS else later).frame(pose, k))
     return file
 
@@ -149,8 +145,9 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
 
     Its patches are the shipped disk's, exchanged: a tracker of that one would see the robot look back.
     """
-    heights, (body, disk, middle, front), colours = drawing.LOOK
-    monkeypatch.setattr(drawing, "LOOK", drawing.Look(heights, (body, disk, front, middle), colours))
+    radii = twin_camera.MIDDLE_RADIUS, twin_camera.FRONT_RADIUS
+    monkeypatch.setattr(twin_camera, "MIDDLE_RADIUS", radii[1])
+    monkeypatch.setattr(twin_camera, "FRONT_RADIUS", radii[0])
     video, mine = seen_from_above(tmp_path / "eye.mp4", arena), tmp_path / "mine.toml"
     mine.write_text("centre_radius_cm = 0.45\nfront_radius_cm = 0.7\n")
     port, carry = robot

@@ -9,13 +9,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.twin.arena import edges
-from realitygap.twin.arithmetic import arctan2, cos_sin, hypot, normals, power
-from realitygap.twin.eyes import (
+from realitygap.twin.noise import (
+    AMBIENT_COUNTS,
+    DARK_COUNTS,
+    DRIFT,
+    DRIFT_KNOT_MS,
+    OUTLIER_SIZE,
+    OUTLIERS,
+    PROXIMITY_COUNTS,
+    WHITE,
+)  # fmt: skip
+from realitygap.twin.rays import FAR
+from realitygap.twin.sensors import (
+    CYCLE_MS,
     EYE_EXPONENT,
     EYE_HEIGHT,
     EYE_MIDDLE,
     FAN,
+    FULL,
     IR_DEPTH,
     IR_EXPONENT,
     IR_GAIN,
@@ -23,34 +34,15 @@ from realitygap.twin.eyes import (
     IR_REACH,
     LAMP_COUNTS,
     LAMP_PROUD,
-    WALL_WHITE,
+    PHASE_MS,
+    WALL_REFLECTANCE,
+    Sensors,
     illuminate,
     reflect,
 )
-from realitygap.twin.model import BODY_RADIUS, BODY_TOP, WALL_HEIGHT
-from realitygap.twin.noise import (
-    AMBIENT_COUNTS,
-    AXLE_SHARE,
-    DARK_COUNTS,
-    DRIFT,
-    DRIFT_KNOT_MS,
-    GROUND_CELL_M,
-    GROUND_CELLS,
-    GROUND_SHARE,
-    OUTLIER_SIZE,
-    OUTLIERS,
-    PROXIMITY_COUNTS,
-    SLIP_KEPT,
-    SLIP_SHARE,
-    WHITE,
-    draws,
-    normal_draws,
-)  # fmt: skip
-from realitygap.twin.rays import FAR
-from realitygap.twin.sensors import CYCLE_MS, FULL, PHASE_MS, Sensors
-from realitygap.twin.unit import SENSORS_MM_DEG, Unit
+from realitygap.twin.unit import BODY_RADIUS, BODY_TOP, SENSORS_MM_DEG, WALL_HEIGHT, Unit, faces_of
 
-__all__ = ["SlowCreep", "SlowNoise", "SlowSensors"]
+__all__ = ["SlowNoise", "SlowSensors"]
 
 Array = NDArray[np.float64]
 
@@ -59,6 +51,13 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_A = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_B = np.uint64(0x94D049BB133111EB)
 _MASK = (1 << 64) - 1
+
+
+def normals(bits: NDArray[np.uint64]) -> Array:
+    """A draw of deviation 1 from each word of 64 random bits (Box and Muller 1958)."""
+    first = ((bits >> np.uint64(32)).astype(np.float64) + 0.5) * 2.0**-32
+    second = (bits & np.uint64(0xFFFFFFFF)).astype(np.float64) * 2.0**-32
+    return np.asarray(np.sqrt(-2.0 * np.log(first)) * np.cos(2.0 * np.pi * second))
 
 
 def spread(numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
@@ -112,48 +111,6 @@ def _weighted(rows: Array, weights: Array) -> Array:
     return total
 
 
-class SlowCreep:
-    """How much further each wheel turns than it carries the robot, as a share of its speed.
-
-    The encoders sit on the motors and see nothing of it: so the robot's own speed control, which is
-    nearly noiseless, cannot mend it. Three causes: slip of the tyre, the ground, the wheel on its axle.
-    """
-
-    def __init__(self, seed: int, noise: float, phases: tuple[float, float]) -> None:
-        generator = draws(seed, 31)
-        self._noise = noise
-        self._phases = phases
-        self._generator = generator
-        self._slip: list[float] = (SLIP_SHARE * normal_draws(generator, 2)).tolist()
-        field = normal_draws(generator, 2, GROUND_CELLS, GROUND_CELLS)
-        self._ground: list[list[list[float]]] = (GROUND_SHARE * field).tolist()
-        self._fresh = SLIP_SHARE * math.sqrt(1.0 - SLIP_KEPT**2)
-        self._block: list[float] = []
-
-    def _normal(self) -> float:
-        if not self._block:
-            self._block = normal_draws(self._generator, 512).tolist()
-        return self._block.pop()
-
-    def at(self, wheel: int, x: float, y: float, angle: float) -> float:
-        """Creep of a wheel (0 left, 1 right) that stands at x, y (m) and has turned by `angle` (rad).
-
-        To be asked once in `CREEP_MS`.
-
-        Args:
-            wheel: 0 left, 1 right.
-            x, y: where it stands, m.
-            angle: by which it has turned, rad.
-        """
-        if self._noise == 0.0:
-            return 0.0
-        self._slip[wheel] = SLIP_KEPT * self._slip[wheel] + self._fresh * self._normal()
-        column, row = int(x / GROUND_CELL_M), int(y / GROUND_CELL_M)
-        ground = self._ground[wheel][row % GROUND_CELLS][column % GROUND_CELLS]
-        axle = AXLE_SHARE * float(cos_sin(angle + self._phases[wheel])[0])
-        return self._noise * (self._slip[wheel] + ground + axle)
-
-
 class SlowScene:
     """Faces [n, 4] (x0, y0, x1, y1, in m) and circles [k, 3] (x, y, radius) that stop light, and how much
     more than usual they throw back [1 + k]."""
@@ -161,7 +118,7 @@ class SlowScene:
     def __init__(self, faces: Array, circles: Array, white: Array | None = None) -> None:
         self._p = faces[:, :2].T.copy()
         along = (faces[:, 2:] - faces[:, :2]).T
-        self._length = hypot(*along)
+        self._length = np.hypot(*along)
         self._u = along / self._length
         self._circles = circles
         self._white = np.ones(1 + len(circles)) if white is None else white
@@ -171,7 +128,7 @@ class SlowScene:
         rx, ry = x - self._p[0], y - self._p[1]
         along = np.minimum(np.maximum(rx * self._u[0] + ry * self._u[1], 0.0), self._length)
         cx, cy, r = self._circles.T
-        return hypot(rx - along * self._u[0], ry - along * self._u[1]), hypot(x - cx, y - cy) - r
+        return np.hypot(rx - along * self._u[0], ry - along * self._u[1]), np.hypot(x - cx, y - cy) - r
 
     def clearance(self, x: float, y: float) -> float:
         """How far it is from a point to the nearest thing (m)."""
@@ -252,7 +209,7 @@ class SlowScene:
             x, y: from where, m.
             ax, ay: the way to the other point, m.
         """
-        way = hypot(ax, ay) + 1e-12
+        way = np.hypot(ax, ay) + 1e-12
         dx, dy = ax / way, ay / way
         free = np.ones(np.shape(dx), dtype=np.bool_)
         if len(self._length) > 4:  # the four sides of the floor never stand between two points inside
@@ -282,7 +239,7 @@ class SlowSensors:
         self._direction = np.radians(place[:, 2]) + np.array(unit.direction)
         circles = np.array(arena["cylinders"]).reshape(-1, 3) / 100.0
         self._white = np.array(arena.get("reflectance", np.ones(1 + len(circles))))
-        self._scene = SlowScene(edges(arena), circles, self._white)
+        self._scene = SlowScene(faces_of(arena), circles, self._white)
         lamps, size = np.array(arena["lamps"]).reshape(-1, 2) / 100.0, np.array(arena["size_cm"]) / 100.0
         self._lamps = np.clip(lamps, LAMP_PROUD, size - LAMP_PROUD)
         self._rise = unit.lamp_height - EYE_HEIGHT
@@ -291,10 +248,10 @@ class SlowSensors:
         self._near = SlowNoise(seed=seed, purpose=1)
         self._light = SlowNoise(seed=seed, purpose=2)
         self._idle = SlowNoise(seed=seed, purpose=3)
-        self._fan_cos, self._fan_sin = cos_sin(FAN)
-        self._ir_weight = power(self._fan_cos, IR_EXPONENT) * IR_GAIN
+        self._fan_cos, self._fan_sin = np.cos(FAN), np.sin(FAN)
+        self._ir_weight = self._fan_cos**IR_EXPONENT * IR_GAIN
         self._gain = np.array(unit.proximity_gain)
-        fan = power(self._fan_cos, EYE_EXPONENT)
+        fan = self._fan_cos**EYE_EXPONENT
         self._eye_weight = fan / math.fsum(fan)
 
     def refreshed(self, time_ms: int) -> NDArray[np.int64]:
@@ -307,13 +264,13 @@ class SlowSensors:
 
     def _stand(self, poses: Array) -> tuple[Array, Array, Array]:
         """Where the sensors are and where they look, [8] each, from the poses of their refreshing."""
-        c, s = cos_sin(poses[:, 2])
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         x = poses[:, 0] + c * self._x - s * self._y
         y = poses[:, 1] + s * self._x + c * self._y
         return x, y, poses[:, 2] + self._direction
 
     def _fan(self, look: Array) -> tuple[Array, Array]:
-        c, s = (part[:, None] for part in cos_sin(look))
+        c, s = np.cos(look)[:, None], np.sin(look)[:, None]
         return c * self._fan_cos - s * self._fan_sin, s * self._fan_cos + c * self._fan_sin
 
     # infrared
@@ -355,23 +312,23 @@ class SlowSensors:
             return total
         distance, _, px, py, nx, ny, white = self._scene.meet(x, y, *self._fan(look))
         up, down = np.full_like(distance, WALL_HEIGHT - EYE_HEIGHT), np.full_like(distance, EYE_HEIGHT)
-        tall = arctan2(up, distance) + arctan2(down, distance)
+        tall = np.arctan2(up, distance) + np.arctan2(down, distance)
         tall = tall / EYE_MIDDLE * white  # share of a sensor's view, up and down, that a wall fills
         centre = poses.mean(axis=0)
         for lamp in self._lamps:
             total += self._direct(x, y, look, lamp)
             lit = self._on_walls(px, py, nx, ny, lamp, centre)
-            total += WALL_WHITE * _weighted(lit * tall, self._eye_weight)
+            total += WALL_REFLECTANCE * _weighted(lit * tall, self._eye_weight)
         return total * self._unit.lamp_power
 
     def _direct(self, x: Array, y: Array, look: Array, lamp: Array) -> Array:
         ax, ay = lamp[0] - x, lamp[1] - y
         flat = ax * ax + ay * ay
         square = flat + self._rise**2
-        c, s = cos_sin(look)
+        c, s = np.cos(look), np.sin(look)
         facing = (ax * c + ay * s) / np.sqrt(square)
         free = self._scene.clear(x, y, ax, ay)
-        return np.asarray(np.where(free, power(facing, EYE_EXPONENT) / square, 0.0))
+        return np.asarray(np.where(free, np.maximum(facing, 0.0) ** EYE_EXPONENT / square, 0.0))
 
     def _on_walls(self, px: Array, py: Array, nx: Array, ny: Array, lamp: Array, centre: Array) -> Array:
         """Light of the lamp on points of walls [8, RAYS] (normals point to the robot).
@@ -385,7 +342,7 @@ class SlowSensors:
         free = self._scene.clear(px + 1e-6 * nx, py + 1e-6 * ny, ax, ay)
         flat = np.maximum(ax * ax + ay * ay, 1e-12)
         along = np.clip(((centre[0] - px) * ax + (centre[1] - py) * ay) / flat, 0.0, self._low)
-        off = hypot(px + along * ax - centre[0], py + along * ay - centre[1])
+        off = np.hypot(px + along * ax - centre[0], py + along * ay - centre[1])
         return np.asarray(np.where(free & (off > BODY_RADIUS), facing / square, 0.0))
 
     def ambient(self, time_ms: int, refreshed: NDArray[np.int64], poses: Array) -> list[int]:

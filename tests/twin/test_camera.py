@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +12,20 @@ from numpy.typing import NDArray
 
 import realitygap.twin.render as render
 from realitygap.errors import ConfigError
-from realitygap.twin.arena import check_arena
-from realitygap.twin.body import TwinBody
-from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.drawing import DISK_HEIGHT, FRONT_AHEAD, FRONT_RADIUS, MIDDLE_RADIUS, WHOLE
-from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
-from realitygap.twin.states import States, heading_of
-from realitygap.twin.unit import draw_unit
+from realitygap.track import Track
+from realitygap.twin.camera import (
+    DISK_HEIGHT,
+    FRONT_AHEAD,
+    FRONT_RADIUS,
+    HEIGHT,
+    MIDDLE_RADIUS,
+    WIDTH,
+    OverheadCamera,
+    Plate,
+    hang_camera,
+)
+from realitygap.twin.unit import check_arena, draw_unit
+from realitygap.values import Pose
 from tests.twin.rooms import ARENAS
 
 
@@ -53,7 +59,7 @@ def test_the_disk_is_where_the_lens_says(view: str, name: str) -> None:
             (width / 2, depth / 2, -2.0),
             (width - 0.05, depth - 0.2, 2.5),
         ]:
-            frame = eye.frame(States.standing([0], [x * 100], [y * 100], [heading]).pose[0])
+            frame = eye.frame(Pose(x=x * 100, y=y * 100, heading=heading))
             assert frame.shape == (480, 640, 3) and frame.dtype == np.uint8
             scale = eye.lens.focal / eye.lens.position[2]
             for ahead, radius in ((0.0, MIDDLE_RADIUS), (FRONT_AHEAD, FRONT_RADIUS)):
@@ -64,7 +70,7 @@ def test_the_disk_is_where_the_lens_says(view: str, name: str) -> None:
 
 def test_both_views_show_the_same() -> None:
     """Rendered and drawn frames agree about where walls, cylinders and robot are."""
-    pose = States.standing([0], [9], [25], [1.0]).pose[0]
+    pose = Pose(x=9, y=25, heading=1.0)
     with camera("mujoco", noise=0.0) as first, camera("drawn", noise=0.0) as second:
         a, b = (eye.frame(pose).astype(float).mean(axis=2) for eye in (first, second))
     inside = (slice(60, 420), slice(110, 520))
@@ -98,20 +104,21 @@ def test_the_lens_bends_and_straightens() -> None:
     assert 2 < np.hypot(*(parallax[1] - parallax[0])) < 20
 
 
-def test_a_film_of_recorded_states() -> None:
-    """States recorded first give frames at an even pace afterwards, the same each time."""
-    body = TwinBody(ARENAS["obstacle-avoidance"], unit=1)
-    body.set_speed(5, 4)
-    body.advance(400)
+def test_a_film_of_recorded_places() -> None:
+    """Places recorded first give frames at an even pace afterwards, the same each time; in grey, too."""
+    t = np.arange(21) / 50 + 0.137
+    truth = Track(t=t, x=20 + 10 * t, y=20 + t, heading=t)
     with camera("drawn") as eye, camera("drawn", noise=0.0) as still:
-        film = [(t, show(WHOLE)) for t, show in eye.looks(body.states(), fps=25)]
-        again = [(t, show(WHOLE)) for t, show in eye.looks(body.states(), fps=25)]
-        quiet = [show(WHOLE) for _, show in still.looks(body.states(), fps=25)]
+        film, again = (list(eye.frames(truth, fps=25)) for _ in range(2))
+        quiet = [frame for _, frame in still.frames(truth, fps=25)]
     assert [t for t, _ in film] == pytest.approx(np.arange(11) / 25)
     assert all(np.array_equal(a[1], b[1]) for a, b in zip(film, again, strict=True))
     noise = np.array([f.astype(float) - q for (_, f), q in zip(film, quiet, strict=True)])
     assert noise.std() == pytest.approx(2.5, abs=0.2)
     assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.03
+    with OverheadCamera(ARENAS["obstacle-avoidance"], unit=1, noise=0.0, grey=True) as grey:
+        frame = grey.frame(Pose(x=truth.x[0], y=truth.y[0], heading=truth.heading[0]))
+    assert np.abs(frame - quiet[0].astype(float) @ (0.299, 0.587, 0.114)).max() < 1.5
 
 
 def test_a_renderer_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,22 +140,6 @@ def test_metadata_say_nothing_that_must_be_found_out() -> None:
         assert "pseudo-reality" in eye.metadata["body"]
 
 
-def test_states_from_a_file(tmp_path: Path) -> None:
-    """A sealed file's rows become states; a broken line is named."""
-    path = tmp_path / "sealed.csv"
-    path.write_text("t_s,x_cm,y_cm,heading_deg,led_0\n0.020,10,20,90,0\n0.040,11,21,-170,1\n")
-    states = States.from_file(path)
-    assert states.time_ms.tolist() == [20, 40]
-    assert states.pose[:, 0] * 100 == pytest.approx([10, 11])
-    assert np.degrees([heading_of(pose) for pose in states.pose]) == pytest.approx([90, -170])
-    path.write_text("t_s,x_cm,y_cm,heading_deg\n0,1,2,3\n0,1,oops,3\n")
-    with pytest.raises(ConfigError, match="line 3"):
-        States.from_file(path)
-    path.write_text("t_s,x\n")
-    with pytest.raises(ConfigError, match="x_cm"):
-        States.from_file(path)
-
-
 def test_the_twin_knows_nothing_of_the_simulation() -> None:
     """Physics, sensors and camera load without any room of the simulation."""
     code = (
@@ -160,15 +151,23 @@ def test_the_twin_knows_nothing_of_the_simulation() -> None:
     assert out.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("view", ["drawn", "mujoco"])
-def test_a_kept_camera_films_as_a_new_one(view: str) -> None:
-    """What was filmed before, and by which seed, leaves no trace in the next film."""
-    poses = States.standing([0] * 3, [12, 30, 31], [15, 40, 20], [0.3, -2.0, 1.0]).pose
-    with camera(view) as kept:
-        for pose in poses[1:]:
-            kept.frame(pose, number=3)
-        kept.begin(7)
-        again = [kept.frame(pose, number=k) for k, pose in enumerate(poses)]
-    with OverheadCamera(ARENAS["obstacle-avoidance"], unit=1, view=view, seed=7) as new:
-        first = [new.frame(pose, number=k) for k, pose in enumerate(poses)]
-    assert all(map(np.array_equal, again, first)) and not np.array_equal(first[0], first[1])
+def test_a_plate_is_drawn_cell_by_cell() -> None:
+    """Where the lens sees the middle of a cell of a plate on the robot it is black or white as that cell is,
+    and the robot's disk is not seen."""
+    arena, cells = ARENAS["obstacle-avoidance"], np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.uint8)
+    half = 0.015
+    corners = half * np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) + np.array([0.004, -0.003])
+    x, y, heading = 0.22, 0.18, 0.7
+    with OverheadCamera(arena, unit=1, noise=0.0, plate=Plate(cells, corners, 0.034)) as eye:
+        frame = eye.frame(Pose(x=100 * x, y=100 * y, heading=heading)) / eye._light
+        away = eye.frame(Pose(x=300, y=300, heading=0.0))
+        assert np.array_equal(away, np.rint(eye._still).clip(0, 255))
+    c, s = np.cos(heading), np.sin(heading)
+    for row in range(-1, 4):
+        for column in range(-1, 4):
+            ahead, left = corners[0] - (np.array([row, column]) + 0.5) * 0.01
+            there = np.array([x + c * ahead - s * left, y + s * ahead + c * left, 0.034])
+            at, down = np.rint(eye.lens.pixels(there)).astype(int)
+            inside = 0 <= row < 3 and 0 <= column < 3
+            grey = 243.0 if not inside or cells[row, column] else 14.0
+            assert np.abs(frame[down, at] - grey).max() < 4.0, (row, column)

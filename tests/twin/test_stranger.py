@@ -9,7 +9,7 @@ from realitygap.errors import ConfigError
 from realitygap.robots.address import Address
 from realitygap.twin import stranger
 from realitygap.twin.body import TwinBody
-from realitygap.twin.stranger import Oddities, StrangerBody
+from realitygap.twin.stranger import StrangerBody, UnmodelledEffects
 from realitygap.values import Pose
 from tests.twin.rooms import ARENAS, CROWDED, OPEN
 
@@ -30,15 +30,15 @@ def driven(body: TwinBody, steps: int = 12) -> list[object]:
 def test_without_its_oddities_it_is_the_twin(monkeypatch: pytest.MonkeyPatch, room: str) -> None:
     """It reads and drives as the twin to the bit where nothing is odd, lamp or none, and otherwise not."""
     arena = ARENAS[room]
-    nothing = {"WHITE_SPREAD": 0.0, "CYLINDER_WHITE": 1.0, "PLACED_M": 0.0, "LATEST_MS": 0, "SAG_PER_S": 0.0,
-               "LAMP_INFRARED": 0.0}  # fmt: skip
+    nothing = {"REFLECTANCE_SPREAD": 0.0, "CYLINDER_REFLECTANCE": 1.0, "PLACED_M": 0.0, "LATEST_MS": 0,
+               "SAG_PER_S": 0.0, "LAMP_INFRARED": 0.0}  # fmt: skip
     with monkeypatch.context() as quiet:
         for name, value in {**nothing, "LAMP_PARTS": 1, "LAMP_RADIUS": 0.0}.items():
             quiet.setattr(stranger, name, value)
-        plain = Oddities(crosstalk=0.0, charge=1.0)
-        quiet.setattr(Oddities, "drawn", classmethod(lambda *_: plain))
+        plain = UnmodelledEffects(crosstalk=0.0, charge=1.0)
+        quiet.setattr(UnmodelledEffects, "drawn", classmethod(lambda *_: plain))
         same, twin = StrangerBody(arena, unit=3, seed=4), TwinBody(arena, unit=3, seed=4)
-        same._machine.creep.ground[:] = twin._machine.creep.ground
+        same._slip.ground[:] = twin._slip.ground
         assert driven(same) == driven(twin)
     assert driven(StrangerBody(arena, unit=3, seed=4)) != driven(TwinBody(arena, unit=3, seed=4))
 
@@ -55,7 +55,7 @@ def test_a_seed_makes_the_same_stranger() -> None:
 
 def test_its_floor_stays_the_same() -> None:
     """What belongs to a place of the floor is the unit's, whatever the seed; the twin's is the trial's."""
-    floors = [StrangerBody(OPEN, unit=u, seed=s)._machine.creep.ground for u, s in ((1, 1), (1, 2), (2, 1))]
+    floors = [StrangerBody(OPEN, unit=u, seed=s)._slip.ground for u, s in ((1, 1), (1, 2), (2, 1))]
     assert np.array_equal(floors[0], floors[1])
     assert not np.array_equal(floors[0], floors[2])
 
@@ -98,7 +98,7 @@ def test_neighbours_and_the_lamp_shine_into_a_sensor() -> None:
     dim = np.array(calm.proximity())
     assert (bright >= dim).all()
     assert bright.sum() > dim.sum()
-    calm._sensors._odd = Oddities(crosstalk=0.3, charge=1.0)
+    calm._sensors._odd = UnmodelledEffects(crosstalk=0.3, charge=1.0)
     assert (np.array(calm.proximity()) >= dim).all()
     assert np.array(calm.proximity()).sum() > dim.sum()
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from realitygap.errors import ConfigError
-from realitygap.twin.arena import check_arena, edges
 from realitygap.twin.body import TwinBody
+from realitygap.twin.unit import check_arena, faces_of
 from realitygap.world.arena import load_arena
 from tests.twin.rooms import ARENAS
 
@@ -45,7 +45,7 @@ def test_nonsense_is_refused(arena: dict[str, Any], says: str) -> None:
 
 def test_partition_is_a_closed_board() -> None:
     """A partition has four faces that close on each other, as thick everywhere."""
-    faces = edges(check_arena({"size_cm": [50, 50], "walls": [[10, 10, 30, 20]]}))[4:]
+    faces = faces_of(check_arena({"size_cm": [50, 50], "walls": [[10, 10, 30, 20]]}))[4:]
     assert np.allclose(faces[:, 2:], np.roll(faces[:, :2], -1, axis=0))
     lengths = np.sort(np.hypot(*(faces[:, 2:] - faces[:, :2]).T))
     assert np.allclose(lengths[:2], 0.006)

@@ -8,30 +8,32 @@ from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.twin.body import TwinBody
-from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS
+from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS, Slip
 from tests.twin.rooms import OPEN
-from tests.twin.slow_sensors import SlowCreep, SlowNoise
+from tests.twin.slow_sensors import SlowNoise
 
 LIT = {"size_cm": [100, 100], "lamps": [[100, 50]]}
 
 
-def creep_over_100_ms(scale: float, speed_cm_s: float, steps: int = 2000) -> NDArray[np.float64]:
-    """Mean creep of each 100 ms of wheels that roll over the floor at a speed."""
-    creep = SlowCreep(seed=3, noise=scale, phases=(0.3, 2.0))
-    rows = []
+def slip_over_100_ms(scale: float, speed_cm_s: float, steps: int = 2000) -> NDArray[np.float64]:
+    """Mean slip of each 100 ms of wheels that roll over the floor at a speed."""
+    slip, qpos, now = Slip(3, scale, (0.3, 2.0), 0.0265), np.zeros(9), np.zeros(2)
+    qpos[3], rows = 1.0, []
     for k in range(steps * 20):
         way = speed_cm_s / 100 * k * 0.005
-        rows.append([creep.at(w, way % 0.31, (way * 0.37) % 0.27, way / 0.008) for w in (0, 1)])
+        qpos[:2] = way % 0.31 + 0.05, (way * 0.37) % 0.27 + 0.05
+        slip.update(qpos, np.full(2, way / 0.008), now)
+        rows.append(now.copy())
     return np.array(rows).reshape(steps, 20, 2).mean(axis=1)
 
 
 def test_wheels_err_by_six_percent() -> None:
     """Over 100 ms a wheel carries the robot about 6 % more or less than it turns, times the noise scale."""
     for speed in (2.0, 6.0):
-        assert 0.052 < creep_over_100_ms(1.0, speed).std() < 0.072
-    once = creep_over_100_ms(1.0, 4.0, steps=100)
+        assert 0.052 < slip_over_100_ms(1.0, speed).std() < 0.072
+    once = slip_over_100_ms(1.0, 4.0, steps=100)
     for scale in (0.0, 0.5, 2.0):
-        assert creep_over_100_ms(scale, 4.0, steps=100) == pytest.approx(scale * once, rel=1e-12)
+        assert slip_over_100_ms(scale, 4.0, steps=100) == pytest.approx(scale * once, rel=1e-12)
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from realitygap.twin.body import TwinBody
-from realitygap.twin.wheels import STATE, Wheel
+from realitygap.twin.wheels import NUMBERS, PWM_SHARE, Wheel
 from tests.twin.rooms import OPEN
 
 
@@ -76,9 +76,8 @@ def test_weaker_gains_are_slower() -> None:
 
 def test_commands_are_cut_to_the_range() -> None:
     """Speeds stay within −127 to 127 pulses in 10 ms, a share of the voltage within −255 to 255."""
-    wheels = np.zeros(1, STATE)
-    wheel = Wheel(5.0, wheels[0])
+    wheel = Wheel(5.0, np.zeros(NUMBERS))
     wheel.go(500)
     assert wheel.error == 127
     wheel.push(-900)
-    assert wheels[0]["pwm"] == -255
+    assert wheel._state[PWM_SHARE] == -255

@@ -55,7 +55,6 @@ def robot() -> None:
 @option.baud()
 @option.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
 @click.option("--seconds", type=Finite(0.1, 3600), default=3.0, help="Seconds for which to show the sensors.")
-@click.option("--clock-channel", metavar="FILE", help="Control channel of a twin that runs in virtual time.")
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
 @option.as_json
 def check(
@@ -63,7 +62,6 @@ def check(
     baud: int | None,
     profile: str,
     seconds: float,
-    clock_channel: str | None,
     yes: bool,
     json_output: bool,
 ) -> None:
@@ -85,10 +83,9 @@ def check(
     from realitygap.world.robot import load_profile
 
     option.check_baud(where)
-    settings = {"baud": baud, "clock_channel": clock_channel}
     named = click.get_current_context().get_parameter_source("profile") is not ParameterSource.DEFAULT
     load_profile(profile)  # refused before the robot is asked anything
-    with Stopping(), closing(where.open(**settings)) as body:
+    with Stopping(), closing(where.open(baud=baud)) as body:
         known = load_profile(profile if named else facts_of(body).get("base", profile))
         if named:  # another robot's commands could be ten times as fast
             seen = [one.name for one in body.channels if known.channel(one.name).sensors]

@@ -161,6 +161,8 @@ def told_transfers(made: list[Transferred]) -> Iterator[str]:
         if one.missed_steps:
             told = f"{one.missed_steps} steps had no answer in time; the last readings were used instead"
             yield f"{one.robot}, start {one.start}: {told}"
+        if one.timing:
+            yield f"{one.robot}, {one.name}, start {one.start}: {one.timing}; it is left out of scores"
         if one.trouble:
             yield f"{one.robot}, {one.name}, start {one.start}: {one.trouble}"
 

@@ -25,12 +25,12 @@ ORDER = {"runs": "run", "evaluations": "run, number", "tests": "run, who, tested
 TABLES = (*ORDER, "trials", "scores")
 OF_TRIAL = (
     "run", "name", "task", "noise", "individual", "robot", "unit", "twin_noise", "start", "seconds",
-    "situated_from", "filmed", "late_steps", "missed_steps", "lost_steps",
+    "situated_from", "filmed", "late_steps", "missed_steps", "lost_steps", "timing",
 )  # fmt: skip
 OF_SCORES = ("type", "situated_type", "behaviour", "correspondence", "low", "high", "differences")
 TEXTS = {
     "name", "task", "individual", "robot", "situated_from", "folder", "kind", "why", "type", "situated_type",
-    "differences",
+    "differences", "timing",
 }  # fmt: skip
 """Columns that stay texts even when empty."""
 

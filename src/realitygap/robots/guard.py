@@ -3,6 +3,10 @@
 It shares the driver's open line and hears from it over a socket. While the wheels may turn, each word
 to the robot is a heartbeat for the guard: after a silence (Ctrl-Z, SIGSTOP, a controller that hangs),
 and when the socket closes without a word (kill -9), it tells the robot to stop.
+
+The guard echoes each heartbeat. A driver that hears none for 0.3 s, of a guard that is frozen, or that was
+itself silent for longer than the guard allows, as all processes of a container that was paused, stops the
+robot too. What stops both of them for good only a robot's own watchdog can meet.
 """
 
 import contextlib
@@ -17,7 +21,7 @@ import time
 from realitygap.errors import FrozenError
 from realitygap.work import child
 
-__all__ = ["SILENCE_S", "Guard", "Silence"]
+__all__ = ["SILENCE_S", "Guard", "Watchdog"]
 
 REPEATS = 5
 PAUSE_S = 0.05
@@ -26,9 +30,20 @@ LEAVE_S = 2.0
 SILENCE_S = 0.4
 TICK_S = 0.05
 """A silence is seen a tick late at most, and ends within half a second."""
+UNGUARDED_S, STEP_S = 0.3, 0.1
+"""The driver stops the robot when the guard has echoed nothing for so long; it beats once a step and more."""
 
 DRIVES, STANDS, LEAVES, STOPPED = b"+", b"-", b".", b"!"
-"""The driver's words, and the guard's one."""
+"""The driver's words, and the guard's beside the echo of the first."""
+
+GONE, CHUNK = b"\0", 4096
+
+_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+
+
+def _now() -> float:
+    """Seconds, those in which the computer slept too where the system counts them."""
+    return time.clock_gettime(_CLOCK)
 
 
 class Guard:
@@ -39,6 +54,7 @@ class Guard:
 
     def __init__(self, fd: int | None, stop: bytes) -> None:
         self._last: float | None = None
+        self._echoed = 0.0
         self._process: subprocess.Popen[bytes] | None = None
         if fd is None:
             return
@@ -55,35 +71,54 @@ class Guard:
     def watch(self) -> None:
         """From now on the wheels may turn: a silence stops them."""
         if self._last is None and self._process is not None:
-            self._last = time.monotonic()
+            self._heard()  # what was said after the last drive
+            self._last = self._echoed = _now()
             self._say(DRIVES)
 
     def beat(self) -> None:
         """This process is alive; call it before each word to the robot.
 
         Raises:
-            FrozenError: it did not for too long, and the guard has stopped the robot; or the guard is gone.
+            FrozenError: it did not for too long, or the guard is frozen or gone: the robot must stop.
         """
         if self._last is None:
             return
-        silent, self._last = time.monotonic() - self._last, time.monotonic()
-        self._say(DRIVES)
-        with contextlib.suppress(BlockingIOError):
-            try:
-                heard = self._socket.recv(1)
-            except ConnectionError:
-                heard = b""
-            self._last = None  # nobody watches any more
-            if not heard:
-                raise FrozenError("the guard's process has ended; no robot is driven without it")
-            raise FrozenError(
-                f"the drive was frozen for {silent:.1f} s (suspended, or a controller that hung); "
-                "the robot was stopped meanwhile, and this trial is over"
+        now = _now()
+        silent, before = now - self._last, self._last
+        heard = self._heard()
+        if DRIVES in heard:
+            self._echoed = max(before, now - STEP_S)  # it came since then
+        told = None
+        if STOPPED in heard or silent > SILENCE_S:
+            told = (
+                f"the drive was frozen for {silent:.1f} s (suspended, paused, or a controller that hung); "
+                "the robot was stopped meanwhile, or is now, and this trial is over"
             )
+        elif heard.endswith(GONE):
+            told = "the guard's process has ended; no robot is driven without it"
+        elif now - self._echoed > UNGUARDED_S:
+            told = (
+                f"the guard's process has not answered for {now - self._echoed:.1f} s (suspended, or the "
+                "computer is too busy); no robot is driven without it"
+            )
+        if told is not None:
+            self._last = None  # nobody watches any more
+            raise FrozenError(told)
+        self._last = now
+        self._say(DRIVES)
+
+    def _heard(self) -> bytes:
+        """What the guard has said, with `GONE` at the end if it has ended."""
+        try:
+            return self._socket.recv(CHUNK) or GONE
+        except BlockingIOError:
+            return b""
+        except ConnectionError:
+            return GONE
 
     def rest(self) -> None:
         """The robot stands still: silence means nothing."""
-        if self._last is not None:
+        if self._process is not None:
             self._last = None
             self._say(STANDS)
 
@@ -100,7 +135,7 @@ class Guard:
             self._socket.send(word)
 
 
-class Silence:
+class Watchdog:
     """How long the driver has said nothing while its wheels may turn.
 
     Only time that the guard has lived through counts, a tick at a time: on a computer that stood still
@@ -115,7 +150,7 @@ class Silence:
         """The driver's words; the last one says how things are."""
         self.watched, self._seconds = words.endswith(DRIVES), 0.0
 
-    def passes(self, seconds: float) -> bool:
+    def expired(self, seconds: float) -> bool:
         """Whether it is too long, some seconds later; True only once."""
         self._seconds += min(seconds, 2 * TICK_S)
         if not self.watched or self._seconds < SILENCE_S:
@@ -126,12 +161,12 @@ class Silence:
 
 def guard(driver: socket.socket, line: int, stop: bytes) -> None:
     """Hear the driver until it leaves or dies; tell the robot to stop when it must."""
-    silence, last = Silence(), time.monotonic()
+    silence, last = Watchdog(), time.monotonic()
     while True:
         ready, _, _ = select.select([driver], [], [], TICK_S if silence.watched else None)
         passed, last = time.monotonic() - last, time.monotonic()
         if not ready:
-            if silence.passes(passed):
+            if silence.expired(passed):
                 with contextlib.suppress(OSError):
                     driver.send(STOPPED)  # first, so that it is there when the driver goes on
                 _stop(line, stop, "heard nothing from the driver for half a second")
@@ -143,11 +178,13 @@ def guard(driver: socket.socket, line: int, stop: bytes) -> None:
             _stop(line, stop, "the driver is gone")
             return
         silence.hear(words)
+        with contextlib.suppress(OSError):
+            driver.send(DRIVES)
 
 
 def _heard(driver: socket.socket) -> bytes:
     try:
-        return driver.recv(4096)
+        return driver.recv(CHUNK)
     except OSError:
         return b""
 

@@ -27,6 +27,9 @@ KILLED = "killed"
 LATE_S = 0.01
 """A step that begins later than this after its time is late."""
 
+LONGEST_GAP_S, LATE_SHARE = 0.5, 0.2
+"""A drive with a longer gap between two steps, or with a larger share of late ones, is no fair trial."""
+
 FACTS = "recording.toml"
 STEPS = "steps.csv"
 LARGEST = 1e12
@@ -99,6 +102,16 @@ class Recording:
     def late_steps(self) -> int:
         """How many steps began more than 10 ms after their time."""
         return int((self.late > LATE_S).sum())
+
+    @property
+    def timing(self) -> str | None:
+        """Why its timing cannot be trusted: a gap, or too many late steps; None: it can."""
+        gap = float(np.diff(self.t).max(initial=0.0))
+        if gap > LONGEST_GAP_S:
+            return f"a gap of {gap:.1f} s between two steps"
+        if self.late_steps > LATE_SHARE * len(self.t):
+            return f"{self.late_steps} of {len(self.t)} steps late"
+        return None
 
     @property
     def missed_steps(self) -> int:

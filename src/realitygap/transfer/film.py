@@ -22,7 +22,6 @@ from realitygap.film.disk import Disk, load_disk
 from realitygap.film.tag import Marker
 from realitygap.study.lock import locked
 from realitygap.track import Track
-from realitygap.twin.states import States
 from realitygap.values import Pose
 from realitygap.world.arena import Arena
 
@@ -126,67 +125,66 @@ class Watcher:
                 return load_camera(file)
             frames = []
             for k, pose in enumerate(poses):
-                standing = States.standing([0], [pose.x], [pose.y], [pose.heading]).pose[0]
-                grey = _grey(self.eye.frame(standing, FIRST + k))
-                frames.append(KnownFrame(name=f"pose {k + 1}", picture=grey, pose=pose))
+                picture = self.eye.frame(pose, FIRST + k)
+                frames.append(KnownFrame(name=f"pose {k + 1}", picture=picture, pose=pose))
             camera = calibrate_camera(frames, self.marker).camera
             camera.save(file)
         return camera
 
     @cached_property
     def eye(self) -> OverheadCamera:
-        """The camera itself, in the drawn view."""
+        """The camera itself, drawn, in grey."""
         from realitygap.calibration.recorder.camera import plate_of
         from realitygap.twin.camera import OverheadCamera
 
-        settings: dict[str, Any] = {"unit": self._unit, "noise": self._noise, "view": "drawn"}
-        return OverheadCamera(self._arena, **settings, plate=plate_of(self.marker))
+        plate = plate_of(self.marker)
+        return OverheadCamera(self._arena, unit=self._unit, noise=self._noise, plate=plate, grey=True)
 
     @property
     def view(self) -> str:
         """How its frames are made, in words."""
         return str(self.eye.metadata["view"])
 
-    def track(self, states: States, stream: int) -> Track:
-        """The track of recorded states as seen by the camera, ten times a second.
+    def track(self, truth: Track, stream: int) -> Track:
+        """The track of a robot's true places as seen by the camera, ten times a second.
 
         `stream` is the first frame's number, which seeds its pixels' noise.
         """
         from realitygap.film.tracker import Tracker
-        from realitygap.twin.drawing import WHOLE
 
-        frames = self.eye.looks(states, fps=WATCH_FPS, first=stream)
-        return Tracker(self.camera, self.marker).follow((t_s, _grey(show(WHOLE))) for t_s, show in frames)
+        frames = self.eye.frames(truth, fps=WATCH_FPS, first=stream)
+        return Tracker(self.camera, self.marker).follow(frames)
 
 
 def film_and_track(
     folder: Path,
-    states: States,
+    truth: Track,
     watcher: Watcher,
     *,
     overhead: OverheadCamera,
+    first: int,
     facts: Mapping[str, Any],
     tell: Tell,
 ) -> Track:
-    """Film a trial's recorded states, then track the film: film, camera, track and tails into its folder.
+    """Film a trial, then track the film: film, camera, track and tails into its folder.
 
     Args:
         folder: the trial's.
-        states: from the trial's beginning to its end.
+        truth: where the robot was, from the trial's beginning to its end.
         watcher: has the camera's calibration, and what the robot wears.
         overhead: the camera that films.
+        first: number of the first frame, which names its pixels' noise.
         facts: further metadata of the film.
         tell: called with the share of the work done since its last call.
     """
     from realitygap.film.video import FilmWriter
-    from realitygap.twin.drawing import WHOLE
 
-    total = int((states.time_ms[-1] - states.time_ms[0]) * FPS / 1000) + 1
+    total = int((truth.t[-1] - truth.t[0]) * FPS) + 1
     notes = {**overhead.metadata, **facts}
     writer = FilmWriter(folder / FILM, rate=FPS, made_by=notes["view"], notes=notes, quality=QUALITY)
     with writer as film:
-        for _, show in overhead.looks(states, fps=FPS):
-            film.add(show(WHOLE))
+        for _, frame in overhead.frames(truth, fps=FPS, first=first):
+            film.add(frame)
             tell(0.5 / total)
     last = 0
 
@@ -222,10 +220,3 @@ def keep_film(
     tracked.track.write_csv(folder / TRACK)
     save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, marker))
     return tracked
-
-
-def _grey(frame: Any) -> Any:
-    """Brightness of a coloured picture, as decoded from a film."""
-    import cv2
-
-    return cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)

@@ -19,7 +19,7 @@ __all__ = ["Transferred", "is_done", "load_transfer", "load_transfers", "read_tr
 
 LOOSE = (
     "film", "view", "pose", "wished", "fitness", "situated_from", "late_steps", "missed_steps", "lost_steps",
-    "film_lead_s", "trouble", "versions",
+    "film_lead_s", "timing", "trouble", "versions",
 )  # fmt: skip
 """Keys of a trial's file that follow from others, or are not compared."""
 
@@ -49,8 +49,11 @@ class Transferred:
             "speeds" for the wheels'.
         filmed: whether the folder holds film.mp4, camera.json, track.csv and tails.png.
         view: the renderer of the camera's frames, None if no camera saw the robot.
-        fitness_simulated, fitness_situated: the task's own score of each path, NaN if it has long gaps.
+        fitness_simulated, fitness_situated: the task's own score of each path, NaN if it has long gaps, or
+            the robot's steps came too late.
         late_steps: steps that began more than 10 ms late.
+        timing: why the robot's steps came too late to be compared (a gap of more than half a second, or more
+            than a fifth of them late), so that the trial is left out of scores; None: they did not.
         missed_steps: steps without an answer in time, None for a robot whose line misses none.
         lost_steps: rows of the situated path without a pose.
         trouble: problems with a live camera's film, or why the robot was lost in it; None: none.
@@ -74,6 +77,7 @@ class Transferred:
     fitness_simulated: float
     fitness_situated: float
     late_steps: int
+    timing: str | None
     missed_steps: int | None
     lost_steps: int
     trouble: str | None
@@ -153,7 +157,7 @@ def load_transfer(folder: Path) -> Transferred:
 def _transferred(file: Path, table: dict[str, Any]) -> Transferred:
     folder = file.parent
     loose: dict[str, Any] = {
-        key: table.get(key) for key in ("unit", "twin_noise", "view", "missed_steps", "trouble")
+        key: table.get(key) for key in ("unit", "twin_noise", "view", "missed_steps", "timing", "trouble")
     }
     try:
         return Transferred(

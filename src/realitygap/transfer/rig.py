@@ -24,11 +24,10 @@ from realitygap.robots.loop import Controller
 from realitygap.robots.recording import Recorder, Recording
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
-from realitygap.track import Track
+from realitygap.track import Track, read_track
 from realitygap.transfer.driven import Driven, driven
 from realitygap.transfer.film import Watcher
 from realitygap.transfer.paths import of_track
-from realitygap.twin.states import States
 from realitygap.values import Closing, Pose
 from realitygap.world.robot import Profile
 
@@ -98,7 +97,7 @@ class Rig(Closing):
         with temporary.Folder("sealed") as folder:
             sealed = Path(folder) / "sealed.csv"
             recording = self.trial(controller, stream, pose, length, sealed=sealed).recording
-            track = self.watcher.track(self.states(sealed, length), stream)
+            track = self.watcher.track(self.truth(sealed, length), stream)
         period_s = self.profile.period_s
         return of_track(track, round(length / period_s), period_s=period_s), recording
 
@@ -139,11 +138,10 @@ class Rig(Closing):
             raise
         return made
 
-    def states(self, sealed: Path, seconds: float) -> States:
-        """The states of a drive that the camera is shown: from the beginning, for its length."""
-        states = States.from_file(sealed)
-        in_time = states.time_ms <= states.time_ms[0] + round(seconds * 1000)
-        return States(states.time_ms[in_time], states.pose[in_time])
+    def truth(self, sealed: Path, seconds: float) -> Track:
+        """Where the robot was in a drive, as the camera is shown it: from the beginning, for its length."""
+        truth = read_track(sealed, seen_by="truth")
+        return truth.only(truth.t <= truth.t[0] + seconds + 1e-6)
 
     @property
     def watcher(self) -> Watcher:

@@ -165,7 +165,12 @@ class Job:
         replays, rows = self.bench.replays, []
         for one in self.transfers:
             made = replays.of(one.folder)
-            if made.simulated and made.situated and len(made.simulated.t) == len(made.situated.t):
+            if (
+                one.timing is None
+                and made.simulated
+                and made.situated
+                and len(made.simulated.t) == len(made.situated.t)
+            ):
                 rows.append(
                     distances(made.simulated, made.situated, one.situated, one.pose, replays.quiet(one.task))
                 )
@@ -217,6 +222,9 @@ class Job:
         situated, lost = [], []
         for one in self.transfers:
             unit = one.robot
+            if one.timing is not None:
+                lost.append(f"{unit}, start {one.start}: {one.timing}")
+                continue
             try:
                 there = self._trial(one.situated, one, unit)
                 here = self._trial(one.simulated, one, "")

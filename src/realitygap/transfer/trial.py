@@ -5,9 +5,9 @@ A trial on the twin is a function of its situation alone.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,7 +56,6 @@ class Stage:
         self.simulation = cache(lambda task, noise: Simulation(study.task(task), study.profile, noise))
         self._versions = cache(versions)  # finding the commit takes three programs
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
-        self._camera: tuple[object, OverheadCamera] | None = None
 
     def camera_file(self, one: Situation) -> Path:
         """The file of the calibration of the camera over a unit's arena."""
@@ -74,8 +73,7 @@ class Stage:
         return self._rigs[key]
 
     def close(self) -> None:
-        """End the twins and their renderers."""
-        self._end_camera()
+        """Release the robots."""
         for rig in self._rigs.values():
             rig.close()
         self._rigs.clear()
@@ -174,55 +172,39 @@ class Stage:
     def _seen(self, one: Situation, folder: Path, facts: dict[str, Any], tell: Tell) -> Track:
         """The track of a trial on the twin by the camera above it, which films or only watches."""
         rig = self.rig(one)
-        states = rig.states(folder / SEALED, one.seconds)
+        truth = rig.truth(folder / SEALED, one.seconds)
         if one.film:
-            with self._filming(one) as camera:
+            with self._camera(one) as camera:
                 facts["view"] = camera.metadata["view"]
                 about = {"run": one.name, "start": one.start}
-                return film_and_track(folder, states, rig.watcher, overhead=camera, facts=about, tell=tell)
-        track = rig.watcher.track(states, one.stream)
+                return film_and_track(
+                    folder, truth, rig.watcher, overhead=camera, first=one.stream, facts=about, tell=tell
+                )
+        track = rig.watcher.track(truth, one.stream)
         facts["view"] = rig.watcher.view
         track.write_csv(folder / TRACK)
         (folder / SEALED).unlink()  # kept with a film, to test the tracker
         return track
 
-    @contextmanager
-    def _filming(self, one: Situation) -> Iterator[OverheadCamera]:
-        """The camera that films a trial; a renderer is kept, since the next film may be of the same arena."""
+    def _camera(self, one: Situation) -> OverheadCamera:
+        """The camera that films a trial."""
         from realitygap.calibration.recorder.camera import plate_of
-        from realitygap.twin.camera import VIEWS, OverheadCamera
+        from realitygap.twin.camera import OverheadCamera
 
-        key, seed = (one.task, one.robot, one.twin_noise, one.view, one.marker), one.stream >> 1
-        if one.view == VIEWS[0]:
-            yield self.rig(one).watcher.eye.again(seed)
-            return
-        if self._camera is not None and self._camera[0] == key:
-            self._camera[1].begin(seed)
-        else:
-            self._end_camera()
-            settings: dict[str, Any] = {"unit": one.robot.unit, "noise": one.twin_noise}
-            settings |= {"view": one.view, "seed": seed, "plate": plate_of(one.marker)}
-            arena = self.study.task(one.task).arena.plain()
-            self._camera = key, OverheadCamera(arena, **settings)
-        try:
-            yield self._camera[1]
-        except BaseException:
-            self._end_camera()
-            raise
-
-    def _end_camera(self) -> None:
-        camera, self._camera = self._camera, None
-        if camera is not None:
-            camera[1].close()
+        arena, unit, noise = self.study.task(one.task).arena.plain(), one.robot.unit, one.twin_noise
+        assert unit is not None
+        return OverheadCamera(arena, unit=unit, noise=noise, view=one.view, plate=plate_of(one.marker))
 
     def _write(
         self, one: Situation, folder: Path, facts: dict[str, Any], path: Track, driven: Driven
     ) -> None:
         path.write_csv(folder / SITUATED)
-        facts["fitness"]["situated"] = score(path, self.study.task(one.task), self.study.profile)
+        kept = driven.recording
+        facts["timing"] = kept.timing
+        fitness = score(path, self.study.task(one.task), self.study.profile)
+        facts["fitness"]["situated"] = fitness if kept.timing is None else math.nan
         facts["film"] = one.film
         facts["situated_from"] = one.source
-        kept = driven.recording
         facts["late_steps"] = kept.late_steps
         facts["missed_steps"] = None if np.isnan(kept.read).all() else kept.missed_steps
         facts["lost_steps"] = path.lost

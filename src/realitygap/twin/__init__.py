@@ -9,6 +9,5 @@ from realitygap.lazy import names_of
 __all__, __getattr__ = names_of(__name__, {
     "body": "TwinBody",
     "camera": "OverheadCamera",
-    "process": "TwinProcess start_twin",
     "unit": "Unit draw_unit",
 })  # fmt: skip

@@ -1,39 +1,294 @@
-"""The overhead camera: recorded states in, frames out, afterwards and at any pace.
+"""The overhead camera: true poses in, frames out, afterwards and at any pace.
 
-Frames are drawn or, if asked for, made by MuJoCo's renderer, through the same camera and lens; `metadata`
-says which made them.
+Its lens, what it draws and its pixels. Frames are drawn or, if asked for, made by MuJoCo's renderer, through
+the same camera and lens; `metadata` says which made them. The lens is the twin's own; the tracker's camera
+model has to find it out from frames (film/camera.py).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from copy import copy
-from functools import partial
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
-from realitygap.twin.arena import check_arena
-from realitygap.twin.drawing import WHOLE, Drawing, Window
-from realitygap.twin.lens import HEIGHT, WIDTH, hang_camera
-from realitygap.twin.noise import check_scale, draws, normal_draws
-from realitygap.twin.painting import expose
-from realitygap.twin.plate import Plate
-from realitygap.twin.states import States, heading_of
-from realitygap.twin.unit import draw_unit
-from realitygap.values import Closing
+from realitygap.track import Track
+from realitygap.twin.noise import check_scale, draws
+from realitygap.twin.unit import BODY_RADIUS, BODY_TOP, WALL_HALF, WALL_HEIGHT, Unit, check_arena, draw_unit
+from realitygap.values import Closing, Pose
 
-__all__ = ["OverheadCamera"]
+__all__ = ["VIEWS", "Lens", "OverheadCamera", "Plate", "hang_camera"]
 
+Array = NDArray[np.float64]
+Pixels = NDArray[np.float32]
 Frame = NDArray[np.uint8]
+
+WIDTH, HEIGHT = 640, 480
+MARGIN = 1.085
+"""The picture shows 8.5 % more than the floor."""
+ABOVE = 1.9
+"""The camera hangs 1.9 times the floor's longer side above it, at least `LOWEST` (m)."""
+LOWEST = 1.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """A pinhole with two radial terms. World in metres; pixel centres are whole numbers.
+
+    Attributes:
+        position: [3] of the pinhole (m).
+        rotation: [3, 3] camera to world; the camera looks along its −z, y is up in the picture.
+        focal: pixels.
+        k1, k2: radial terms on coordinates divided by the focal length.
+    """
+
+    position: Array
+    rotation: Array
+    focal: float
+    k1: float
+    k2: float
+
+    def pixels(self, points: Array) -> Array:
+        """[..., 2] column and row of world points [..., 3] (m)."""
+        q = (points - self.position) @ self.rotation
+        x, y = q[..., 0] / -q[..., 2], q[..., 1] / -q[..., 2]
+        r2 = x * x + y * y
+        bend = self.focal * (1.0 + self.k1 * r2 + self.k2 * r2 * r2)
+        return np.stack([(WIDTH - 1) / 2 + x * bend, (HEIGHT - 1) / 2 - y * bend], axis=-1)
+
+    def straightened(self, columns: Array, rows: Array) -> tuple[Array, Array]:
+        """x right and y up of pixels as a pinhole of focal length 1 would see them."""
+        bent_x = (columns - (WIDTH - 1) / 2) / self.focal
+        bent_y = ((HEIGHT - 1) / 2 - rows) / self.focal
+        x, y = bent_x, bent_y
+        for _ in range(12):  # a contraction: the terms are small
+            r2 = x * x + y * y
+            bend = 1.0 + self.k1 * r2 + self.k2 * r2 * r2
+            x, y = bent_x / bend, bent_y / bend
+        return x, y
+
+    def floor(self, columns: Array, rows: Array) -> tuple[Array, Array]:
+        """Where the pixels' rays meet the floor, and how far they move a metre above it.
+
+        Returns:
+            [..., 2] x, y on the floor (m) and [..., 2] their change for each metre of height.
+        """
+        x, y = self.straightened(columns, rows)
+        ray = np.stack([x, y, -np.ones_like(x)], axis=-1) @ self.rotation.T
+        slope = ray[..., :2] / ray[..., 2:]
+        return self.position[:2] - self.position[2] * slope, slope
+
+
+def _turn(axis: int, angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    out = np.eye(3)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    out[i, i], out[i, j], out[j, i], out[j, j] = c, -s, s, c
+    return out
+
+
+def hang_camera(arena: Mapping[str, Any], unit: Unit) -> Lens:
+    """The camera of this unit's room above this arena."""
+    w, h = (v / 100.0 for v in arena["size_cm"])
+    hung = unit.camera
+    nominal = max(LOWEST, ABOVE * max(w, h))
+    height = nominal * hung.height_share
+    focal = min(WIDTH / (w * MARGIN), HEIGHT / (h * MARGIN)) * nominal
+    rotation = _turn(0, hung.tilt[0]) @ _turn(1, hung.tilt[1]) @ _turn(2, hung.roll)
+    # somebody looked at the picture and pushed the camera until the floor was about in its middle
+    straight_down = height * rotation[:2, 2] / rotation[2, 2]
+    off = min(w, h) * np.array(hung.offset_share)
+    position = np.array([w / 2 + off[0], h / 2 + off[1], height])
+    position[:2] += straight_down
+    return Lens(position=position, rotation=rotation, focal=focal, k1=hung.k1, k2=hung.k2)
+
+
+TEXELS = 24
+"""Parts along a cell's side in which the card is kept."""
+
+
+class Plate:
+    """A card of black and white cells on the robot's back, in the disk's place: a printed marker.
+
+    A square of n × n cells on a card that shows a white rim, a cell wide, about them.
+
+    Args:
+        cells: [n, n] from the upper left one on, 1 where one is white.
+        corners: [4, 2] of the cells' square, clockwise from its upper left one: ahead and to the left of the
+            robot's centre (m).
+        height: above the floor (m).
+    """
+
+    def __init__(self, cells: NDArray[np.uint8], corners: NDArray[np.float64], height: float) -> None:
+        self.height, self.reach = height, 1.5 * float(np.hypot(*corners.T).max())
+        self._first, self._across, self._down = corners[0], corners[1] - corners[0], corners[3] - corners[0]
+        self._count = len(cells)
+        card = np.pad(cells, 1, constant_values=1)
+        parts = np.pad(np.stack([np.ones_like(card), card]), ((0, 0), (1, 1), (1, 1)))
+        self._fine = parts.repeat(TEXELS, axis=1).repeat(TEXELS, axis=2).astype(np.float64)
+
+    def softened(self, sample: float) -> Pixels:
+        """[2, side, side] how much the card covers, and how white it is there, under samples so wide (m)."""
+        cell = float(np.hypot(*self._across)) / self._count
+        half = max(1, round(TEXELS * sample / cell / 2))
+        wide = np.pad(self._fine, ((0, 0), (half, half), (half, half)))
+        windows = sliding_window_view(wide, (2 * half + 1, 2 * half + 1), axis=(1, 2))
+        return np.asarray(windows.mean(axis=(3, 4)), np.float32)
+
+    def shown(self, soft: Pixels, off: NDArray[Any], turn: tuple[float, float]) -> Pixels:
+        """[2, ...] cover and whiteness of a `softened` card at places `off` [2, ...] the robot's centre (m);
+        `turn` has cosine and sine of its heading."""
+        (x, y), (c, s) = off, turn
+        ahead, left = c * x + s * y - self._first[0], c * y - s * x - self._first[1]
+        parts = self._count * TEXELS / float(self._across[0] ** 2 + self._across[1] ** 2)
+        column, row = (
+            np.floor((ahead * to[0] + left * to[1]) * parts).astype(int) + 2 * TEXELS
+            for to in (self._across, self._down)
+        )
+        last = soft.shape[1] - 1
+        return soft[:, row.clip(0, last), column.clip(0, last)]
+
+
+DISK_RADIUS, MIDDLE_RADIUS, FRONT_RADIUS, FRONT_AHEAD = 0.0275, 0.007, 0.0045, 0.0195
+"""The disk on the robot's back: black, with a white patch in the middle and another ahead (issue 3)."""
+DISK_HEIGHT = 0.0305
+"""On top of the robot: half a millimetre of card above its body (m)."""
+
+COLOURS = {
+    "floor": (199, 196, 189), "wall": (237, 235, 230), "outside": (120, 118, 115), "lamp": (255, 255, 205),
+    "body": (52, 56, 52), "black": (14, 14, 15), "white": (243, 243, 241),
+}  # fmt: skip
+LUMINANCE = np.array([0.299, 0.587, 0.114])
+"""Shares of red, green and blue in a grey level (ITU-R BT.601)."""
+SUB = 2
+"""Samples along a pixel's side."""
+LAYERS = 5
+"""Heights at which walls and cylinders are drawn, beside their tops."""
+SIDE = 0.003
+"""The lowest of the body's side that the camera sees (m)."""
+EDGE = 2
+"""Pixels round the robot's box."""
+
+
+class _Drawing:
+    """Draws frames [480, 640, 3], or grey ones [480, 640, 1], of one arena through one lens.
+
+    The robot may wear a plate, not the disk. Each pixel's ray is followed down: walls and cylinders once for
+    all frames, the robot in each, in its box.
+    """
+
+    def __init__(self, arena: Mapping[str, Any], lens: Lens, plate: Plate | None, *, grey: bool) -> None:
+        weights = LUMINANCE[:, None] if grey else np.eye(3)
+        self._colours = {name: (colour @ weights).astype(np.float32) for name, colour in COLOURS.items()}
+        step = (np.arange(SUB) + 0.5) / SUB - 0.5
+        columns = (np.arange(WIDTH)[:, None] + step).ravel()
+        rows = (np.arange(HEIGHT)[:, None] + step).ravel()
+        # [2, ...] x and y where a sample's ray meets the floor, and their change with height
+        self._floor, self._slope = (
+            np.moveaxis(one, -1, 0).astype(np.float32, order="C")
+            for one in lens.floor(*np.meshgrid(columns, rows))
+        )
+        self._lens, self._plate = lens, plate
+        self._samples = float(SUB * lens.focal / lens.position[2])  # a metre
+        self._reach, self._top = BODY_RADIUS, DISK_HEIGHT
+        if plate is not None:
+            self._soft = plate.softened(1 / self._samples)
+            self._reach, self._top = max(BODY_RADIUS, plate.reach), max(DISK_HEIGHT, plate.height)
+        self._fine, self._over = self._still(arena)
+        self.background = _coarse(self._fine)
+
+    def _at(self, z: float) -> Pixels:
+        """[2, ...] x and y of the samples' rays at a height (m)."""
+        return np.asarray(self._slope * np.float32(z) + self._floor)
+
+    def _still(self, arena: Mapping[str, Any]) -> tuple[Pixels, NDArray[np.bool_]]:
+        """[..., colours] what does not move, from the floor up; [...] whether it is higher than the robot."""
+        colours = self._colours
+        w, h = (v / 100.0 for v in arena["size_cm"])
+        picture = np.tile(colours["floor"], (*self._floor.shape[1:], 1))
+        off_x, off_y = self._floor[0] - np.float64(w / 2), self._floor[1] - np.float64(h / 2)
+        light = 1.0 - 0.10 * (off_x**2 + off_y**2) / (w * w + h * h) * 4
+        picture *= light[..., None].astype(np.float32)
+        over = np.zeros(picture.shape[:2], np.bool_)
+        for layer in range(LAYERS + 1):
+            z = WALL_HEIGHT * layer / LAYERS
+            x, y = self._at(z)
+            shade = np.float32(0.72 if layer < LAYERS else 1.0)
+            stands = np.zeros(x.shape, np.bool_)
+            for cx, cy, r in np.array(arena["cylinders"]).reshape(-1, 3) / 100.0:
+                stands |= np.hypot(x - cx, y - cy) < r
+            for x0, y0, x1, y1 in np.array(arena["walls"]).reshape(-1, 4) / 100.0:
+                length = math.hypot(x1 - x0, y1 - y0)
+                along = ((x - x0) * (x1 - x0) + (y - y0) * (y1 - y0)) / length
+                off = ((y - y0) * (x1 - x0) - (x - x0) * (y1 - y0)) / length
+                stands |= (along > -WALL_HALF) & (along < length + WALL_HALF) & (np.abs(off) < WALL_HALF)
+            picture[stands] = colours["wall"] * shade
+            if z > DISK_HEIGHT:
+                over |= stands
+            out = np.maximum(np.abs(x - w / 2) - w / 2, np.abs(y - h / 2) - h / 2)
+            picture[(out > 0) & (out < 0.01)] = colours["wall"] * shade
+        picture[out >= 0.01] = colours["outside"]
+        for cx, cy in np.array(arena["lamps"]).reshape(-1, 2) / 100.0:
+            x, y = self._at(0.05)
+            picture[np.hypot(x - cx, y - cy) < 0.008] = colours["lamp"]
+        return picture, over
+
+    def box(self, x: float, y: float) -> tuple[slice, slice]:
+        """Rows and columns of the picture in which a robot at x, y (m) may be seen."""
+        near = [[x + a, y + b, z] for a in (-self._reach, self._reach) for b in (-self._reach, self._reach)
+                for z in (0.0, self._top)]  # fmt: skip
+        ends = self._lens.pixels(np.array(near))
+        low, high = np.floor(ends.min(axis=0)) - EDGE, np.ceil(ends.max(axis=0)) + EDGE
+        (left, top), (right, bottom) = (
+            np.clip(end, 0, (WIDTH, HEIGHT)).astype(int).tolist() for end in (low, high)
+        )
+        return slice(top, bottom), slice(left, right)
+
+    def robot(self, x: float, y: float, heading: float, box: tuple[slice, slice]) -> Pixels:
+        """[rows, columns, colours] grey levels in a box of the picture, with the robot at x, y (m)."""
+        part = tuple(slice(one.start * SUB, one.stop * SUB) for one in box)
+        fine, c, s = self._fine[part], math.cos(heading), math.sin(heading)
+        black, white = self._colours["black"], self._colours["white"]
+        slope_x, slope_y = self._slope[0][part], self._slope[1][part]
+        off_x, off_y = self._floor[0][part] - np.float32(x), self._floor[1][part] - np.float32(y)
+        # where a ray comes nearest to the body's axis, on the height of its side
+        z = -(off_x * slope_x + off_y * slope_y) / (slope_x * slope_x + slope_y * slope_y + np.float32(1e-12))
+        z = np.minimum(np.maximum(z, np.float32(SIDE)), np.float32(BODY_TOP))
+        side = (off_x + z * slope_x) ** 2 + (off_y + z * slope_y) ** 2 < np.float32(BODY_RADIUS**2)
+        picture = np.where(side[..., None], self._colours["body"], fine)
+        height = np.float32(DISK_HEIGHT if self._plate is None else self._plate.height)
+        off_x, off_y = off_x + slope_x * height, off_y + slope_y * height
+        if self._plate is None:
+            samples = np.float32(self._samples)
+            for ahead, radius, colour in (
+                (0.0, DISK_RADIUS, black), (0.0, MIDDLE_RADIUS, white), (FRONT_AHEAD, FRONT_RADIUS, white)
+            ):  # fmt: skip
+                square = (off_x - np.float32(ahead * c)) ** 2 + (off_y - np.float32(ahead * s)) ** 2
+                share = (np.float32(radius) - np.sqrt(square)) * samples + np.float32(0.5)
+                share = np.minimum(np.maximum(share, np.float32(0.0)), np.float32(1.0))
+                picture += share[..., None] * (colour - picture)
+        else:
+            cover, bright = self._plate.shown(self._soft, np.stack([off_x, off_y]), (c, s))[..., None]
+            picture += cover * (black - picture) + bright * (white - black)
+        return _coarse(np.where(self._over[part][..., None], fine, picture))
+
+
+def _coarse(fine: Pixels) -> Pixels:
+    """[rows, columns, colours] each pixel the mean of its samples."""
+    total = sum(fine[k // SUB :: SUB, k % SUB :: SUB] for k in range(SUB * SUB))
+    return np.asarray(total * np.float32(1.0 / SUB**2))
+
 
 PIXEL_NOISE = 2.5
 """Grey levels, deviation: a plain video camera indoors."""
 FALL_OFF = 0.16
 """A lens darkens its corners: by this share at the picture's corner."""
-FPS = 25.0
 VIEWS = ("drawn", "mujoco")
 
 
@@ -47,9 +302,10 @@ class OverheadCamera(Closing):
         view: `drawn`, or `mujoco`, by MuJoCo's renderer, without shadows, at several times the cost a frame.
         seed: names the noise of the pixels.
         plate: what the robot wears in the disk's place; it is drawn.
+        grey: whether frames have no colours, which a tracker does not look at; drawn at a third of the cost.
 
     Raises:
-        ConfigError: `mujoco` is asked for with a plate, or where neither EGL nor OSMesa works.
+        ConfigError: `mujoco` is asked for with a plate, or where its GL library does not work.
     """
 
     def __init__(
@@ -61,34 +317,30 @@ class OverheadCamera(Closing):
         view: str = VIEWS[0],
         seed: int = 0,
         plate: Plate | None = None,
+        grey: bool = False,
     ) -> None:
         if view not in VIEWS:
             raise ConfigError(f"the camera's view is one of {', '.join(VIEWS)}, got {view!r}")
-        arena = check_arena(arena)
-        who = draw_unit(unit)
-        self.lens = hang_camera(arena, who)
-        self._unit, self._noise = unit, check_scale(noise)
-        if view == "mujoco" and plate is not None:
+        if view == "mujoco" and (plate is not None or grey):
             raise ConfigError("MuJoCo's renderer shows no robot with a plate: ask for the drawn view")
-        self._renderer = _renderer(arena, who, self.lens) if view == "mujoco" else None
-        self._drawing = Drawing(arena, self.lens, plate) if self._renderer is None else None
+        arena, who = check_arena(arena), draw_unit(unit)
+        self.lens = hang_camera(arena, who)
+        self._unit, self._noise, self._seed = unit, check_scale(noise), seed
         columns, rows = np.meshgrid(np.arange(WIDTH) - WIDTH / 2, np.arange(HEIGHT) - HEIGHT / 2)
         corner = (WIDTH**2 + HEIGHT**2) / 4
         light = who.camera.gain * (1 - FALL_OFF * (columns**2 + rows**2) / corner)
-        self._light = np.repeat(light.astype(np.float32), 3, axis=1)
-        self.begin(seed)
+        self._light: Pixels = np.repeat(light.astype(np.float32)[..., None], 1 if grey else 3, axis=2)
+        self._renderer: Any = None
+        if view == "mujoco":
+            from realitygap.twin.render import Renderer  # it needs MuJoCo and a GL library
 
-    def begin(self, seed: int) -> None:
-        """Another film: its seed names the noise of its pixels, as if the camera were new."""
-        self._seed = seed
-        self._bank = normal_draws(draws(self._unit, seed, 53), 2 * WIDTH * HEIGHT * 3).astype(np.float32)
-        self._bank *= np.float32(PIXEL_NOISE * self._noise)
-
-    def again(self, seed: int) -> OverheadCamera:
-        """This camera for another film, as if it were new: both share what they draw with."""
-        other = copy(self)
-        other.begin(seed)
-        return other
+            self._renderer = Renderer(arena, who, self.lens)
+        else:
+            self._drawing = _Drawing(arena, self.lens, plate, grey=grey)
+            self._still = self._drawing.background * self._light
+        bank = draws(unit, seed, 53).standard_normal(2 * self._light.size, np.float32)
+        share = math.sqrt((LUMINANCE**2).sum()) if grey else 1.0
+        self._bank = bank * np.float32(PIXEL_NOISE * self._noise * share)
 
     def close(self) -> None:
         """Release the renderer, if there is one."""
@@ -102,42 +354,39 @@ class OverheadCamera(Closing):
         return {"view": view, "width": WIDTH, "height": HEIGHT, "noise": self._noise,
                 "unit": self._unit, "body": "twin (pseudo-reality)"}  # fmt: skip
 
-    def frame(self, pose: NDArray[np.float64], number: int = 0, window: Window = WHOLE) -> Frame:
-        """[480, 640, 3] what the camera shows of a robot at `pose` [7], a row of `States.pose`; the frame's
-        `number` names its noise. Of a `window` (rows and columns) it is the whole frame's, to the last bit.
+    def frame(self, pose: Pose, number: int = 0) -> Frame:
+        """[480, 640, 3], or of a grey camera [480, 640], what it shows of a robot at `pose`.
+
+        The frame's `number` names its noise.
         """
-        picture: NDArray[Any]
-        if self._renderer is not None:
-            picture = self._renderer.frame(pose)[window]
-        else:
-            assert self._drawing is not None
-            where = float(pose[0]), float(pose[1]), heading_of(pose)
-            picture = self._drawing.frame(*where, window)
         size = self._light.size
         start = int(draws(self._seed, 59, number).integers(size))
         noise = self._bank[start : start + size].reshape(self._light.shape)
-        frame = np.empty(picture.shape, np.uint8)
-        lines = (np.ascontiguousarray(picture).reshape(len(frame), -1), self._light, noise)
-        expose(*lines, (window[0].start, 3 * window[1].start), frame.reshape(len(frame), -1))
-        return frame
+        if self._renderer is not None:
+            return _exposed(self._renderer.frame(pose) * self._light, noise)
+        frame = _exposed(self._still, noise)
+        x, y = pose.x / 100.0, pose.y / 100.0
+        box = self._drawing.box(x, y)
+        if box[0].start < box[0].stop and box[1].start < box[1].stop:
+            robot = self._drawing.robot(x, y, pose.heading, box) * self._light[box]
+            frame[box] = _exposed(robot, noise[box])
+        return frame if frame.shape[2] == 3 else frame[..., 0]
 
-    def looks(
-        self, states: States, *, fps: float = FPS, first: int = 0
-    ) -> Iterator[tuple[float, Callable[[Window], Frame]]]:
-        """Frames of the recorded states at an even pace: (time in s from the first state, what shows it).
+    def frames(self, truth: Track, *, fps: float, first: int = 0) -> Iterator[tuple[float, Frame]]:
+        """Frames of where the robot was, at an even pace: (time in s from the first row, picture).
 
-        It shows any window of it, and only that much is made. Between two states the later one that is not
-        after the frame's time is shown (10 ms at most). `first` is the first frame's number, which names
-        its noise.
+        Between two rows the later one that is not after the frame's time is shown. `first` is the first
+        frame's number, which names its noise.
         """
-        start, end = int(states.time_ms[0]), int(states.time_ms[-1])
-        for number in range(int((end - start) * fps / 1000.0) + 1):
+        start, end = float(truth.t[0]), float(truth.t[-1])
+        for number in range(int((end - start) * fps + 1e-6) + 1):
             t = number / fps
-            row = int(np.searchsorted(states.time_ms, start + t * 1000.0 + 1e-6, side="right")) - 1
-            yield t, partial(self.frame, states.pose[row], first + number)
+            row = int(np.searchsorted(truth.t, start + t + 1e-9, side="right")) - 1
+            pose = Pose(x=float(truth.x[row]), y=float(truth.y[row]), heading=float(truth.heading[row]))
+            yield t, self.frame(pose, first + number)
 
 
-def _renderer(*words: Any) -> Any:
-    from realitygap.twin.render import Renderer  # it needs MuJoCo, OpenCV and a GL library
-
-    return Renderer(*words)
+def _exposed(picture: Pixels, noise: Pixels) -> Frame:
+    """Grey levels as bytes, the pixels' noise on them."""
+    levels = cv2.add(picture, np.ascontiguousarray(noise), dtype=cv2.CV_8U)
+    return np.asarray(levels, np.uint8).reshape(picture.shape)

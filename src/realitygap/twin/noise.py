@@ -9,19 +9,17 @@ asking twice gives the same answer and not asking changes nothing.
 """
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
-from realitygap.twin.arithmetic import normals, one_cos_sin, one_normal, step
+from realitygap.twin.compiled import jit, part
 
-__all__ = [
-    "Creep", "SensorNoise", "check_scale", "creep_at", "creep_of", "draws", "noise_at", "normal_draws",
-    "sensor_noise", "white_at",
-]  # fmt: skip
+__all__ = ["SensorNoise", "Slip", "check_scale", "draws", "noise_at", "sensor_noise", "white_at"]
+
+Array = NDArray[np.float64]
 
 PROXIMITY_COUNTS = 21.0
 AMBIENT_COUNTS = 4.5
@@ -38,15 +36,15 @@ OUTLIERS, OUTLIER_SIZE = 0.1, 2.2
 _CORE = 1.0 / math.sqrt(1.0 - OUTLIERS + OUTLIERS * OUTLIER_SIZE**2)
 
 SLIP_SHARE, SLIP_KEPT = 0.064, 0.8824969025845955
-"""Slip of the tyre: deviation of the creep, and what is left of it after `CREEP_MS`: exp(−5/40), for it is
+"""Slip of the tyre: its deviation, and what is left of it after `SLIP_MS`: exp(−5/40), for it is
 forgotten in 40 ms."""
 _FRESH = SLIP_SHARE * math.sqrt(1.0 - SLIP_KEPT**2)
 GROUND_SHARE, GROUND_CELL_M, GROUND_CELLS = 0.042, 0.006, 64
-"""The ground: creep that belongs to a place (dust, seams), in cells of 6 mm."""
+"""The ground: slip that belongs to a place (dust, seams), in cells of 6 mm."""
 AXLE_SHARE = 0.025
 """A wheel that sits off its axle: amplitude, once a turn."""
-CREEP_MS = 5
-"""The creep is brought up to date this often: 1 mm of way at most."""
+SLIP_MS = 5
+"""The slip is brought up to date this often: 1 mm of way at most."""
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_A = np.uint64(0xBF58476D1CE4E5B9)
@@ -59,19 +57,21 @@ def draws(*name: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64([n & _MASK for n in name]))
 
 
-def normal_draws(generator: np.random.Generator, *shape: int) -> NDArray[np.float64]:
-    """Normal draws of a generator: NumPy's own take a logarithm of the C library, this one of the twin's."""
-    bits: NDArray[np.uint64] = generator.bit_generator.random_raw(math.prod(shape))
-    return normals(bits.reshape(shape))
-
-
-@step
+@part
 def _spread(number: Any) -> Any:
     """Mix the bits of a whole number, or of many (splitmix64, Steele et al. 2014)."""
     z = number + _GOLDEN
     z = (z ^ (z >> np.uint64(30))) * _MIX_A
     z = (z ^ (z >> np.uint64(27))) * _MIX_B
     return z ^ (z >> np.uint64(31))
+
+
+@part
+def _normal(bits: Any) -> Any:
+    """A draw of deviation 1 from 64 random bits (Box and Muller 1958)."""
+    first = (np.float64(bits >> np.uint64(32)) + 0.5) * 2.3283064365386963e-10
+    second = np.float64(bits & np.uint64(0xFFFFFFFF)) * 2.3283064365386963e-10
+    return math.sqrt(-2.0 * math.log(first)) * math.cos(2.0 * math.pi * second)
 
 
 class SensorNoise(NamedTuple):
@@ -93,28 +93,28 @@ def sensor_noise(*, seed: int, purpose: int) -> SensorNoise:
     return SensorNoise(white, spread(white))
 
 
-@step
+@part
 def white_at(noise: Any, sensor: int, refreshed: int) -> Any:
     """What is new at a sensor's refreshing, named by its time (ms): heavier tails than normal (kurtosis
     about 5)."""
     key = noise.white[sensor] ^ np.uint64(refreshed)
     outlier = np.float64(_spread(key ^ _MIX_A)) < OUTLIERS * 2.0**64
-    return one_normal(_spread(key)) * (_CORE * OUTLIER_SIZE if outlier else _CORE)
+    return _normal(_spread(key)) * (_CORE * OUTLIER_SIZE if outlier else _CORE)
 
 
-@step
+@part
 def _drift_at(noise: Any, sensor: int, time_ms: int) -> Any:
     """What changes slowly, deviation 1."""
     knot, rest = time_ms // DRIFT_KNOT_MS, time_ms % DRIFT_KNOT_MS
-    here = one_normal(_spread(noise.drift[sensor] ^ np.uint64(knot + 1)))
-    there = one_normal(_spread(noise.drift[sensor] ^ np.uint64(knot + 2)))
+    here = _normal(_spread(noise.drift[sensor] ^ np.uint64(knot + 1)))
+    there = _normal(_spread(noise.drift[sensor] ^ np.uint64(knot + 2)))
     share = rest / DRIFT_KNOT_MS
     share = share * share * (3.0 - 2.0 * share)
     size = math.sqrt(share * share + (1.0 - share) * (1.0 - share))
     return (here * (1.0 - share) + there * share) / size
 
 
-@step
+@part
 def noise_at(noise: Any, sensor: int, time_ms: int, refreshed: int) -> Any:
     """The whole noise of a sensor, deviation 1.
 
@@ -126,61 +126,66 @@ def noise_at(noise: Any, sensor: int, time_ms: int, refreshed: int) -> Any:
     return WHITE * white_at(noise, sensor, refreshed) + DRIFT * _drift_at(noise, sensor, time_ms)
 
 
-class Creep(NamedTuple):
+class Slip:
     """How much further each wheel turns than it carries the robot, as a share of its speed.
 
     The encoders sit on the motors and see nothing of it: so the robot's own speed control, which is
     nearly noiseless, cannot mend it. Three causes: slip of the tyre, the ground, the wheel on its axle.
 
-    Attributes:
+    Args:
+        seed: names the draws.
         noise: the scale.
         phases: [2] of the axles (rad), left and right.
-        slip: [2] of each wheel now.
-        ground: [2, cells, cells] of each place.
-        block: [n] normal draws, used from the end on; `left` [1] of them are new.
+        half: of the track, m.
+
+    Attributes:
+        ground: [2, cells, cells] slip of each place.
     """
 
-    noise: float
-    phases: NDArray[np.float64]
-    slip: NDArray[np.float64]
-    ground: NDArray[np.float64]
-    block: NDArray[np.float64]
-    left: NDArray[np.int64]
+    def __init__(self, seed: int, noise: float, phases: tuple[float, float], half: float) -> None:
+        self._generator = draws(seed, 31)
+        self._tyre = SLIP_SHARE * self._generator.standard_normal(2)
+        self.ground = GROUND_SHARE * self._generator.standard_normal((2, GROUND_CELLS, GROUND_CELLS))
+        self._noise, self._phases, self._half = noise, np.array(phases), half
+        self._fresh, self._used = np.empty((0, 2)), 0
+
+    def update(self, qpos: Array, angles: Array, slip: Array) -> None:
+        """Bring both wheels' `slip` [2] up to date, once in `SLIP_MS`, where they stand.
+
+        Args:
+            qpos: MuJoCo's places.
+            angles: [2] of the axles, rad.
+            slip: [2] into which it goes.
+        """
+        if self._noise == 0.0:
+            return
+        if self._used == len(self._fresh):
+            self._fresh, self._used = self._generator.standard_normal((512, 2)), 0
+        fresh, self._used = self._fresh[self._used], self._used + 1
+        _update(self._tyre, fresh, self.ground, self._phases, self._half, self._noise, qpos, angles, slip)
 
 
-def creep_of(seed: int, noise: float, phases: tuple[float, float]) -> tuple[Creep, Callable[[], None]]:
-    """The creep of a seed, and what draws its next block when none is left."""
-    generator = draws(seed, 31)
-    slip = SLIP_SHARE * normal_draws(generator, 2)
-    field = GROUND_SHARE * normal_draws(generator, 2, GROUND_CELLS, GROUND_CELLS)
-    creep = Creep(noise, np.array(phases), slip, field, np.empty(512), np.zeros(1, np.int64))
-
-    def refill() -> None:
-        creep.block[:] = normal_draws(generator, len(creep.block))
-        creep.left[0] = len(creep.block)
-
-    return creep, refill
-
-
-@step
-def creep_at(creep: Any, wheel: int, x: float, y: float, angle: float) -> Any:
-    """A wheel's creep, to be asked once in `CREEP_MS`, while there are draws.
-
-    Args:
-        creep: the wheels'.
-        wheel: 0 left, 1 right.
-        x, y: where it stands, m.
-        angle: by which it has turned, rad.
-    """
-    if creep.noise == 0.0:
-        return 0.0
-    creep.left[0] -= 1
-    slip = SLIP_KEPT * creep.slip[wheel] + _FRESH * creep.block[creep.left[0]]
-    creep.slip[wheel] = slip
-    column, row = int(x / GROUND_CELL_M), int(y / GROUND_CELL_M)
-    ground = creep.ground[wheel, row % GROUND_CELLS, column % GROUND_CELLS]
-    axle = AXLE_SHARE * one_cos_sin(angle + creep.phases[wheel])[0]
-    return creep.noise * (slip + ground + axle)
+@jit
+def _update(
+    tyre: Any,
+    fresh: Any,
+    ground: Any,
+    phases: Any,
+    half: float,
+    noise: float,
+    qpos: Any,
+    angles: Any,
+    slip: Any,
+) -> None:
+    x, y, w, z = qpos[0], qpos[1], qpos[3], qpos[6]
+    dx, dy = -2.0 * w * z * half, (w * w - z * z) * half
+    for side in range(2):
+        tyre[side] = SLIP_KEPT * tyre[side] + _FRESH * fresh[side]
+        column, row = int((x + dx) / GROUND_CELL_M), int((y + dy) / GROUND_CELL_M)
+        place = ground[side, row % GROUND_CELLS, column % GROUND_CELLS]
+        axle = AXLE_SHARE * math.cos(angles[side] + phases[side])
+        slip[side] = noise * (tyre[side] + place + axle)
+        dx, dy = -dx, -dy
 
 
 def check_scale(value: Any) -> float:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.twin.arithmetic import hypot, jit, step
+from realitygap.twin.compiled import jit, part
 
 __all__ = ["Scene", "clearance", "is_clear", "meet", "near", "scene_of"]
 
@@ -19,28 +19,28 @@ SIDES = 4
 
 class Scene(NamedTuple):
     """What stops light (m): of each face where it begins [n, 2], its direction [n, 2] and its length [n];
-    circles [k, 3] (x, y, radius); how much more than usual the faces and each circle throw back, [1 + k]; and
+    circles [k, 3] (x, y, radius); how much more than usual the faces and each circle reflect, [1 + k]; and
     room for the numbers of those that are looked at, [n] and [k]."""
 
     start: Array
     along: Array
     length: Array
     circles: Array
-    white: Array
+    reflectance: Array
     faces: NDArray[np.int64]
     rounds: NDArray[np.int64]
 
 
-def scene_of(faces: Array, circles: Array, white: Array | None = None) -> Scene:
-    """Of faces [n, 4] (x0, y0, x1, y1, in m), circles [k, 3] and what they throw back [1 + k], 1 if None."""
-    white = np.ones(1 + len(circles)) if white is None else white
+def scene_of(faces: Array, circles: Array, reflectance: Array | None = None) -> Scene:
+    """Of faces [n, 4] (x0, y0, x1, y1, in m), circles [k, 3] and what they reflect [1 + k], 1 if None."""
+    reflectance = np.ones(1 + len(circles)) if reflectance is None else reflectance
     way = faces[:, 2:] - faces[:, :2]
-    length = hypot(*way.T)
+    length = np.hypot(*way.T)
     looked_at = np.arange(len(faces)), np.arange(len(circles))
-    return Scene(faces[:, :2].copy(), way / length[:, None], length, circles, white, *looked_at)
+    return Scene(faces[:, :2].copy(), way / length[:, None], length, circles, reflectance, *looked_at)
 
 
-@step
+@part
 def _to_face(scene: Any, k: int, x: float, y: float) -> Any:
     """From a point to a face (m)."""
     rx, ry, ux, uy = x - scene.start[k, 0], y - scene.start[k, 1], scene.along[k, 0], scene.along[k, 1]
@@ -49,7 +49,7 @@ def _to_face(scene: Any, k: int, x: float, y: float) -> Any:
     return math.sqrt(dx * dx + dy * dy)
 
 
-@step
+@part
 def _to_circle(scene: Any, k: int, x: float, y: float) -> Any:
     """From a point to a circle (m)."""
     dx, dy = x - scene.circles[k, 0], y - scene.circles[k, 1]
@@ -67,7 +67,7 @@ def clearance(scene: Any, x: float, y: float) -> Any:
     return least
 
 
-@step
+@part
 def near(scene: Any, x: float, y: float, reach: float) -> Any:
     """How many faces and circles come near a point: they alone are looked at.
 
@@ -87,7 +87,7 @@ def near(scene: Any, x: float, y: float, reach: float) -> Any:
     return some, others
 
 
-@step
+@part
 def _cross(scene: Any, k: int, x: float, y: float, dx: float, dy: float) -> Any:
     """How far along a ray a face is; inf if it is missed."""
     ux, uy = scene.along[k, 0], scene.along[k, 1]
@@ -99,7 +99,7 @@ def _cross(scene: Any, k: int, x: float, y: float, dx: float, dy: float) -> Any:
     return ahead / turn if s >= -1e-9 and s <= scene.length[k] + 1e-9 else np.inf
 
 
-@step
+@part
 def _touch(scene: Any, k: int, x: float, y: float, dx: float, dy: float) -> Any:
     """How far along a ray (its direction of length 1) a circle is; inf if it is missed."""
     rx, ry, r = scene.circles[k, 0] - x, scene.circles[k, 1] - y, scene.circles[k, 2]
@@ -112,7 +112,7 @@ def _touch(scene: Any, k: int, x: float, y: float, dx: float, dy: float) -> Any:
     return t if t > 0.0 else np.inf
 
 
-@step
+@part
 def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy: float) -> Any:
     """The first thing that a ray meets.
 
@@ -124,9 +124,9 @@ def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy:
 
     Returns:
         Distance, cosine of the incidence, x, y of the point, its normal's x and y (towards the ray's side),
-        and how much more than usual is thrown back there.
+        and how much more than usual is reflected there.
     """
-    distance, nx, ny, white = FAR, -dx, -dy, scene.white[0]
+    distance, nx, ny, reflectance = FAR, -dx, -dy, scene.reflectance[0]
     if counts[0]:
         which, least = scene.faces[0], np.inf
         for i in range(counts[0]):
@@ -146,13 +146,13 @@ def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy:
             if t < least:
                 which, least = k, t
         if least < distance:
-            distance, r, white = least, scene.circles[which, 2], scene.white[1 + which]
+            distance, r, reflectance = least, scene.circles[which, 2], scene.reflectance[1 + which]
             nx = (x + distance * dx - scene.circles[which, 0]) / r
             ny = (y + distance * dy - scene.circles[which, 1]) / r
-    return distance, -(nx * dx + ny * dy), x + distance * dx, y + distance * dy, nx, ny, white
+    return distance, -(nx * dx + ny * dy), x + distance * dx, y + distance * dy, nx, ny, reflectance
 
 
-@step
+@part
 def is_clear(scene: Any, x: float, y: float, ax: float, ay: float) -> Any:
     """Whether nothing stands between two points.
 

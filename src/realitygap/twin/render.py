@@ -12,10 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
-from realitygap.twin.drawing import DISK_HEIGHT, DISK_RADIUS, FRONT_AHEAD, FRONT_RADIUS, MIDDLE_RADIUS
-from realitygap.twin.lens import HEIGHT, WIDTH, Lens
-from realitygap.twin.model import build_xml, mujoco
+from realitygap.twin.body import build_xml, mujoco
+from realitygap.twin.camera import (
+    DISK_HEIGHT,
+    DISK_RADIUS,
+    FRONT_AHEAD,
+    FRONT_RADIUS,
+    HEIGHT,
+    MIDDLE_RADIUS,
+    WIDTH,
+    Lens,
+)
 from realitygap.twin.unit import Unit
+from realitygap.values import Pose
 
 __all__ = ["Renderer"]
 
@@ -75,9 +84,10 @@ class Renderer:
         self._u = (x * lens.focal + (PAD_WIDTH - 1) / 2).astype(np.float32)
         self._v = ((PAD_HEIGHT - 1) / 2 - y * lens.focal).astype(np.float32)
 
-    def frame(self, pose: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """[480, 640, 3] grey levels, bent by the lens, without the camera's noise; `pose` [7]."""
-        self._data.qpos[:7] = pose
+    def frame(self, pose: Pose) -> NDArray[np.uint8]:
+        """[480, 640, 3] grey levels, bent by the lens, without the camera's noise."""
+        c, s = np.cos(pose.heading / 2), np.sin(pose.heading / 2)
+        self._data.qpos[:7] = pose.x / 100.0, pose.y / 100.0, 0.0, c, 0.0, 0.0, s
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
         everything = mujoco.mjtCatBit.mjCAT_ALL

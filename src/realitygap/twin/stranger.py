@@ -1,7 +1,7 @@
 """The stranger: a twin outside the family of laws that a calibration can fit.
 
 The twin's sensor laws lie within reach of the simulation's forms, which makes it kind. The stranger has
-besides what robots have and the forms leave out: surfaces that throw back differently, crosstalk between
+besides what robots have and the forms leave out: surfaces that reflect differently, crosstalk between
 neighbouring sensors, infrared of the lamp, a lamp with extent, a floor that stays the same over trials, a
 hand that places to a millimetre, commands that take effect up to a step late, a battery that sags.
 Sizes were fixed before anything was evolved or calibrated on it, and are never tuned afterwards.
@@ -17,26 +17,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
-from realitygap.twin.arena import check_arena
-from realitygap.twin.arithmetic import cos_sin, jit
-from realitygap.twin.body import TwinBody
-from realitygap.twin.eyes import IR_OFFSET, LAMP_PROUD, illuminate, reflect
-from realitygap.twin.model import NOMINAL_VOLT
-from realitygap.twin.noise import GROUND_CELLS, GROUND_SHARE, draws, normal_draws
-from realitygap.twin.sensors import FULL, Sensors, look_back, noisy_proximity
-from realitygap.twin.unit import Unit
+from realitygap.twin.body import NOMINAL_VOLT, TwinBody
+from realitygap.twin.compiled import jit
+from realitygap.twin.noise import GROUND_CELLS, GROUND_SHARE, draws
+from realitygap.twin.sensors import (
+    FULL,
+    IR_OFFSET,
+    LAMP_PROUD,
+    Sensors,
+    illuminate,
+    look_back,
+    noisy_proximity,
+    reflect,
+)
+from realitygap.twin.unit import Unit, check_arena
 
 __all__ = ["StrangerBody"]
 
-WALL_WHITE, CYLINDER_WHITE, WHITE_SPREAD = 1.0, 0.75, 0.08
-"""What walls and cylinders throw back, and by how much units and cylinders differ (a share)."""
+WALL_REFLECTANCE, CYLINDER_REFLECTANCE, REFLECTANCE_SPREAD = 1.0, 0.75, 0.08
+"""What walls and cylinders reflect, and by how much units and cylinders differ (a share)."""
 CROSSTALK = 0.06
 """Share of a neighbour's infrared that a sensor takes in: the emitters' lobes overlap."""
 NEIGHBOURS = np.array([[1, 1], [0, 2], [1, 3], [2, 4], [3, 5], [4, 4], [7, 7], [6, 6]])
 SENSORS = len(NEIGHBOURS)
 """Of each sensor, in the order of the robot's; at the ends of a row the only one counts twice a half."""
 LAMP_INFRARED = 12.0
-"""Counts that a lamp 1 m away, straight ahead, adds to the infrared thrown back."""
+"""Counts that a lamp 1 m away, straight ahead, adds to the infrared reflected."""
 LAMP_RADIUS, LAMP_PARTS = 0.02, 4
 """A lamp is a disk (m), seen as so many points."""
 PLACED_M = 0.001
@@ -48,7 +54,7 @@ CHARGE, SAG_PER_S = (0.9, 1.0), 0.001
 
 
 @dataclass(frozen=True, kw_only=True)
-class Oddities:
+class UnmodelledEffects:
     """What differs between strangers, and between their stays: drawn from unit and seed."""
 
     crosstalk: float
@@ -65,13 +71,13 @@ class StrangerSensors(Sensors):
     """Sensors of a stranger: `charge` scales what its emitters send."""
 
     def __init__(
-        self, arena: Mapping[str, Any], unit: Unit, odd: Oddities, *, noise: float, seed: int
+        self, arena: Mapping[str, Any], unit: Unit, odd: UnmodelledEffects, *, noise: float, seed: int
     ) -> None:
         super().__init__(
             arena, replace(unit, lamp_power=unit.lamp_power / LAMP_PARTS), noise=noise, seed=seed
         )
-        turn = cos_sin(math.tau * (np.arange(LAMP_PARTS) + 0.5) / LAMP_PARTS)
-        points = self.eyes.lamps[:, None, :] + LAMP_RADIUS * np.stack(turn, axis=-1)
+        turn = math.tau * (np.arange(LAMP_PARTS) + 0.5) / LAMP_PARTS
+        points = self.eyes.lamps[:, None, :] + LAMP_RADIUS * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
         size = np.array(arena["size_cm"]) / 100.0
         lamps = np.clip(points.reshape(-1, 2), LAMP_PROUD, size - LAMP_PROUD)
         self.eyes = self.eyes._replace(lamps=lamps)
@@ -107,11 +113,10 @@ class StrangerBody(TwinBody):
         self._placed: np.random.Generator | None = None
         self._late: deque[tuple[int, int, int]] = deque()
         super().__init__(_room(arena, unit), unit=unit, noise=noise, seed=seed, substeps=substeps)
-        odd = Oddities.drawn(unit, seed)
+        odd = UnmodelledEffects.drawn(unit, seed)
         name = int(draws(unit, seed, 17).integers(2**62))
         self._sensors: StrangerSensors = StrangerSensors(self.arena, self.unit, odd, noise=noise, seed=name)
-        floor = normal_draws(draws(unit, 61), 2, GROUND_CELLS, GROUND_CELLS)
-        self._machine.creep.ground[:] = GROUND_SHARE * floor
+        self._slip.ground[:] = GROUND_SHARE * draws(unit, 61).standard_normal((2, GROUND_CELLS, GROUND_CELLS))
         self._full = odd.charge
         self._placed, self._delays = draws(unit, seed, 67), draws(unit, seed, 71)
 
@@ -135,7 +140,7 @@ class StrangerBody(TwinBody):
     def place(self, x_cm: float, y_cm: float, heading: float) -> None:
         """As the twin's, to a millimetre: where that leaves no room, exactly."""
         if self._placed is not None:
-            off = 100.0 * PLACED_M * normal_draws(self._placed, 2)
+            off = 100.0 * PLACED_M * self._placed.standard_normal(2)
             if self._fits(x_cm, y_cm) and self._fits(x_cm + off[0], y_cm + off[1]):
                 x_cm, y_cm = x_cm + float(off[0]), y_cm + float(off[1])
         super().place(x_cm, y_cm, heading)
@@ -169,6 +174,6 @@ def _room(arena: Mapping[str, Any], unit: int) -> dict[str, Any]:
         )
     room = check_arena(arena)
     drawn = draws(unit, 73).standard_normal(1 + len(room["cylinders"]))
-    white = np.full(len(drawn), CYLINDER_WHITE)
-    white[0] = WALL_WHITE
-    return {**room, "reflectance": (white * (1.0 + WHITE_SPREAD * drawn.clip(-3.0, 3.0))).tolist()}
+    white = np.full(len(drawn), CYLINDER_REFLECTANCE)
+    white[0] = WALL_REFLECTANCE
+    return {**room, "reflectance": (white * (1.0 + REFLECTANCE_SPREAD * drawn.clip(-3.0, 3.0))).tolist()}

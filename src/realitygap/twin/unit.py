@@ -1,17 +1,32 @@
-"""One robot of a population: its constants, drawn from a seed and known to nobody but the twin.
+"""One robot of a population, and the arena that it stands in.
 
-What the robots have in common stands here with its source; what differs between them is drawn.
-Lengths in metres, angles in radians, as everywhere inside the twin.
+A robot's constants are drawn from its number and known to nobody but the twin. What the robots have in common
+stands here with its source. Lengths in metres, angles in radians, as everywhere inside the twin; an arena
+comes in plain numbers, in cm.
 """
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.twin.noise import draws
 
-__all__ = ["SENSORS_MM_DEG", "CameraUnit", "Unit", "draw_unit"]
+__all__ = [
+    "BODY_RADIUS", "BODY_TOP", "SENSORS_MM_DEG", "WALL_HALF", "WALL_HEIGHT", "CameraUnit", "Unit",
+    "check_arena", "draw_unit", "faces_of",
+]  # fmt: skip
+
+BODY_RADIUS = 0.0275  # K-Team, Khepera user manual: diameter 55 mm
+BODY_TOP = 0.030  # the same: height 30 mm
+WALL_HEIGHT = 0.04
+"""Just above the robot and its disk, which a camera overhead must not lose behind a cylinder."""
+WALL_HALF = 0.003
+"""A partition is a board of 6 mm (m, half of it)."""
 
 SENSORS_MM_DEG = (
     (10, 24, 90), (19, 17, 45), (25, 6, 0), (25, -6, 0),
@@ -33,7 +48,7 @@ def _drawn(mean: float, deviation: float, count: int = 1) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraUnit:
-    """How somebody hung the camera: not quite over the middle, not quite straight."""
+    """The camera's mounting error: not quite over the middle, not quite straight."""
 
     offset_share: tuple[float, float] = _drawn(0.0, 0.005, 2)
     height_share: float = _drawn(1.0, 0.007)
@@ -85,3 +100,66 @@ def draw_unit(number: int) -> Unit:
 
     constants = drawn(Unit)
     return Unit(number=number, camera=CameraUnit(**drawn(CameraUnit)), **constants)
+
+
+MAX_REFLECTANCE = 10
+"""Of a surface, in those that the twin's own constants hold for."""
+_PARTS = {"cylinders": ("x, y, radius", 3), "walls": ("x0, y0, x1, y1", 4), "lamps": ("x, y", 2)}
+
+
+def _numbers(values: Any) -> list[float]:
+    """None of them where they are something else."""
+    try:
+        return [float(value) for value in values]
+    except (TypeError, ValueError):
+        return []
+
+
+def _rows(arena: Mapping[str, Any], key: str) -> list[list[float]]:
+    words, width = _PARTS[key]
+    rows = arena.get(key, [])
+    out = [_numbers(row) for row in rows] if isinstance(rows, Iterable) else [[]]
+    if any(len(row) != width or not np.isfinite(row).all() for row in out):
+        raise ConfigError(f"arena: {key} is a list of [{words}] in cm, got {rows!r}")
+    return out
+
+
+def check_arena(arena: Mapping[str, Any]) -> dict[str, Any]:
+    """The same arena with every key there and every number a float.
+
+    Raises:
+        ConfigError: a key is unknown or a value is not what the key means.
+    """
+    unknown = set(arena) - {"size_cm", *_PARTS, "reflectance"}
+    if unknown:
+        key = sorted(unknown)[0]
+        raise ConfigError(f"arena: unknown key {key!r}; known are size_cm, {', '.join(_PARTS)}, reflectance")
+    size = _numbers(arena.get("size_cm"))
+    if len(size) != 2 or not all(8.0 <= side <= 1000.0 for side in size):
+        raise ConfigError(f"arena: size_cm is [width, depth], 8 to 1000 cm, got {arena.get('size_cm')!r}")
+    out: dict[str, Any] = {"size_cm": size, **{key: _rows(arena, key) for key in _PARTS}}
+    if any(row[2] <= 0 for row in out["cylinders"]):
+        raise ConfigError("arena: a cylinder's radius is above 0 cm")
+    if any(row[:2] == row[2:] for row in out["walls"]):
+        raise ConfigError("arena: a wall has two different ends")
+    if "reflectance" in arena:
+        out["reflectance"], count = _numbers(arena["reflectance"]), 1 + len(out["cylinders"])
+        if len(out["reflectance"]) != count or not all(
+            0 <= value <= MAX_REFLECTANCE for value in out["reflectance"]
+        ):
+            what = f"{count} numbers from 0 to {MAX_REFLECTANCE}: of the walls, and of each cylinder"
+            raise ConfigError(f"arena: reflectance is {what}, got {arena['reflectance']!r}")
+    return out
+
+
+def faces_of(arena: Mapping[str, Any]) -> NDArray[np.float64]:
+    """[n, 4] x0, y0, x1, y1 (m): the faces that light and infrared meet, round the floor and partitions."""
+    w, h = (v / 100.0 for v in arena["size_cm"])
+    faces = [(0, 0, w, 0), (w, 0, w, h), (w, h, 0, h), (0, h, 0, 0)]
+    for x0, y0, x1, y1 in (np.array(wall) / 100.0 for wall in arena["walls"]):
+        length = math.hypot(x1 - x0, y1 - y0)
+        ux, uy = (x1 - x0) / length * WALL_HALF, (y1 - y0) / length * WALL_HALF
+        a, b = (x0 - ux + uy, y0 - uy - ux), (x1 + ux + uy, y1 + uy - ux)
+        c, d = (x1 + ux - uy, y1 + uy + ux), (x0 - ux - uy, y0 - uy + ux)
+        faces += [(*a, *b), (*b, *c), (*c, *d), (*d, *a)]
+    return np.array(faces, dtype=np.float64)

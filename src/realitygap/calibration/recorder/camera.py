@@ -8,20 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.recorder.wheel_plans import camera_places
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.tag import Marker, Tag, load_marker
 from realitygap.film.tracker import Tracker
-from realitygap.twin.camera import OverheadCamera
-from realitygap.twin.plate import Plate
-from realitygap.twin.states import States
+from realitygap.track import read_track
+from realitygap.twin.camera import OverheadCamera, Plate
 from realitygap.values import Closing, Pose
 
 __all__ = ["FloorCamera", "plate_of"]
 
-STEP_MS = 100
+STEP_S = 0.1
 FRAMES = 10_000
 """Frame numbers reserved for each trial: more than its steps."""
 
@@ -46,14 +44,11 @@ class FloorCamera(Closing):
         self, room: Mapping[str, Any], *, unit: int, noise: float, seed: int, marker: Marker | None = None
     ) -> None:
         self._marker, plate = marker or load_marker(), plate_of(marker)
-        self._camera = OverheadCamera(room, unit=unit, noise=noise, view="drawn", seed=seed, plate=plate)
+        self._camera = OverheadCamera(room, unit=unit, noise=noise, seed=seed, plate=plate, grey=True)
         try:
             known = camera_places()
-            places = States.standing(
-                range(len(known)), [p.x for p in known], [p.y for p in known], [p.heading for p in known]
-            )
             frames = [
-                KnownFrame(name=str(k), picture=self._picture(places.pose[k], k), pose=pose)
+                KnownFrame(name=str(k), picture=self._camera.frame(pose, k), pose=pose)
                 for k, pose in enumerate(known)
             ]
             self._model = calibrate_camera(frames, self._marker).camera
@@ -63,23 +58,16 @@ class FloorCamera(Closing):
 
     def poses(self, film: Path, steps: Sequence[int], trial: int) -> dict[int, Pose]:
         """Tracked poses at steps (100 ms) of a trial's film, without those at which the robot is lost."""
-        states = States.from_file(film)
+        truth = read_track(film, seen_by="truth")
         tracker = Tracker(self._model, self._marker)
         seen: dict[int, Pose] = {}
         for step in steps:
-            due = int(states.time_ms[0]) + STEP_MS * step
-            row = int(np.searchsorted(states.time_ms, due, side="right")) - 1
-            found = tracker.see(self._picture(states.pose[row], FRAMES * (trial + 1) + step))
+            row = int(np.searchsorted(truth.t, truth.t[0] + STEP_S * step + 1e-6, side="right")) - 1
+            pose = Pose(x=truth.x[row], y=truth.y[row], heading=truth.heading[row])
+            found = tracker.see(self._camera.frame(pose, FRAMES * (trial + 1) + step))
             if found is not None:
                 seen[step] = found[0]
         return seen
 
     def close(self) -> None:
         self._camera.close()
-
-    def _picture(self, pose: NDArray[np.float64], number: int) -> NDArray[np.uint8]:
-        """A frame in grey levels; its number seeds its noise."""
-        import cv2
-
-        frame = self._camera.frame(pose, number)
-        return np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
