@@ -36,7 +36,7 @@ from realitygap.simulation.simulation import Simulation, Streams, batch_streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.values import Floats, as_count, as_stream
-from realitygap.work.workers import cores
+from realitygap.work.pool import cores
 from realitygap.world.arena import Arena
 from realitygap.world.robot import Profile
 
