@@ -16,7 +16,7 @@ import numpy as np
 from realitygap import Genotype, Simulation, load_task, noise_level
 from realitygap.kernels.params import Networks
 from realitygap.tasks import TASKS
-from realitygap.work.workers import cores
+from realitygap.work.pool import cores
 
 NETWORKS, TRIALS = 64, 4
 

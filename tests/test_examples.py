@@ -25,8 +25,8 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.testing import AlgorithmContract, BodyContract, EncodingContract, PoolContract
 from realitygap.values import Command, Readings
+from realitygap.work.cluster import named_pool
 from realitygap.work.progress import Progress
-from realitygap.work.workers import named_pool
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 

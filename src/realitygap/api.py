@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from realitygap.study.config import StudyConfig
     from realitygap.study.load import Study
     from realitygap.tasks.task import Task
+    from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
-    from realitygap.work.workers import Workers
     from realitygap.world.robot import Profile
 
 __all__ = [
@@ -238,8 +238,8 @@ def carry_out(
     from realitygap.experiments.reproduction import Reproduction, configured, transferred
     from realitygap.simulation.simulation import engine_named
     from realitygap.study.runner import run_study
+    from realitygap.work.pool import opened
     from realitygap.work.shard import read_mark
-    from realitygap.work.workers import opened
 
     engine_named(engine)
     part = shard is not None or read_mark(folder) is not None

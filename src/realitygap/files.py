@@ -22,17 +22,14 @@ from realitygap.errors import UsageError
 
 __all__ = [
     "LARGEST_TABLE", "Table", "as_path", "atomic_path", "atomic_write", "move_whole", "must_be",
-    "naming_errors",
-    "parse_toml", "read_json", "read_table", "read_text", "read_toml", "refuse_separator", "refuse_unknown",
-    "to_csv", "to_toml", "written_together",
+    "naming_errors", "parse_toml", "read_json", "read_table", "read_text", "read_toml", "refuse_separator",
+    "refuse_unknown", "to_csv", "to_toml", "written_together",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 LARGEST_TABLE = 10**9
 """Largest number in a table."""
-LONGEST = 60
-"""Characters of a key that a message shows."""
 
 
 def as_path(value: object, what: str) -> Path:
@@ -77,8 +74,6 @@ def read_text(path: str | Path, error: type[UsageError], cure: str) -> str:
         raise error(f"{path}: not a text file in UTF-8. {cure}") from None
     except OSError as why:
         raise error(f"{path}: cannot be read ({why.strerror}). Check the path and its permissions.") from None
-    except ValueError:  # a NUL character
-        raise error(f"{str(path)!r}: not a file's path. {cure}") from None
 
 
 def read_json(path: str | Path, error: type[UsageError], cure: str) -> Any:
@@ -107,10 +102,7 @@ def refuse_separator(path: str | Path, lines: Sequence[str], error: type[UsageEr
 
 def _reason(why: Exception) -> str:
     """Why a parser gave up, in words that fit a sentence."""
-    if isinstance(why, RecursionError):
-        return "tables or lists nested too deep"
-    said = str(why).rstrip(".")
-    return said if len(said) <= 4 * LONGEST else f"{said[: 2 * LONGEST]}…{said[-LONGEST:]}"
+    return "tables or lists nested too deep" if isinstance(why, RecursionError) else str(why).rstrip(".")
 
 
 def _checked(data: Any) -> Any:
@@ -141,10 +133,9 @@ def refuse_unknown(
     names = list(known)
     for key in table:
         if key not in names:
-            near = get_close_matches(key[:LONGEST], names, n=1)
+            near = get_close_matches(key, names, n=1)
             said = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(names)}. {cure}".strip()
-            shown = key if len(key) <= LONGEST else key[: LONGEST - 1] + "…"
-            raise error(f"{where + ': ' if where else ''}{shown}: unknown key. {said}")
+            raise error(f"{where + ': ' if where else ''}{key}: unknown key. {said}")
 
 
 def to_csv(rows: Iterable[Iterable[object]], *, end: str = "\n") -> str:
@@ -183,9 +174,9 @@ def parse_toml(text: str) -> dict[str, Any]:
     """
     try:
         table: dict[str, Any] = _checked(tomllib.loads(text))
+        return table
     except (ValueError, RecursionError) as why:
         raise ValueError(_reason(why)) from None
-    return table
 
 
 def to_toml(facts: Mapping[str, Any]) -> str:

@@ -8,7 +8,6 @@ import sys
 import traceback
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
-from inspect import signature
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,8 +19,8 @@ __all__ = ["blamed_on", "made", "named_object", "packed", "place_of", "placed", 
 
 def place_of(text: str) -> tuple[Path, str] | None:
     """The file and the name of `file.py:Name`; None for a text of another form."""
-    file, colon, name = str(text).rpartition(":")
-    return (Path(file).expanduser(), name) if colon and file.endswith(".py") else None
+    file, _, name = str(text).rpartition(":")
+    return (Path(file).expanduser(), name) if file.endswith(".py") else None
 
 
 def placed(text: str, file: Path | str) -> str:
@@ -44,16 +43,7 @@ def made(text: str, what: str, ways: Iterable[str], settings: Mapping[str, Any],
     """
     kind: Any = named_object(text, UsageError, what)
     file, _, name = text.rpartition(":")
-    with blamed_on(Path(file).expanduser().resolve(), UsageError):
-        known = signature(kind).parameters
-        if not set(given) <= set(known):
-            raise UsageError(
-                f"{what}: expected {name} to take {', '.join(given)}; it takes {', '.join(known)}"
-            )
-        for key in settings:
-            if key not in known or key in given:
-                has = ", ".join(other for other in known if other not in given) or "no settings"
-                raise UsageError(f"{name} has {has}; no {key!r}")
+    with blamed_on(Path(file).expanduser().resolve(), UsageError, f"{name}() fails"):
         thing = kind(**given, **settings)
         lacking = [way for way in ways if not hasattr(thing, way)]
     if lacking:

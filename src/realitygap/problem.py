@@ -28,7 +28,7 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.score import reason
 from realitygap.tasks.task import Task
 from realitygap.values import Command, Floats, as_count, as_stream
-from realitygap.work.workers import cores
+from realitygap.work.pool import cores
 from realitygap.world.arena import Arena
 from realitygap.world.robot import Profile
 

@@ -60,8 +60,7 @@ from realitygap.track import Track
 from realitygap.transfer.paths import score
 from realitygap.transfer.rig import Rig
 from realitygap.values import Floats, Pose
-from realitygap.work.pool import Setup, Tell
-from realitygap.work.workers import Workers, far, near
+from realitygap.work.pool import Setup, Tell, Workers, far, near
 from realitygap.world.robot import Profile, load_profile
 
 TASK = "obstacle-avoidance"

@@ -25,9 +25,8 @@ from realitygap.testing import PoolContract
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.run import run_transfer
 from realitygap.work import cluster
-from realitygap.work.cluster import Dask
+from realitygap.work.cluster import Dask, named_pool
 from realitygap.work.pool import Setup
-from realitygap.work.workers import named_pool
 from tests.study.helpers import content, small
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
@@ -173,14 +172,13 @@ def test_what_goes_wrong_is_told_once(address):
 
 
 class Future:
-    """What a scheduler promises: an error, an answer, or nothing ever."""
+    """What a scheduler promises: an error or an answer."""
 
     def __init__(self, outcome) -> None:
         self.outcome = outcome
 
     def add_done_callback(self, call) -> None:
-        if self.outcome is not None:
-            call(self)
+        call(self)
 
     def result(self, timeout):
         assert timeout > 0
@@ -190,18 +188,15 @@ class Future:
 
 
 class Client:
-    """A cluster that carries a job out when it has lost it so often, or none that `ends`."""
+    """A cluster that carries a job out when it has lost it so often."""
 
     status = "running"
 
-    def __init__(self, losses=0, threads=1, *, ends=True, gone=False, mute=False) -> None:
-        self.losses, self.threads, self.ends, self.gone = losses, threads, ends, gone
-        self.mute = mute
+    def __init__(self, losses=0, threads=1, *, gone=False, mute=False) -> None:
+        self.losses, self.threads, self.gone, self.mute = losses, threads, gone, mute
         self.lost: dict[int, int] = {}
 
     def submit(self, carry_out, setup, job, theirs, *, pure):
-        if not self.ends:
-            return Future(None)
         self.lost[job[0]] = self.lost.get(job[0], 0) + 1
         if self.lost[job[0]] <= self.losses:
             return Future(OSError("the worker is gone"))
@@ -261,15 +256,13 @@ def test_what_was_told_before_an_error_is_heard():
 
 
 def test_no_wait_for_a_cluster_is_without_end(monkeypatch):
-    """Without workers, or without a scheduler, for a while: one message with the cure."""
+    """Without a scheduler: one message with the cure."""
     lost = Client(losses=1)
     lost.status = "connecting"
     with pytest.raises(StudyError, match=r"scheduler no longer answers \(the worker is gone\)\. .*resume"):
         worked(lost)
     monkeypatch.setattr(cluster, "WAIT_S", 0.01)
     monkeypatch.setattr(cluster, "PATIENCE_S", 0.05)
-    with pytest.raises(StudyError, match=r"no Dask worker for 0\.05 s\. .*resume.* with `dask worker`"):
-        worked(Client(threads=0, ends=False))
     with pytest.raises(StudyError, match=r"scheduler no longer answers \(no route to host\)\. .*resume"):
         worked(Client(gone=True))
     with pytest.raises(StudyError, match=r"scheduler no longer answers \(mute for 0\.05 s\)\. .*resume"):
@@ -281,7 +274,7 @@ def test_a_cluster_without_workers_is_noted(monkeypatch, capsys):
     for threads, said in ((1, ""), (0, "note: the Dask scheduler has no worker yet; start some")):
         pool = object.__new__(Dask)
         pool._client = Client(threads=threads)
-        monkeypatch.setattr("realitygap.work.workers.named_pool", lambda _, pool=pool: pool)
+        monkeypatch.setattr("realitygap.work.cluster.named_pool", lambda _, pool=pool: pool)
         assert NumberOrPool().convert("dask:tcp://HOST:8786", None, None) is pool
         told = capsys.readouterr()
         assert told.err.startswith(said) and bool(told.err) == bool(said) and not told.out

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext
-from itertools import islice
 
 import pytest
 
-from realitygap.errors import ConfigError, StudyError
+from realitygap.errors import ConfigError
 from realitygap.study.folder import open_folder
 from realitygap.study.jobs import Job, Workshop
 from realitygap.study.materials import gather
 from realitygap.study.reader import Reader
 from realitygap.study.runner import workshop_of
 from realitygap.testing import PoolContract
-from realitygap.work.pool import Counted, Here, Processes, Setup
-from realitygap.work.workers import named_pool, opened
+from realitygap.work.cluster import named_pool
+from realitygap.work.pool import Counted, Here, Processes, opened
 from tests.study.helpers import small
 
 
@@ -64,70 +62,6 @@ def test_a_pool_that_leaves_a_thread_behind_is_found_out():
 
     with pytest.raises(AssertionError):
         Wrong().test_a_closed_pool_leaves_nothing_behind()
-
-
-class Bench:
-    """Answers a job twice."""
-
-    def carry_out(self, job, tell):
-        """Its number, and the next."""
-        tell(job)
-        tell(job + 1)
-
-    def close(self):
-        """Nothing."""
-
-
-class Faulty:
-    """Carries out the first of the jobs, and passes on what `fault` makes of all that was told."""
-
-    def __init__(self, fault, jobs=None):
-        self.fault, self.jobs = fault, jobs
-
-    def work(self, setup, jobs, tell):
-        """Of an iterator."""
-        told = []
-        Here().work(setup, islice(jobs, self.jobs), told.append)
-        for message in self.fault(told):
-            tell(message)
-
-    def close(self):
-        """Nothing."""
-
-
-@pytest.mark.parametrize(
-    ("fault", "heard"),
-    [
-        (lambda told: told, [0, 1, 10, 11]),
-        (lambda told: told[3:] + told[:3], [10, 11, 0, 1]),
-        (lambda told: told[1:], []),
-        (lambda told: told[:1] + told[2:], [0]),
-        (lambda told: told[:4] + told[5:], [0, 1, 10]),
-        (lambda told: told[:5], [0, 1, 10, 11]),
-        (lambda told: told[:3], [0, 1]),
-        (lambda told: told[:1] + told, [0]),
-        (lambda told: told + told[:1], [0, 1, 10, 11]),
-        (lambda told: [getattr(told[0], "message", 0)], []),
-        (lambda told: [told], []),
-    ],
-)
-def test_a_pool_is_held_to_its_word(fault, heard):
-    """What comes in turn is heard; the first message that is lost, doubled or no message ends the work."""
-    wanted, told = [0, 1, 10, 11], []
-    complete = sorted(heard) == wanted and len(fault(list(range(6)))) == 6
-    with (
-        opened(Faulty(fault)) as pool,
-        nullcontext() if complete else pytest.raises(StudyError, match="once"),
-    ):
-        pool.work(Setup(Bench), [0, 10], told.append)
-    assert told == heard
-
-
-def test_a_pool_that_leaves_jobs_out_is_found_out():
-    """So is one that carries out none."""
-    for jobs in (0, 1):
-        with opened(Faulty(list, jobs)) as pool, pytest.raises(StudyError, match="lost or duplicated"):
-            pool.work(Setup(Bench), [0, 10], [].append)
 
 
 def test_a_worker_needs_nothing_but_messages(tmp_path):

@@ -29,7 +29,7 @@ import os, sys
 from realitygap.errors import UsageError
 from realitygap.plugins import named_object
 from realitygap.work.pool import Setup
-from realitygap.work.workers import opened
+from realitygap.work.pool import opened
 def work():
     heard = []
     with opened(2) as pool:

@@ -27,8 +27,7 @@ from realitygap.calibration.rows import REFLECTANCE
 from realitygap.calibration.wheels.fit import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.files import must_be
-from realitygap.work.pool import one_thread
-from realitygap.work.workers import Workers, opened
+from realitygap.work.pool import Workers, one_thread, opened
 from realitygap.world.robot import FittedChannel, Profile, Provenance, SourceFile, load_profile
 
 __all__ = ["FORMS", "Calibration", "base_of", "calibrate", "joined"]

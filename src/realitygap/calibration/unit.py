@@ -31,8 +31,7 @@ from realitygap.errors import UsageError
 from realitygap.files import as_path, atomic_write, move_whole, written_together
 from realitygap.robots.address import Address, as_scale
 from realitygap.values import as_stream
-from realitygap.work.pool import Pool, Processes, Setup, Tell
-from realitygap.work.workers import Workers, opened, size_of
+from realitygap.work.pool import Pool, Processes, Setup, Tell, Workers, opened, size_of
 from realitygap.world.robot import Profile, load_profile
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
     from realitygap.calibration.channel_fit import ChannelFit
     from realitygap.calibration.judge import Judgement
-    from realitygap.work.workers import Workers
+    from realitygap.work.pool import Workers
 
 __all__ = ["calibrate"]
 

@@ -16,8 +16,8 @@ from realitygap.cli.studies import show_study
 
 if TYPE_CHECKING:
     from realitygap.study.config import StudyConfig
+    from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
-    from realitygap.work.workers import Workers
 
 __all__ = ["evolve"]
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from realitygap.experiments.noise import NoiseConfig
+    from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
-    from realitygap.work.workers import Workers
 
 __all__ = ["experiment", "show_noise"]
 

@@ -78,7 +78,7 @@ class NumberOrPool(Whole):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if ":" not in str(value):
             return super().convert(value, param, ctx)
-        from realitygap.work.workers import named_pool
+        from realitygap.work.cluster import named_pool
 
         pool = named_pool(value)
         if ctx is not None:

@@ -20,8 +20,8 @@ from realitygap.work.progress import ProgressLine
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
-    from realitygap.work.workers import Workers
 
 __all__ = ["merge"]
 

@@ -16,7 +16,7 @@ from realitygap.work.progress import ProgressLine, counts
 
 if TYPE_CHECKING:
     from realitygap.experiments.realities import Realities
-    from realitygap.work.workers import Workers
+    from realitygap.work.pool import Workers
 
 __all__ = ["realities"]
 

@@ -29,7 +29,7 @@ def report(study: str, trust: bool, json_output: bool) -> None:
     from realitygap.experiments.noise import CONFIG
     from realitygap.report.scores import study_tables
     from realitygap.study.load import load_study
-    from realitygap.work.workers import opened
+    from realitygap.work.pool import opened
 
     if (Path(study) / CONFIG).is_file():
         from realitygap.cli.experiment import show_noise

@@ -16,7 +16,7 @@ from realitygap.cli.studies import show_study
 from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from realitygap.work.workers import Workers
+    from realitygap.work.pool import Workers
 
 __all__ = ["reproduce"]
 

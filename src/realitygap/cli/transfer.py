@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from realitygap.transfer.plan import Situation
     from realitygap.transfer.run import Transferred
     from realitygap.values import Pose
+    from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
-    from realitygap.work.workers import Workers
 
 __all__ = ["told_transfers", "transfer"]
 

@@ -25,10 +25,9 @@ from realitygap.study.runner import COMPILING, FINISHED, run_study
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference, refuse_edited_settings
 from realitygap.study.versions import versions
-from realitygap.work.pool import Pool, Setup
+from realitygap.work.pool import Pool, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import MARK
-from realitygap.work.workers import Workers, opened
 from realitygap.world.toml import Value, build
 
 __all__ = [

@@ -42,10 +42,9 @@ from realitygap.study.merge import merge_runs, new_folder
 from realitygap.study.schema import told
 from realitygap.study.settings import refuse_difference
 from realitygap.tasks.load import TASKS, load_task
-from realitygap.work.pool import Pool, Setup, Tell
+from realitygap.work.pool import Pool, Setup, Tell, Workers, far, near
 from realitygap.work.progress import OnProgress
 from realitygap.work.shard import MARK, Mark, Shard, marked
-from realitygap.work.workers import Workers, far, near
 from realitygap.world.arena import load_arena
 from realitygap.world.robot import load_profile
 

@@ -13,8 +13,8 @@ from realitygap.experiments.noise import CONFIG, NoiseConfig
 from realitygap.experiments.noise_run import check_robot, noise_experiment
 from realitygap.robots.address import Address
 from realitygap.study.lock import lock
+from realitygap.work.pool import Workers, opened
 from realitygap.work.progress import OnProgress, Progress
-from realitygap.work.workers import Workers, opened
 from realitygap.world.toml import require
 
 __all__ = ["ASKED", "AT_HAND", "Place", "Realities", "carry_out"]

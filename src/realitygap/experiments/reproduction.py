@@ -22,8 +22,8 @@ from realitygap.transfer.chosen import shown_runs
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.run import run_transfer
+from realitygap.work.pool import Workers, near
 from realitygap.work.progress import OnProgress
-from realitygap.work.workers import Workers, near
 from realitygap.world.robot import load_profile
 from realitygap.world.toml import Value, build, shipped
 

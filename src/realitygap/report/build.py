@@ -25,7 +25,7 @@ from realitygap.report.transfers import pairs_of
 from realitygap.robots.address import ROBOT
 from realitygap.study.load import Study, load_study
 from realitygap.transfer.score_rows import marks_of
-from realitygap.work.workers import Workers
+from realitygap.work.pool import Workers
 
 __all__ = ["build_report", "figures_of", "scripts"]
 

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from realitygap.files import atomic_write
 from realitygap.report.style import inline_svg, noise_styles, save_figure, styled
 from realitygap.study.sources import refuse_links
-from realitygap.work.pool import Bench, Setup, Tell
-from realitygap.work.workers import Workers, near, opened
+from realitygap.work.pool import Bench, Setup, Tell, Workers, near, opened
 
 __all__ = [
     "Figures", "OnProgress", "Picture", "Steps", "Words", "draw_all", "noise_key", "rendered",

@@ -11,8 +11,7 @@ from realitygap.study.reader import DATABASE, Reader
 from realitygap.study.sources import agree_to
 from realitygap.study.store import create
 from realitygap.values import Closing
-from realitygap.work.pool import Pool
-from realitygap.work.workers import far
+from realitygap.work.pool import Pool, far
 
 __all__ = ["Home", "Words", "home_of", "words_for"]
 

@@ -18,10 +18,9 @@ from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.store import Store
 from realitygap.study.versions import versions
-from realitygap.work.pool import Pool, Setup
+from realitygap.work.pool import Pool, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import Mark, Shard, marked
-from realitygap.work.workers import Workers, opened
 
 __all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "WORK", "Progress", "run_study"]
 

@@ -29,7 +29,7 @@ from realitygap.study.run import WHO, Results
 from realitygap.study.schema import check_format, schema, told
 from realitygap.study.views import views
 from realitygap.values import Closing
-from realitygap.work.workers import cores
+from realitygap.work.pool import cores
 
 __all__ = ["Store", "create"]
 

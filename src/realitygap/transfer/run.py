@@ -27,9 +27,9 @@ from realitygap.transfer.packed import MANY
 from realitygap.transfer.plan import FOLDER, Situation, situations
 from realitygap.transfer.trial import Carry
 from realitygap.transfer.work import by_hand, on_twins
+from realitygap.work.pool import Workers, opened
 from realitygap.work.progress import OnProgress
 from realitygap.work.shard import Shard, marked
-from realitygap.work.workers import Workers, opened
 
 __all__ = [
     "CONTROLLERS", "WORK", "Attendant", "Transfer", "Transferred", "load_transfers", "place_of",

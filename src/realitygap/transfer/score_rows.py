@@ -23,8 +23,7 @@ from realitygap.study.load import Study, as_study
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.score_row import Bench, Job, ScoreRow
 from realitygap.values import Closing
-from realitygap.work.pool import Setup, Tell
-from realitygap.work.workers import Workers, near, opened
+from realitygap.work.pool import Setup, Tell, Workers, near, opened
 
 __all__ = ["MARKS", "ScoreRow", "jobs_of", "kind_of", "marks_of"]
 

@@ -19,9 +19,8 @@ from realitygap.transfer.overhead import Overhead
 from realitygap.transfer.packed import Packed
 from realitygap.transfer.plan import FOLDER, Situation, check_body
 from realitygap.transfer.trial import Carry, Stage
-from realitygap.work.pool import Pool, Setup, Tell
+from realitygap.work.pool import Pool, Setup, Tell, far
 from realitygap.work.progress import OnProgress, Reporter
-from realitygap.work.workers import far
 
 __all__ = ["by_hand", "on_twins"]
 

@@ -1,4 +1,4 @@
-"""Pools of workers: this process, processes, threads, or one of your own."""
+"""Pools of workers: this process, processes, or one of your own; and how a person asks for one."""
 
 import multiprocessing
 import os
@@ -13,16 +13,29 @@ from dataclasses import dataclass, field
 from itertools import count
 from multiprocessing import resource_tracker, spawn
 from multiprocessing.connection import Connection, wait
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from threadpoolctl import threadpool_limits
 
-from realitygap.errors import RealityGapError, StudyError
+from realitygap.errors import ConfigError, RealityGapError, StudyError
 from realitygap.plugins import packed, unpacked
 
 __all__ = [
-    "Bench", "Counted", "Here", "Pool", "Processes", "Setup", "Tell", "bench_of", "messages_of", "one_thread",
+    "Bench", "Counted", "Here", "Pool", "Processes", "Setup", "Tell", "Workers", "bench_of", "cores", "far",
+    "messages_of", "near", "one_thread", "opened", "size_of",
 ]  # fmt: skip
+
+MOST = 1024
+"""Processes."""
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "process_cpu_count"):  # Python 3.13
+        return os.process_cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def one_thread() -> threadpool_limits:
@@ -98,47 +111,17 @@ class Here:
         """Nothing to end."""
 
 
-LOST = (
-    "workers: expected each message of a job once and in order, but one was lost or duplicated. What was "
-    "saved is kept: continue with other workers, and fix the pool (realitygap.testing.PoolContract)."
-)
-
-
-class _Part(NamedTuple):
-    """A message of a job by its number, or after the last one the end."""
-
-    job: int
-    number: int
-    message: Any = None
-    end: bool = False
-
-
-class _Numbering:
-    """A bench whose messages are numbered."""
-
-    def __init__(self, bench: Setup | Bench) -> None:
-        self._bench = bench() if isinstance(bench, Setup) else bench
-        self.close = self._bench.close
-
-    def carry_out(self, job: tuple[int, Any], tell: Tell) -> None:
-        """One job by its number; `tell` receives parts."""
-        numbers = count()
-        self._bench.carry_out(job[1], lambda message: tell(_Part(job[0], next(numbers), message)))
-        tell(_Part(job[0], next(numbers), end=True))
-
-
 class Counted:
-    """A given pool, checked: no message is lost, duplicated or out of turn."""
+    """A given pool whose messages are counted: one that is lost or doubled would leave a study with a gap."""
 
     def __init__(self, pool: Pool) -> None:
-        self._pool, self.close = pool, pool.close
-        self.far = bool(getattr(pool, "far", False))
+        self._pool, self.close, self.far = pool, pool.close, far(pool)
 
     def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
         """Carry out all jobs; see `Pool`.
 
         Raises:
-            StudyError: at the first message that is not the next one of its job, or where one is missing.
+            StudyError: also: at the first message that is not the next of its job, or where one is missing.
         """
         due: dict[int, int] = {}
 
@@ -147,18 +130,37 @@ class Counted:
                 due[number] = 0
                 yield number, job
 
-        def heard(part: Any) -> None:
-            if not isinstance(part, _Part) or due.pop(part.job, None) != part.number:
+        def hear(part: tuple[Any, ...]) -> None:
+            job, number, *message = part
+            if due.pop(job, None) != number:
                 raise StudyError(LOST)
-            if not part.end:
-                due[part.job] = part.number + 1
-                tell(part.message)
+            if message:
+                due[job] = number + 1
+                tell(message[0])
 
         here = None if setup.here is None else _Numbering(setup.here)
-        parts = numbered()
-        self._pool.work(Setup(_Numbering, (setup,), here=here), parts, heard)
-        if due or next(parts, None) is not None:
+        self._pool.work(Setup(_Numbering, (setup,), here=here), numbered(), hear)
+        if due:
             raise StudyError(LOST)
+
+
+LOST = (
+    "workers: expected each message of a job once and in order, but one was lost or duplicated. What was "
+    "saved is kept: continue with other workers, and fix the pool (realitygap.testing.PoolContract)."
+)
+
+
+class _Numbering:
+    """A bench of numbered jobs: each message comes as (job, number, message), the end as (job, number)."""
+
+    def __init__(self, bench: Setup | Bench) -> None:
+        self._bench = bench() if isinstance(bench, Setup) else bench
+        self.close = self._bench.close
+
+    def carry_out(self, job: tuple[int, Any], tell: Tell) -> None:
+        numbers = count()
+        self._bench.carry_out(job[1], lambda message: tell((job[0], next(numbers), message)))
+        tell((job[0], next(numbers)))
 
 
 class _Kept:
@@ -425,13 +427,53 @@ def _deaf() -> Iterator[None]:
 @contextmanager
 def _environment(changes: dict[str, str]) -> Iterator[None]:
     """What a process that starts here finds in its environment."""
-    before = {key: os.environ.get(key) for key in changes}
+    before = dict(os.environ)
     os.environ.update(changes)
     try:
         yield
     finally:
-        for key, value in before.items():
-            if value is None:
-                os.environ.pop(key, None)
-            else:
-                os.environ[key] = value
+        for key in changes:
+            os.environ.pop(key)
+        os.environ.update(before)
+
+
+Workers = int | Pool | None
+"""So many processes, 1 for this one alone, None for one a core; or a pool."""
+
+
+@contextmanager
+def opened(workers: Workers, *, one_thread: bool = False) -> Iterator[Pool]:
+    """The pool for a while; one that was given is counted, and left open. `one_thread`: as of `Processes`.
+
+    Raises:
+        ConfigError: neither a number nor a pool.
+    """
+    if isinstance(workers, Pool):
+        yield workers if type(workers) in (Here, Processes, Counted) else Counted(workers)
+        return
+    size = size_of(workers)
+    with closing(Here() if size == 1 else Processes(size, one_thread=one_thread)) as pool:
+        yield pool
+
+
+def size_of(workers: int | None) -> int:
+    """How many processes.
+
+    Raises:
+        ConfigError: neither a number nor a pool.
+    """
+    size = cores() if workers is None else workers
+    if isinstance(size, bool) or not isinstance(size, int) or not 1 <= size <= MOST:
+        expected = f"a whole number from 1 to {MOST}, or a pool (work, close; see realitygap.work.pool)"
+        raise ConfigError(f"workers: expected {expected}, got {workers!r}.")
+    return size
+
+
+def far(pool: object) -> bool:
+    """Whether a pool says that its workers do not see this machine's files."""
+    return bool(getattr(pool, "far", False))
+
+
+def near(workers: Workers) -> Workers:
+    """The same, or one process a core where those do not see this machine's files."""
+    return None if far(workers) else workers
