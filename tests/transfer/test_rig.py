@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from realitygap.calibration.recorder.camera import plate_of
+from realitygap.calibration.floor_camera import plate_of
 from realitygap.control.genotype import Layout, braitenberg
 from realitygap.control.network import NetworkController
 from realitygap.errors import RobotError, UsageError

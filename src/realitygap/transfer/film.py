@@ -141,7 +141,7 @@ class Watcher:
     @cached_property
     def eye(self) -> OverheadCamera:
         """The camera itself, in the drawn view."""
-        from realitygap.calibration.recorder.camera import plate_of
+        from realitygap.calibration.floor_camera import plate_of
         from realitygap.twin.camera import OverheadCamera
 
         settings: dict[str, Any] = {"unit": self._unit, "noise": self._noise, "view": "drawn"}

@@ -189,7 +189,7 @@ class Stage:
     @contextmanager
     def _filming(self, one: Situation) -> Iterator[OverheadCamera]:
         """The camera that films a trial; a renderer is kept, since the next film may be of the same arena."""
-        from realitygap.calibration.recorder.camera import plate_of
+        from realitygap.calibration.floor_camera import plate_of
         from realitygap.twin.camera import VIEWS, OverheadCamera
 
         key, seed = (one.task, one.robot, one.twin_noise, one.view, one.marker), one.stream >> 1
