@@ -31,6 +31,7 @@ from realitygap.calibration.record_edges import FINE, TWICE, look_between
 from realitygap.calibration.recordings import (
     BODY_RADIUS_CM,
     CHANNELS,
+    DRIVE,
     EDGES,
     FACTS,
     HEIGHTS_CM,
@@ -545,7 +546,7 @@ def record(
     made: list[Result] = []
     with _alone(folder):
         for place in places:
-            if not resume and (place / FACTS).exists():
+            if (place / DRIVE).exists() or (not resume and (place / FACTS).exists()):
                 cure = "choose another folder, or go on with --resume."
                 raise RecordingError(f"{place}: already holds a recording; {cure}")
         for task, place in zip(tasks, places, strict=True):
