@@ -23,8 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from common import told
 
-from realitygap.calibration.unit import calibrated_again, calibrated_unit
-from realitygap.calibration.unit_folder import PROFILE
+from realitygap.calibration.unit import PROFILE, calibrated_again, calibrated_unit
 from realitygap.control.encoding import genotype_of
 from realitygap.correspondence.scale import exemplar_scale
 from realitygap.correspondence.score import compare

@@ -19,21 +19,26 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from realitygap.calibration import floor_camera
+from realitygap.calibration import record as recorder
 from realitygap.calibration.forward import scene_of
-from realitygap.calibration.recorder import camera
-from realitygap.calibration.recorder import record as recorder
-from realitygap.calibration.recorder.acts import drive_trial
-from realitygap.calibration.recorder.grid import Grid
-from realitygap.calibration.recorder.journal import alone
-from realitygap.calibration.recorder.plans import ambient_plan, infrared_plan, sensor_plans
-from realitygap.calibration.recorder.record import Wanted, record
-from realitygap.calibration.recorder.site import EnoughError, OwnSite, PersonSite
-from realitygap.calibration.recorder.wheel_plans import FLOOR_CM, Trial, wheel_plan
+from realitygap.calibration.record import (
+    FLOOR_CM,
+    OwnSite,
+    PersonSite,
+    Plan,
+    StoppedByUserError,
+    Trial,
+    ambient_task,
+    drive_trial,
+    infrared_task,
+    record,
+    wheel_trials,
+)
 from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording, load_recording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError, UsageError
 from realitygap.film.calibrate import calibrate_camera
-from realitygap.film.tag import load_marker
 from realitygap.robots.address import Address
 from realitygap.robots.body import Channel
 from realitygap.robots.enki import EnkiBody
@@ -61,8 +66,8 @@ def run(*words: object, answers: str = "") -> tuple[int, str, str]:
 @pytest.mark.parametrize("name", ["wall", "cylinder:2.7"])
 def test_a_plan_puts_the_robot_where_its_table_says(name):
     """Distance from edge to edge, bearing from the robot's front; each place once."""
-    plan = infrared_plan(name)
-    for place in plan.places:
+    plan = infrared_task(name)
+    for place in plan.stops:
         distance, bearing = place.where
         if name == "wall":
             gap, x = place.pose.x - BODY_RADIUS_CM, 0.0
@@ -74,8 +79,8 @@ def test_a_plan_puts_the_robot_where_its_table_says(name):
         assert math.cos(towards - math.radians(bearing)) == pytest.approx(1.0)
         if 0 < bearing < 180:
             assert "left" in place.says
-    assert len({place.where for place in plan.places}) == len(plan.places)
-    assert {place.where[0] for place in plan.places} >= {0.5, 8.0}
+    assert len({place.where for place in plan.stops}) == len(plan.stops)
+    assert {place.where[0] for place in plan.stops} >= {0.5, 8.0}
 
 
 @pytest.mark.parametrize("outline", OUTLINES)
@@ -83,15 +88,15 @@ def test_a_plan_puts_the_robot_where_its_table_says(name):
 def test_a_polygons_distances_count_from_its_outline(tmp_path, name, outline):
     """The plan puts it down, and a calibration sees it stand, that far from its very edge; files keep it."""
     body = Body(outline_cm=outline)
-    plan = infrared_plan(name, body)
-    distance, bearing = np.array([place.where for place in plan.places]).T
+    plan = infrared_task(name, body)
+    distance, bearing = np.array([place.where for place in plan.stops]).T
     save_recording(tmp_path, SensorRecording(
         kind="infrared", object=name, distance_cm=distance, bearing_deg=bearing,
         repeat=np.zeros(len(distance), np.int64), counts=np.zeros((len(distance), 2)),
         body_radius_cm=body.radius_cm, body_outline_cm=body.outline_cm,
     ))  # fmt: skip
     scene = scene_of(load_recording(tmp_path))
-    stands = [(place.pose.x, place.pose.y, place.pose.heading) for place in plan.places]
+    stands = [(place.pose.x, place.pose.y, place.pose.heading) for place in plan.stops]
     for size, things, poses in (
         (plan.room["size_cm"], plan.room.get("cylinders", []), stands),
         (scene.arena.size, scene.arena.cylinders, scene.poses[scene.row]),
@@ -115,22 +120,20 @@ def test_an_unknown_object_is_refused():
     """Before anything is recorded."""
     for name in ("box", "cylinder:0", "cylinder:80"):
         with pytest.raises(RecordingError, match="expected"):
-            infrared_plan(name)
-    assert [plan.name for plan in sensor_plans("all")] == ["infrared-wall", "infrared-cylinder", "ambient"]
-    assert sensor_plans("wheels") == ()
+            infrared_task(name)
 
 
 def test_ambient_places_are_free_and_look_all_round():
     """All over the arena, at headings that differ from place to place."""
-    plan = ambient_plan()
+    plan = ambient_task()
     assert plan.arena is not None
-    assert all(plan.arena.obstacle_at(p.pose.x, p.pose.y, 2.9) is None for p in plan.places)
-    assert len({p.where[2] for p in plan.places}) > 20
+    assert all(plan.arena.obstacle_at(p.pose.x, p.pose.y, 2.9) is None for p in plan.stops)
+    assert len({p.where[2] for p in plan.stops}) > 20
 
 
 def test_the_wheels_plan_has_every_kind_and_stays_on_the_floor():
     """Steps of many sizes, starts, lines, turns; each trial ends standing."""
-    trials = wheel_plan(10, 0)
+    trials = wheel_trials(10, 0)
     assert {trial.kind for trial in trials} == {"step", "start", "straight", "turn"}
     assert [trial.number for trial in trials] == list(range(len(trials)))
     assert all(trial.commands[-1] == (0, 0) for trial in trials)
@@ -142,7 +145,7 @@ def test_the_wheels_plan_has_every_kind_and_stays_on_the_floor():
             y += 0.04 * (left + right) * math.sin(heading)
             heading += 0.08 * (right - left) / 5.3
             assert 4 < x < FLOOR_CM - 4 and 4 < y < FLOOR_CM - 4, trial
-    assert trials == wheel_plan(10, 0) != wheel_plan(10, 1)
+    assert trials == wheel_trials(10, 0) != wheel_trials(10, 1)
 
 
 def test_a_twin_is_recorded(tmp_path):
@@ -153,7 +156,7 @@ def test_a_twin_is_recorded(tmp_path):
     assert code == 0 and facts["finished"] and facts["unit"] == 3
     made = load_recording(tmp_path / "a")
     assert isinstance(made, SensorRecording) and made.warnings == ()
-    assert len(made.repeat) == facts["recordings"][0]["places"] == len(infrared_plan("wall").places)
+    assert len(made.repeat) == facts["recordings"][0]["places"] == len(infrared_task("wall").stops)
     ahead = made.counts[np.abs(made.bearing_deg) <= 15, 2:4]
     assert ahead[:3].min() > 900 and ahead[-3:].max() < 100
     assert made.facts["twin_noise"] == 1.0
@@ -169,7 +172,7 @@ def test_a_twin_is_recorded(tmp_path):
 def test_one_process_records_into_a_folder_at_a_time(tmp_path):
     """A second one, which would write the same places once more, is told so; then it goes on."""
     words = [*WORDS, "--robot", "twin:3", "--out", str(tmp_path / "a")]
-    with alone(tmp_path / "a"):
+    with recorder._alone(tmp_path / "a"):
         code, _, error = run(*words, "--resume")
         assert code == 2 and f"{tmp_path / 'a'}: another process records there. Wait" in error
     assert not (tmp_path / "a").exists()
@@ -199,7 +202,7 @@ def test_kill_9_loses_one_place_at_most(tmp_path):
             time.sleep(0.01)
         process.kill()
     kept = table.read_text()
-    assert 20 < kept.count("\n") < len(infrared_plan("wall").places)
+    assert 20 < kept.count("\n") < len(infrared_task("wall").stops)
     with table.open("a") as file:
         file.write("8,345,0,1,2")
     with pytest.raises(RecordingError, match=r"readings\.csv, line"):
@@ -209,17 +212,21 @@ def test_kill_9_loses_one_place_at_most(tmp_path):
     assert whole.startswith(kept)
     made = load_recording(tmp_path / "a")
     assert isinstance(made, SensorRecording) and made.warnings == ()
-    assert int(made.place().max()) + 1 == len(made.repeat) == len(infrared_plan("wall").places)
+    assert int(made.place().max()) + 1 == len(made.repeat) == len(infrared_task("wall").stops)
 
 
 def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypatch):
     """A place's noise follows from the place, a trial's and its pictures' from the trial: stopped or not."""
-    wall = infrared_plan("wall")
-    few = [replace(wall, places=wall.places[:5])]
-    drives = [t for t in wheel_plan(1, 0) if t.filmed and not t.watched][:2]
-    monkeypatch.setattr(recorder, "sensor_plans", lambda *wanted: few)
-    monkeypatch.setattr(recorder, "wheel_plan", lambda *wanted, **_: tuple(drives))
-    wanted, twin = Wanted(plan="all", repeats=2, seed=7), Address.parse("twin:3")
+    wall = infrared_task("wall")
+    few = [replace(wall, stops=wall.stops[:5])]
+    drives = [t for t in wheel_trials(1, 0) if t.filmed and not t.watched][:2]
+    few.append(
+        replace(
+            few[0], name="wheels", kind="wheels", key=("trial",), room=recorder.ROOM, stops=drives, facts={}
+        )
+    )
+    monkeypatch.setattr(recorder, "tasks_of", lambda plan, body: few)
+    wanted, twin = Plan(kind="all", repeats=2, seed=7), Address.parse("twin:3")
 
     def stop(name: str, done: int, total: int) -> None:
         if (name, done) in (("infrared-wall", 2), ("wheels", 1)):
@@ -231,7 +238,7 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
         found[:] = found or [calibrate_camera(*seen)]
         return found[0]
 
-    monkeypatch.setattr(camera, "calibrate_camera", once)
+    monkeypatch.setattr(floor_camera, "calibrate_camera", once)
     with closing(twin.open()) as body:
         record(wanted, tmp_path / "whole", body)
     for _ in range(2):
@@ -284,21 +291,25 @@ def test_each_robot_has_its_own_places():
     """Enki's are recorded closely and farther out; others as ever; all as a person asks."""
 
     def grid(body: object, **asked: object) -> tuple[int, float, int]:
-        found = Wanted(plan="infrared", **asked).grid(body)
-        return found.bearings, found.distances_cm[-1], len(found.distances_cm)
+        bearings, distances = Plan(kind="infrared", **asked).grid(body)
+        return bearings, distances[-1], len(distances)
 
     enki = SimpleNamespace(infrared_grid=EnkiBody.infrared_grid)
     assert grid(SimpleNamespace()) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
     assert grid(enki, bearings=6) == (6, 15.0, 11) and grid(enki, distances_cm=(1.0,)) == (180, 1.0, 1)
-    usual = infrared_plan("cylinder:4")
-    assert len(usual.places) == 192 and usual.room["size_cm"] == [100.0, 100.0] and usual.facts == {}
+    usual = infrared_task("cylinder:4")
+    assert (
+        len(usual.stops) == 192
+        and usual.room["size_cm"] == [100.0, 100.0]
+        and usual.facts == {"object": "cylinder:4"}
+    )
 
 
 def test_a_room_grows_with_its_distances():
     """So that its other walls stay as far from the robot as ever."""
-    far = infrared_plan("cylinder:4", grid=Grid(distances_cm=(15.0,), bearings=4))
-    near = infrared_plan("cylinder:4")
-    gaps = [plan.room["size_cm"][0] - max(p.pose.x for p in plan.places) for plan in (far, near)]
+    far = infrared_task("cylinder:4", bearings=4, distances_cm=(15.0,))
+    near = infrared_task("cylinder:4")
+    gaps = [plan.room["size_cm"][0] - max(p.pose.x for p in plan.stops) for plan in (far, near)]
     assert gaps[0] == pytest.approx(gaps[1])
 
 
@@ -327,14 +338,13 @@ def test_the_camera_sees_where_a_twin_was(tmp_path, marker):
     start = Pose(x=31.0, y=27.0, heading=0.4)
     trial = Trial(number=0, kind="turn", commands=commands, pose=start, filmed=True, says="")
     room = {"size_cm": [FLOOR_CM, FLOOR_CM]}
-    worn = None if marker is None else load_marker(marker)
     with (
         closing(Address.parse("twin:2").open()) as body,
-        OwnSite(body, room, seed=1, camera=True, marker=worn) as site,
+        OwnSite(body, room, seed=1, camera=True, marker=marker) as site,
     ):
-        assert site.begin(trial)
+        assert site.go(trial)
         rows, _ = drive_trial(body, trial)
-        seen = site.end(trial)
+        seen = site.poses(trial)
     assert sorted(seen) == list(trial.seen()) == [0, 10, 14]
     assert math.dist((seen[0].x, seen[0].y), (31.0, 27.0)) < 0.05
     left, right = (int(count) for count in rows[-1][3:5])
@@ -346,7 +356,7 @@ def test_what_a_thymio_says_of_itself_leaves_its_recording_readable(tmp_path):
     """Firmware and settings stand in recording.toml, and a calibration takes it."""
     answers = iter(["", "", "", "q"])
     with at_a_node(Node()) as body:
-        wanted = Wanted(plan="infrared", object="wall", repeats=1)
+        wanted = Plan(kind="infrared", object="wall", repeats=1)
         record(wanted, tmp_path, body, ask=lambda says: next(answers))
     kept = load_recording(tmp_path)
     assert (
@@ -360,7 +370,7 @@ def test_a_recording_under_a_marker_is_readable(tmp_path):
     def enough(name: str, done: int, total: int) -> None:
         raise KeyboardInterrupt
 
-    wanted = Wanted(plan="wheels", marker="aruco:4x4_50:7")
+    wanted = Plan(kind="wheels", marker="aruco:4x4_50:7")
     with closing(Address.parse("twin:2").open()) as body, contextlib.suppress(KeyboardInterrupt):
         record(wanted, tmp_path, body, on_progress=enough)
     assert load_recording(tmp_path).facts["marker"] == "aruco:4x4_50:7"
@@ -395,14 +405,14 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
     site = PersonSite(lambda says: next(answers))
     pose = Pose(x=0, y=0, heading=0)
     trial = Trial(number=7, kind="straight", commands=((5, 5), (0, 0)), pose=pose, filmed=True, says="room")
-    assert site.begin(trial)
+    assert site.go(trial)
     rows, _ = drive_trial(KheperaBody(khepera), trial)
-    seen = site.end(trial)
+    seen = site.poses(trial)
     assert [row[-2:] for row in rows] == [("7", "straight")] * 2
     assert int(rows[1][3]) > 20 and khepera.speeds() == (0, 0)
     assert seen[0].heading == pytest.approx(math.pi / 2) and (seen[1].x, seen[1].y) == (10, 22.5)
-    with pytest.raises(EnoughError):
-        site.begin(trial)
+    with pytest.raises(StoppedByUserError):
+        site.go(trial)
 
 
 class Still:
@@ -420,7 +430,7 @@ def asked(folder, *answers, wanted=None, **options):
     """What a person is asked in a recording of all plans, and what was made."""
     left, says = list(answers), []
     person = lambda words: says.append(words) or left.pop(0)  # noqa: E731
-    made = record(wanted or Wanted(plan="all", repeats=1), folder, Still(), ask=person, **options)
+    made = record(wanted or Plan(kind="all", repeats=1), folder, Still(), ask=person, **options)
     assert not left
     return says, made
 
@@ -435,13 +445,13 @@ def asked(folder, *answers, wanted=None, **options):
 def test_a_robot_is_refused_with_the_base_of_another(tmp_path, plan, base, said):
     """By a Thymio's base a Khepera's wheels were told 108 units, a metre a second; they are told nothing."""
     with pytest.raises(UsageError, match=said):
-        asked(tmp_path, wanted=Wanted(plan=plan, base=load_profile(base)))
+        asked(tmp_path, wanted=Plan(kind=plan, base=load_profile(base)))
 
 
 def test_wheels_need_no_sensors_in_the_base(tmp_path):
     """An e-puck's base has no light sensors, an e-puck has: wheels and infrared are recorded all right."""
     for plan in ("wheels", "infrared"):
-        says, _ = asked(tmp_path / plan, "q", wanted=Wanted(plan=plan, base=load_profile("e-puck")))
+        says, _ = asked(tmp_path / plan, "q", wanted=Plan(kind=plan, base=load_profile("e-puck")))
         assert len(says) == 1
 
 
@@ -451,7 +461,7 @@ def test_light_is_recorded_with_a_base_that_leaves_heights_at_0(tmp_path, top, e
     paper = load_profile("paper")
     light = replace(paper.ambient, sensor_height_cm=eyes)
     base = replace(paper, body=replace(paper.body, height_cm=top), ambient=light)
-    asked(tmp_path, "", "", "q", wanted=Wanted(plan="ambient", repeats=1, base=base))
+    asked(tmp_path, "", "", "q", wanted=Plan(kind="ambient", repeats=1, base=base))
     facts = {key: value for key, value in load_recording(tmp_path).facts.items() if "height" in key}
     assert facts == ({"body_height_cm": top, "sensor_height_cm": eyes} if eyes else {})
 
@@ -468,11 +478,11 @@ def test_q_stops_all_parts(tmp_path):
 @pytest.mark.parametrize(("said", "written"), [(0.5, 0.5), (math.nan, "unknown"), (1.0, None)])
 def test_a_recording_says_what_its_surface_throws_back(tmp_path, said, written):
     """The object's reflectance stands in recording.toml, and in the room of a stand-in where it is known."""
-    wanted = Wanted(plan="infrared", object="cylinder:3", reflectance=said, repeats=1)
+    wanted = Plan(kind="infrared", object="cylinder:3", reflectance=said, repeats=1)
     asked(tmp_path, "", "", "q", wanted=wanted)
     assert load_recording(tmp_path).facts.get("reflectance") == written
     assert load_recording(tmp_path).reflectance == pytest.approx(said, nan_ok=True)
-    rooms = [infrared_plan(name, reflectance=said).room.get("reflectance") for name in ("wall", "cylinder:3")]
+    rooms = [infrared_task(name, reflectance=said).room.get("reflectance") for name in ("wall", "cylinder:3")]
     assert rooms == ([[0.5], [1.0, 0.5]] if said == 0.5 else [None, None])
 
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from realitygap.calibration import calibrate as fits
-from realitygap.calibration import forms, light, light_forms, unit
+from realitygap.calibration import forms, light, light_forms
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.checks import refuse_swapped
 from realitygap.calibration.forward import illumination, light_readings, scene_of
 from realitygap.calibration.judge import judge
-from realitygap.calibration.recorder import plans
+from realitygap.calibration.record import CYLINDER, ambient_task
 from realitygap.calibration.recordings import SensorRecording, load_recording
 from realitygap.calibration.rows import FOLDS
 from realitygap.calibration.search import search
-from realitygap.calibration.unit_folder import PARTS
+from realitygap.calibration.unit import PARTS, Unit
 from realitygap.errors import CalibrationError
 from realitygap.files import to_toml
 from realitygap.world.robot import load_profile
@@ -32,8 +32,8 @@ def lit():
     """Record light all over the arena of light seeking, with this law in the place of the paper's."""
 
     def make(apart: int, **law: object) -> SensorRecording:
-        plan = plans.ambient_plan()
-        poses = [place.pose for place in plan.places[::apart]]
+        plan = ambient_task()
+        poses = [place.pose for place in plan.stops[::apart]]
         pose = np.repeat([[p.x, p.y, p.heading] for p in poses], REPEATS, 0)
         n = len(pose)
         blank = SensorRecording(
@@ -150,9 +150,9 @@ def test_a_part_of_a_unit_is_recorded(tmp_path):
     told: list[tuple[str, int, int]] = []
     settings = {"unit": 11, "twin_noise": 1.0, "seed": 3, "bearings": 6, "distances_cm": [1.0, 3.0]}
     (tmp_path / "unit.toml").write_text(to_toml(settings), "utf-8")
-    unit.record_part(tmp_path, "infrared-cylinder", lambda *said: told.append(said))
+    Unit(tmp_path).record("infrared-cylinder", lambda *said: told.append(said))
     made = load_recording(tmp_path / "recordings" / "infrared-cylinder")
-    assert made.object == plans.CYLINDER and made.facts["unit"] == 11 and len(made.counts) == 2 * 6 * 10
+    assert made.object == CYLINDER and made.facts["unit"] == 11 and len(made.counts) == 2 * 6 * 10
     assert [said[1] for said in told].count(12) == 1
 
 
@@ -170,7 +170,8 @@ def test_a_unit_is_fitted(tmp_path, monkeypatch, recorded, driven, lit):
     monkeypatch.setattr(
         fits, "calibrate", lambda *args, **facts: calibrate(*args, **{**facts, "form": "paper"})
     )  # the quickest
-    text = unit._profile(tmp_path, [unit.fitted(tmp_path, list(made))])
+    made_unit = Unit(tmp_path)
+    text = made_unit.profile([made_unit.fitted(list(made))])
     (tmp_path / "robot.toml").write_text(text, "utf-8")
     profile = load_profile(tmp_path / "robot.toml")
     assert profile.name == "twin-11" and profile.provenance.date == "" and len(profile.provenance.files) == 4

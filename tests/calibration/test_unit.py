@@ -10,8 +10,13 @@ import pytest
 
 import realitygap.calibration.calibrate as calibrate
 from realitygap.calibration import unit as module
-from realitygap.calibration.unit import calibrated_again, calibrated_robot, calibrated_unit
-from realitygap.calibration.unit_folder import PARTS
+from realitygap.calibration.unit import (
+    PARTS,
+    calibrate_share,
+    calibrated_again,
+    calibrated_robot,
+    calibrated_unit,
+)
 from realitygap.errors import CalibrationError, StudyError, UsageError
 from realitygap.work.pool import Processes, Setup
 from realitygap.world.robot import load_profile
@@ -36,19 +41,19 @@ def jobs(monkeypatch):
         def close(self):
             pass
 
-    def mark(folder, name, report):
+    def mark(unit, name, report):
         started.append(name)
-        place = folder / "recordings" / name / "recording.toml"
+        place = unit.recordings / name / "recording.toml"
         place.parent.mkdir(parents=True)
         place.write_text(name)
         report(name, 1, 1)
 
     monkeypatch.setattr(module, "Processes", Marks)
-    monkeypatch.setattr(module, "record_part", mark)
+    monkeypatch.setattr(module.Unit, "record", mark)
     monkeypatch.setattr(
-        module, "fitted", lambda folder, names, **how: started.append(" ".join(["fit", *how])) or names
+        module.Unit, "fitted", lambda unit, names, **how: started.append(" ".join(["fit", *how])) or names
     )
-    monkeypatch.setattr(module, "_profile", lambda folder, fits: repr(fits))
+    monkeypatch.setattr(module.Unit, "profile", lambda unit, fits: repr(fits))
     return started
 
 
@@ -88,16 +93,13 @@ def test_all_workers_share_a_long_fit(tmp_path, jobs):
         ({"parts": "wheels"}, "parts: expected a list of some of ambient, wheels, .*, got 'wheels'"),
         ({"parts": ["camera"]}, r"parts: expected .*, got \['camera'\]"),
         ({"parts": []}, r"parts: expected .*, got \[\]"),
-        ({"distances_cm": 3}, "distances: expected a list of numbers, cm, got 3"),
-        ({"distances_cm": "1,2"}, "distances: expected a list of numbers, cm, got '1,2'"),
+        ({"distances_cm": [2, 1]}, "distances: expected rising ones from 0.1 to 20 cm, got 2, 1"),
         ({"noise": float("nan")}, "noise: expected a number from 0 to 10, got nan"),
         ({"noise": 11}, "noise: expected a number from 0 to 10, got 11"),
         ({"unit": -1}, "unit is a whole number from 0 on, got '-1'"),
         ({"unit": True}, "unit is a whole number from 0 on, got 'True'"),
         ({"seed": -1}, "seed: expected a whole number"),
         ({"workers": "many"}, "workers: expected a whole number from 1 to 1024"),
-        ({"meanwhile": 3}, "meanwhile: expected a list of functions, got 3"),
-        ({"meanwhile": ["sleep"]}, "meanwhile: expected a list of functions"),
     ],
 )
 def test_what_nobody_can_record_is_refused(tmp_path, change, says):
@@ -156,7 +158,16 @@ def test_what_goes_wrong_in_a_job_is_told(tmp_path):
         ("wheels", StudyError, r"a worker process died \(exit code 1\)"),
     ):
         with closing(Processes(1)) as pool, pytest.raises(error, match=words):
-            pool.work(Setup(module.Bench, (str(tmp_path),)), [job], print)
+            pool.work(Setup(module.Unit, (str(tmp_path),)), [job], print)
+
+
+def test_without_readings_to_fit_the_base_is_returned(recorded):
+    """As promised, with a warning that says why; a share that is enough is fitted."""
+    paper, walls = load_profile("paper"), [recorded("wall", repeats=1)]
+    made = calibrate_share(walls, paper, share=0.001, seed=1, form="extended")
+    assert made.profile == paper and made.recordings == () and made.channels == ()
+    assert made.warnings[0].startswith("constants stay as profile 'paper' has them: ")
+    assert calibrate_share(walls, paper, share=0.9, seed=1, form="paper").infrared is not None
 
 
 def test_a_robot_of_ones_own_is_recorded_and_fitted(tmp_path, monkeypatch):

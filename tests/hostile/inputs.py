@@ -257,7 +257,7 @@ _SIMULATE = (
 def _kinds() -> dict[str, Kind]:
     profile, room = load_profile("paper").to_toml().encode(), load_arena("light-seeking").to_toml().encode()
     plain = load_arena("obstacle-avoidance").to_toml().encode()
-    wall, drive = {"recording.toml": _FACTS}, {"recording.toml": b'robot = "twin"\n'}
+    wall, drive = {"recording.toml": _FACTS}, {"drive.toml": b'robot = "twin"\n'}
     study = b'seed = 3\nruns = 2\nevaluations = 10\n[[conditions]]\ntask = "light"\nnoise = "double"\n'
     noise = b"levels = [0.0, 1.0]\nruns = 2\nunits = 1\nstarts = 2\nevaluations = 10\n"
     film, here = {"film.mp4": _film(), "camera.json": _camera()}, "transfer/twin-1/one/start-1/"
@@ -334,9 +334,7 @@ def _kinds() -> dict[str, Kind]:
         "transfer": Kind(here + "transfer.toml", _TRIAL, call=_transfers, beside=trial),
         "path": Kind(here + "situated.csv", _track(), call=_transfers, beside=trial),
         "drive": Kind("steps.csv", _DRIVE, call=_drive, beside=drive),
-        "drive-facts": Kind(
-            "recording.toml", drive["recording.toml"], call=_drive, beside={"steps.csv": _DRIVE}
-        ),
+        "drive-facts": Kind("drive.toml", drive["drive.toml"], call=_drive, beside={"steps.csv": _DRIVE}),
         "paths": Kind("one.npz", _npz(), call=_situated),
     }
 

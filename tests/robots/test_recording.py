@@ -68,8 +68,11 @@ def test_a_recording_of_no_or_one_step_is_one(tmp_path: Path, steps: int) -> Non
 def test_a_folder_is_never_overwritten(tmp_path: Path) -> None:
     """A second recording wants a folder of its own."""
     Recorder(tmp_path / "r").finish("finished")
-    with pytest.raises(UsageError, match="already holds a recording"):
-        Recorder(tmp_path / "r")
+    for name in ("drive.toml", "recording.toml"):  # a calibration's, or an earlier version's drive
+        (tmp_path / "r" / "drive.toml").replace(tmp_path / "r" / name)
+        with pytest.raises(UsageError, match="already holds a recording"):
+            Recorder(tmp_path / "r")
+    assert Recording.from_folder(tmp_path / "r").ended == "finished"
 
 
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:

@@ -153,7 +153,7 @@ def test_a_missed_step_is_counted_and_its_reading_is_the_last_one(tmp_path: Path
         drive(body, Deaf(100, 100), seconds=1.0, inputs=nothing, recorder=Recorder(tmp_path / "r"))
     kept = Recording.from_folder(tmp_path / "r")
     assert kept.missed_steps == 3 and (np.diff(kept.read) >= 0).all() and (kept.proximity == READ).all()
-    assert "missed_steps = 3" in (tmp_path / "r" / "recording.toml").read_text()
+    assert "missed_steps = 3" in (tmp_path / "r" / "drive.toml").read_text()
 
 
 def test_a_silent_robot_ends_the_drive(tmp_path: Path) -> None:

@@ -1,8 +1,11 @@
 """One call from a twin's unit, or a robot of your own, to its profile: record, fit, write robot.toml.
 
-from realitygap.calibration.unit import calibrated_unit
+    from realitygap.calibration.unit import calibrated_unit
 
-profile = calibrated_unit("units/7", unit=7, noise=1.0, seed=0, workers=2)
+    profile = calibrated_unit("units/7", unit=7, noise=1.0, seed=0, workers=2)
+
+A unit's folder holds unit.toml, the settings that it was made with; `recordings/`, each complete or absent;
+and robot.toml, the profile.
 """
 
 from __future__ import annotations
@@ -11,24 +14,15 @@ import os
 import shutil
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from realitygap.calibration.unit_folder import (
-    MEASURING,
-    PARTS,
-    PROFILE,
-    claim,
-    form_of,
-    is_recorded,
-    kind_of,
-    parts_in,
-    parts_of,
-    recordings_of,
-    settings_of,
-)
-from realitygap.errors import UsageError
-from realitygap.files import as_path, atomic_write, move_whole, written_together
+import numpy as np
+
+from realitygap.calibration.recordings import FACTS, Recording, SensorRecording, load_recording
+from realitygap.errors import CalibrationError
+from realitygap.files import as_path, atomic_write, move_whole, read_toml, to_toml, written_together
 from realitygap.robots.address import Address, as_scale
 from realitygap.values import as_stream
 from realitygap.work.pool import Pool, Processes, Setup, Tell, Workers, opened, size_of
@@ -36,17 +30,22 @@ from realitygap.world.robot import Profile, load_profile
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.recordings import Recording
 
-__all__ = ["calibrated_again", "calibrated_robot", "calibrated_unit"]
+__all__ = [
+    "PARTS", "PROFILE", "calibrate_share", "calibrated_again", "calibrated_robot", "calibrated_unit",
+]  # fmt: skip
 
-UNFINISHED = ".part"
+PROFILE, SETTINGS, RECORDINGS = "robot.toml", "unit.toml", "recordings"
+PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
+"""The recordings, the longest kind first, so that two workers finish at about the same time."""
 TURNS = "turns"
 NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for each plan."""
+MEASURING = ("auto", "measured")
+"""Forms whose fit of the proximity sensors takes so long that all workers share it."""
+RECIPE = 7
+"""Increased whenever the same settings would make another profile."""
 FIT = "fit"
-RECIPE, MEASURED_RECIPE = 4, 6
-"""Of printed and of measured sensors: increased whenever the same settings would make another profile."""
 
 Work = Callable[[], None]
 Progress = Callable[[str, int, int], None]
@@ -68,8 +67,8 @@ def calibrated_unit(
 ) -> Path:
     """The profile of a twin's unit, recorded through its serial line and fitted.
 
-    Recordings are kept in `folder/recordings`, each complete or absent; existing ones are not repeated. An
-    interrupted call that is repeated, with any number of workers, ends with the same bits.
+    Existing recordings are not repeated. An interrupted call that is repeated, with any number of workers,
+    ends with the same bits.
 
     Args:
         folder: the unit's own; created if missing.
@@ -90,19 +89,23 @@ def calibrated_unit(
         CalibrationError: the folder belongs to another unit or other settings.
         StudyError: its process died repeatedly.
     """
-    from realitygap.calibration.recorder.grid import given
+    from realitygap.calibration.record import Plan
 
-    which = _known_of(unit) if isinstance(unit, str) else {"unit": Address.parse(f"twin:{unit}").unit}
-    chosen = given(bearings, distances_cm) | ({} if parts is None else {"parts": parts_in(parts)})
-    chosen |= {"twin_noise": as_scale(noise, "noise"), "seed": int(as_stream(seed, "seed"))}
-    settings = {"recipe": RECIPE, **which, **chosen}
-    return _calibrated(folder, settings, workers, on_progress, meanwhile)
+    known = _known_of(unit) if isinstance(unit, str) else {"unit": Address.parse(f"twin:{unit}").unit}
+    if parts is not None and not (parts and set(parts) <= set(PARTS)):
+        raise CalibrationError(f"parts: expected a list of some of {', '.join(PARTS)}, got {parts!r}.")
+    Plan(kind="infrared", bearings=bearings, distances_cm=distances_cm).grid(None)  # or refuses them
+    distances = None if distances_cm is None else list(map(float, distances_cm))
+    asked = {"bearings": bearings, "distances_cm": distances, "parts": None if parts is None else list(parts)}
+    known |= {key: value for key, value in asked.items() if value is not None}
+    known |= {"twin_noise": as_scale(noise, "noise"), "seed": int(as_stream(seed, "seed"))}
+    return _calibrated(folder, known, workers, on_progress, meanwhile)
 
 
 def calibrated_again(
     folder: str | Path, *, of: Path, share: float = 1.0, form: str | None = None, workers: Workers = 1
 ) -> Path:
-    """Another profile of a unit from its recordings, or from a share of their places (`share.py`).
+    """Another profile of a unit from its recordings, or from a share of their places (`calibrate_share`).
 
     Args:
         folder: the profile's own; created if missing.
@@ -114,11 +117,9 @@ def calibrated_again(
     Returns:
         The path of `folder/robot.toml`.
     """
-    settings = settings_of(of) | ({"share": share} if share < 1 else {}) | ({"form": form} if form else {})
-    if form in MEASURING:
-        settings["recipe"] = MEASURED_RECIPE
-    settings["of"] = os.path.relpath(of.resolve(), Path(folder).resolve())
-    return _calibrated(folder, settings, workers)
+    known = Unit(of).settings | ({"share": share} if share < 1 else {}) | ({"form": form} if form else {})
+    known["of"] = os.path.relpath(of.resolve(), Path(folder).resolve())
+    return _calibrated(folder, known, workers)
 
 
 def calibrated_robot(
@@ -150,16 +151,20 @@ def calibrated_robot(
 
 def _known_of(robot: str, base: str | None = None) -> dict[str, Any]:
     """A robot by its address, which fits its base; the parts that it can record, and its own places."""
-    from realitygap.calibration.recorder.record import Wanted, parts_for
+    from realitygap.calibration.record import Plan, tasks_of
 
-    wanted = Wanted(plan="all", base=None if base is None else load_profile(base))
+    plan = Plan(kind="all", base=None if base is None else load_profile(base))
     with closing(Address.parse(str(robot)).open()) as body:
-        parts_for(wanted, body)
+        tasks_of(plan, body)
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
         grid = getattr(body, "infrared_grid", None)
     places = {"bearings": grid[0], "distances_cm": list(grid[1])} if grid else {}
-    parts = [name for name in PARTS if NEEDS[kind_of(name)] in kinds]
-    return {"recipe": MEASURED_RECIPE, "robot": robot, "parts": parts, **places}
+    return {"robot": robot, "parts": [name for name in PARTS if NEEDS[_kind_of(name)] in kinds], **places}
+
+
+def _kind_of(part: str) -> str:
+    """The plan of a part, without its object."""
+    return part.partition("-")[0]
 
 
 def _calibrated(
@@ -173,15 +178,12 @@ def _calibrated(
     and other work is done meanwhile. A fit that all workers share begins when all parts are recorded."""
     folder = as_path(folder, "folder").resolve()
     size_of(1 if isinstance(workers, Pool) else workers)
-    if not isinstance(meanwhile, Sequence) or not all(map(callable, meanwhile)):
-        raise UsageError(f"meanwhile: expected a list of functions, got {meanwhile!r}.")
-    claim(folder, settings)
+    _claim(folder, {"recipe": RECIPE, **settings})
     if (folder / PROFILE).is_file():
         return folder / PROFILE
-    report = on_progress or (lambda name, done, total: None)
-    parts = parts_of(folder)
-    kinds = list(dict.fromkeys(kind_of(name) for name in parts))
-    left = {name for name in parts if not is_recorded(folder, name)}
+    unit, report = Unit(folder), on_progress or (lambda name, done, total: None)
+    kinds = list(dict.fromkeys(map(_kind_of, unit.parts)))
+    left = {name for name in unit.parts if not unit.has(name)}
     fits: list[Calibration] = []
 
     def heard(told: Calibration | tuple[str, int, int]) -> None:
@@ -196,14 +198,34 @@ def _calibrated(
     def searching(done: int, total: int) -> None:
         report(FIT, len(fits) * total + done, len(kinds) * total)
 
-    shared = [name for name in parts if kind_of(name) == "infrared" and form_of(folder) in MEASURING]
-    jobs = [*meanwhile, *dict.fromkeys(name if name in shared else kind_of(name) for name in parts)]
+    shared = [name for name in unit.parts if _kind_of(name) == "infrared" and unit.form in MEASURING]
+    jobs = [*meanwhile, *dict.fromkeys(name if name in shared else _kind_of(name) for name in unit.parts)]
     with _recorders(workers) as pool:
-        pool.work(Setup(Bench, (str(folder),)), jobs, heard)
+        pool.work(Setup(Unit, (str(folder),)), jobs, heard)
         if shared:
-            fits.append(fitted(folder, shared, workers=pool, on_progress=searching))
-    atomic_write(folder / PROFILE, _profile(folder, fits))
+            fits.append(unit.fitted(shared, workers=pool, on_progress=searching))
+    atomic_write(folder / PROFILE, unit.profile(fits))
     return folder / PROFILE
+
+
+def _claim(folder: Path, settings: dict[str, Any]) -> None:
+    """Mark the folder as this robot's, or check that it is."""
+    path, cure = folder / SETTINGS, "Choose another folder, or remove this one."
+    if not path.is_file():
+        if folder.is_dir() and any(folder.iterdir()):
+            raise CalibrationError(
+                f"{folder}: expected a new folder, or one with {SETTINGS}; it holds something else. {cure}"
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        atomic_write(path, to_toml(settings))
+        return
+    there = read_toml(path, CalibrationError, cure, broken=cure)
+    if odd := [key for key in {**settings, **there} if settings.get(key) != there.get(key)]:
+        wanted, found = ({key: one[key] for key in odd if key in one} for one in (settings, there))
+        raise CalibrationError(
+            f"{path}: expected {wanted}, got {found}: another calibration is there, or one that was made by "
+            f"another version. {cure}"
+        )
 
 
 def _recorders(workers: Workers) -> AbstractContextManager[Pool]:
@@ -213,12 +235,21 @@ def _recorders(workers: Workers) -> AbstractContextManager[Pool]:
     return closing(Processes(size_of(workers), one_thread=True))
 
 
-class Bench:
-    """Carries out the jobs of a unit's folder, which it must be able to see: recordings of a kind and their
-    fit, and unrelated work."""
+class Unit:
+    """A unit's folder, and what its workers do there, which must be able to see it."""
 
-    def __init__(self, folder: str) -> None:
-        self._folder = Path(folder)
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        self.settings = read_toml(self.folder / SETTINGS, CalibrationError, "Calibrate the unit first.")
+        self.parts: list[str] = list(self.settings.get("parts", PARTS))
+        # On the twin the printed form has the smallest error, which "auto" finds in three times the time.
+        self.form = str(self.settings.get("form", "extended" if "unit" in self.settings else "auto"))
+        # A share's recordings are the whole unit's.
+        self.recordings = self.folder / str(self.settings.get("of", "")) / RECORDINGS
+
+    def has(self, part: str) -> bool:
+        """Whether a part is recorded, completely."""
+        return (self.recordings / part / FACTS).is_file()
 
     def carry_out(self, job: str | Work, tell: Tell) -> None:
         """Make the missing recordings of a part or of a kind, and report progress; fit a kind, and send the
@@ -226,72 +257,100 @@ class Bench:
         if not isinstance(job, str):
             job()
             return
-        names = [name for name in parts_of(self._folder) if job in (name, kind_of(name))]
+        names = [name for name in self.parts if job in (name, _kind_of(name))]
         for name in names:
-            if not is_recorded(self._folder, name):
-                record_part(self._folder, name, lambda *said: tell(said))
-        if job == kind_of(job):
-            tell(fitted(self._folder, names))
+            if not self.has(name):
+                self.record(name, lambda *said: tell(said))
+        if job == _kind_of(job):
+            tell(self.fitted(names))
 
     def close(self) -> None:
-        """It holds nothing."""
+        """No resources to release."""
+
+    def record(self, part: str, report: Progress) -> None:
+        """Record one part of all plans, complete or not at all."""
+        from realitygap.calibration.record import CYLINDER, Plan, record
+
+        known, finished = self.settings, self.recordings / part
+        address = Address.parse(known["robot"] if "robot" in known else f"twin:{known['unit']}")
+        unfinished = finished.with_name(f"{part}.part")
+        shutil.rmtree(unfinished, ignore_errors=True)  # left by an interrupted call
+        kind, _, shape = part.partition("-")
+        plan = Plan(
+            kind=kind, object={"wall": "wall", "cylinder": CYLINDER}.get(shape), seed=known["seed"],
+            base=load_profile(known["base"]) if "base" in known else None,
+            bearings=known.get("bearings"), distances_cm=known.get("distances_cm"),
+        )  # fmt: skip
+        with written_together(unfinished), closing(address.open(noise=known.get("twin_noise", 1.0))) as body:
+            record(plan, unfinished, body, on_progress=report)
+        move_whole(unfinished, finished)
+
+    def fitted(self, parts: Sequence[str], **how: Any) -> Calibration:
+        """The calibration by some of the parts; `how` is for `calibrate`."""
+        from realitygap.calibration.calibrate import calibrate
+
+        recordings = [load_recording(self.recordings / name) for name in sorted(parts)]
+        base, how = self._base(recordings), {"form": self.form, **how}
+        if "share" in self.settings:  # a wall is more informative than a cylinder
+            some = {key: self.settings[key] for key in ("share", "seed")}
+            return calibrate_share(recordings[::-1], base, **some, **how)
+        return calibrate(recordings, base, beside=False, **how)
+
+    def profile(self, fits: Sequence[Calibration]) -> str:
+        """The profile of all fits together, as TOML."""
+        from realitygap.calibration.calibrate import joined
+
+        known = self.settings
+        name = f"twin-{known['unit']}" if "unit" in known else Address.parse(known["robot"]).folder()
+        used = [fit for fit in fits if fit.recordings]
+        used.sort(key=lambda one: Path(one.recordings[0].source).name)
+        recordings = [one for fit in used for one in fit.recordings]
+        # The date is in the recordings: the same settings make the same file on any day.
+        return joined(used, self._base(recordings)).named(name, date="").profile.to_toml()
+
+    def _base(self, recordings: Sequence[Recording]) -> Profile:
+        """The profile that the fits start from."""
+        from realitygap.calibration.calibrate import base_of
+
+        return load_profile(self.settings.get("base", base_of(recordings)))
 
 
-def record_part(folder: Path, name: str, report: Progress) -> None:
-    """Record one part of all plans into `folder/recordings/name`, complete or not at all."""
-    from realitygap.calibration.recorder.plans import CYLINDER
-    from realitygap.calibration.recorder.record import Wanted, record
-
-    known = settings_of(folder)
-    base = load_profile(known["base"]) if "base" in known else None
-    address = Address.parse(known["robot"] if "robot" in known else f"twin:{known['unit']}")
-    finished = recordings_of(folder) / name
-    unfinished = finished.with_name(name + UNFINISHED)
-    shutil.rmtree(unfinished, ignore_errors=True)  # left by an interrupted call
-    plan, _, shape = name.partition("-")
-    thing = {"": None, "wall": "wall", "cylinder": CYLINDER}[shape]
-    distances = tuple(known["distances_cm"]) if "distances_cm" in known else None
-    wanted = Wanted(
-        plan=plan, object=thing, seed=known["seed"], base=base, bearings=known.get("bearings"),
-        distances_cm=distances,
-    )  # fmt: skip
-    with written_together(unfinished), closing(address.open(noise=known.get("twin_noise", 1.0))) as body:
-        record(wanted, unfinished, body, on_progress=report)
-    move_whole(unfinished, finished)
+def thinned(recording: SensorRecording, share: float, seed: int) -> SensorRecording:
+    """The recording with a share of its places, at least one, and none between them; a larger share contains
+    a smaller one."""
+    place = recording.place()
+    drawn = np.random.default_rng(seed).permutation(place.max() + 1)
+    rows = np.isin(place, drawn[: max(1, round(share * len(drawn)))])
+    names = ("distance_cm", "bearing_deg", "repeat", "counts", "pose", "speed_cm_s")
+    there = {name: column for name in names if (column := getattr(recording, name)) is not None}
+    return replace(recording, edges=None, lines=(), **{name: column[rows] for name, column in there.items()})
 
 
-def fitted(folder: Path, names: Sequence[str], **how: Any) -> Calibration:
-    """The calibration by some of the folder's parts; `how` is for `calibrate`."""
-    from realitygap.calibration.calibrate import calibrate
-    from realitygap.calibration.recordings import load_recording
-    from realitygap.calibration.share import calibrate_share
+def calibrate_share(
+    recordings: Sequence[Recording], base: Profile, *, share: float, seed: int, **how: Any
+) -> Calibration:
+    """A calibration by a share of the places; recordings of wheels are used whole.
 
-    known = settings_of(folder)
-    recordings = [load_recording(recordings_of(folder) / name) for name in sorted(names)]
-    base = _base(folder, recordings)
-    how |= {"form": form_of(folder)}
-    if "share" in known:  # a wall is more informative than a cylinder
-        share, seed = known["share"], known["seed"]
-        return calibrate_share(recordings[::-1], base, share=share, seed=seed, **how)
-    return calibrate(recordings, base, beside=False, **how)
+    Recordings with too few readings left to fit are dropped, the last first; without any the base is
+    returned, with a warning that says why.
 
+    Args:
+        recordings: of one kind, the most informative first.
+        base: a profile.
+        share: of the places of each, above 0.
+        seed: of the choice of places.
+        how: its form, and the rest, as of `calibrate`.
+    """
+    from realitygap.calibration.calibrate import Calibration, calibrate
 
-def _profile(folder: Path, fits: Sequence[Calibration]) -> str:
-    """The profile of all fits together, as TOML."""
-    from realitygap.calibration.calibrate import joined
-
-    known = settings_of(folder)
-    name = f"twin-{known['unit']}" if "unit" in known else Address.parse(known["robot"]).folder()
-    fits = sorted(
-        (fit for fit in fits if fit.recordings), key=lambda one: Path(one.recordings[0].source).name
+    kept = [thinned(one, share, seed) if isinstance(one, SensorRecording) else one for one in recordings]
+    why = "no recordings"
+    for few in range(len(kept), 0, -1):
+        try:
+            return calibrate(kept[:few], base, beside=False, **how)
+        except CalibrationError as error:
+            why = str(error)
+    unfitted = f"constants stay as profile {base.name!r} has them: {why}"
+    return Calibration(
+        profile=base, infrared=None, ambient=None, wheels=None, recordings=(), warnings=(unfitted,)
     )
-    recordings = [one for fit in fits for one in fit.recordings]
-    # The date is in the recordings: the same settings make the same file on any day.
-    return joined(fits, _base(folder, recordings)).named(name, date="").profile.to_toml()
-
-
-def _base(folder: Path, recordings: Sequence[Recording]) -> Profile:
-    """The profile that the fits start from."""
-    from realitygap.calibration.calibrate import base_of
-
-    return load_profile(settings_of(folder).get("base", base_of(recordings)))

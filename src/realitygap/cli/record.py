@@ -16,7 +16,7 @@ from realitygap.cli.output import print_json
 from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from realitygap.calibration.recorder.record import Made, Progress, Wanted
+    from realitygap.calibration.record import Plan, Progress, Result
     from realitygap.robots.address import Address
 
 __all__ = ["record"]
@@ -88,11 +88,11 @@ def record(
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall --resume
         realitygap record --robot my_robot.py:MyRobot --base my_robot.toml --plan all --out mine
     """
-    from realitygap.calibration.recorder.record import Wanted
+    from realitygap.calibration.record import Plan
     from realitygap.world.robot import load_profile
 
     option.check_baud(robot)
-    plan, base = words["plan"], words.pop("base")
+    plan, base = words.pop("plan"), words.pop("base")
     for key in ("object", "bearings", "distances_cm"):
         if words[key] is not None and plan not in ("infrared", "all"):
             named = f"--{key.removesuffix('_cm')}"
@@ -113,7 +113,7 @@ def record(
         raise click.UsageError(
             f"--base: expected the rough profile of {robot}: its radius, heights, top command and speed."
         )
-    wanted = Wanted(base=load_profile(base) if base is not None else None, **words)
+    wanted = Plan(kind=plan, base=load_profile(base) if base is not None else None, **words)
     settings = {"baud": baud, "noise": 1.0 if twin_noise is None else twin_noise}
     made, facts = _recorded(robot, settings, wanted, out, resume)
     if json_output:
@@ -127,10 +127,10 @@ def record(
 
 
 def _recorded(
-    robot: Address, settings: dict[str, Any], wanted: Wanted, out: str, resume: bool
-) -> tuple[list[Made], dict[str, Any]]:
+    robot: Address, settings: dict[str, Any], wanted: Plan, out: str, resume: bool
+) -> tuple[list[Result], dict[str, Any]]:
     """What was recorded, and the facts of the robot."""
-    from realitygap.calibration.recorder.record import record as make
+    from realitygap.calibration.record import record as make
     from realitygap.errors import RobotStoppedError
     from realitygap.robots.body import Placing, facts_of
     from realitygap.robots.signals import Stopping
@@ -185,7 +185,7 @@ def _written(name: str, done: int, total: int) -> None:
     click.echo(f"{name}: {done} of {total} written", err=True)
 
 
-def _facts(made: list[Made], plan: str, out: str, facts: dict[str, Any]) -> dict[str, Any]:
+def _facts(made: list[Result], plan: str, out: str, facts: dict[str, Any]) -> dict[str, Any]:
     recordings = [
         {
             "folder": str(one.folder), "kind": one.kind, "places": one.places, "done": one.done,

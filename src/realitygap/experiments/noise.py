@@ -20,7 +20,7 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.unit_folder import PROFILE
+from realitygap.calibration.unit import PROFILE
 from realitygap.control.encoding import Encoding, genotype_of
 from realitygap.correspondence.names import common_name, namer
 from realitygap.correspondence.scale import Scale, exemplar_scale

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from realitygap import temporary
-from realitygap.calibration.recorder.record import check_period
-from realitygap.calibration.unit_folder import PARTS
+from realitygap.calibration.record import check_period
+from realitygap.calibration.unit import PARTS
 from realitygap.errors import ConfigError, RealityGapError, StudyError, UsageError
 from realitygap.evolution.algorithm import Genes
 from realitygap.experiments.experiment import (

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from realitygap.calibration.misfit import LIMITS
-from realitygap.calibration.unit_folder import PROFILE
+from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.experiment import RESULTS
 from realitygap.experiments.noise import FIGURES, calibration_folder

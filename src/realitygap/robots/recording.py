@@ -1,6 +1,6 @@
 """Recordings: what a robot read, decided and did, a row a step, written while it drives.
 
-A folder: `recording.toml` with the facts and, once the drive is over, how it ended; `steps.csv`.
+A folder: `drive.toml` with the facts and, once the drive is over, how it ended; `steps.csv`.
 Each row is handed to the system before the next step, so that a killed process loses none.
 """
 
@@ -30,7 +30,8 @@ LATE_S = 0.01
 LONGEST_GAP_S, LATE_SHARE = 0.5, 0.2
 """A drive with a longer gap between two steps, or with a larger share of late ones, is no fair trial."""
 
-FACTS = "recording.toml"
+FACTS, EARLIER = "drive.toml", "recording.toml"
+"""The facts; earlier versions gave them the name of a calibration's, and such folders are still read."""
 STEPS = "steps.csv"
 LARGEST = 1e12
 """Largest number in a recording of a drive."""
@@ -128,7 +129,7 @@ class Recording:
             columns: their names.
             rows: [n, columns].
             ended: why.
-            facts: of recording.toml.
+            facts: of drive.toml.
         """
         table = np.array(rows, np.float64).reshape(len(rows), len(columns))
         names = np.array([name.rsplit("_", 1)[0] for name in columns], str)
@@ -158,6 +159,8 @@ class Recording:
             UsageError: no recording there, or an invalid row: names the line.
         """
         facts_file, steps_file = Path(folder) / FACTS, Path(folder) / STEPS
+        if not facts_file.is_file() and (Path(folder) / EARLIER).is_file():
+            facts_file = Path(folder) / EARLIER
         if not facts_file.is_file():
             raise UsageError(f"{str(folder)!r} holds no recording: there is no {FACTS} in it")
         facts = read_toml(facts_file, UsageError, "It says what was recorded.")
@@ -198,7 +201,7 @@ class Recorder:
         self._file: IO[str] | None = None
         if self.folder is not None:
             self.folder.mkdir(parents=True, exist_ok=True)
-            if (self.folder / FACTS).exists():
+            if any((self.folder / name).exists() for name in (FACTS, EARLIER)):
                 raise UsageError(f"{str(self.folder)!r} already holds a recording; choose another folder")
             atomic_write(self.folder / FACTS, to_toml(self.facts))
             self._file = (self.folder / STEPS).open("w", encoding="utf-8")

@@ -4,15 +4,19 @@ just meets a thing or just misses it.
 The gap is halved towards the jump, so a few places tell where rays end as exactly as a far denser grid.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.recorder.journal import Journal
-from realitygap.calibration.recorder.plans import Place
 from realitygap.values import Floats
+
+if TYPE_CHECKING:
+    from realitygap.calibration.record import Journal, Place
 
 __all__ = ["FINE", "TWICE", "look_between"]
 
