@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import realitygap as rg
-from realitygap.errors import RealityGapError
+from realitygap.control.encoding import check_networks
+from realitygap.errors import RealityGapError, UsageError
 from realitygap.evolution import make_algorithm
 from realitygap.export import table
 from realitygap.kernels.params import Networks
@@ -41,6 +42,30 @@ def nets(**change: object) -> Networks:
     return made
 
 
+BROKEN: dict[str, Networks] = {
+    "more neurons than there are": nets(neurons=(0, 23)),
+    "no motors": nets(neurons=(1, 1)),
+    "a link from nowhere": nets(links=((0, 0, 1), 20000)),
+    "a link from below": nets(links=((0, 0, 1), -1)),
+    "a link too late": nets(links=((0, 0, 3), 5)),
+    "links that end beyond": nets(link_start=((0, 1), 9999)),
+    "links that end before they begin": nets(link_start=((0, 1), -1)),
+    "a sensor's link to nowhere": nets(sensor_links=((0, 0, 0), 99)),
+    "a sensor that is not there": nets(sensor_links=((0, 0, 1), 8)),
+    "too many sensor links": nets(sensor_count=(0, 10**6)),
+    "weights as floats": nets(links=np.zeros((2, 176, 4))),
+    "arrays of another size": nets(thresholds=np.zeros((2, 3), np.int16)),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_networks_that_lead_out_of_their_arrays_are_refused(what: str) -> None:
+    """A user's encoding never makes compiled code read or write beyond an array."""
+    check_networks(nets(), 8)
+    with pytest.raises(UsageError, match="networks"):
+        check_networks(BROKEN[what], 8)
+
+
 SCORES: dict[str, Callable[[rg.Simulation], object]] = {
     "more rows of streams than networks": lambda s: s.scores(nets(), np.zeros((5000, 2), np.uint64)),
     "fewer rows of streams": lambda s: s.scores(nets(), STREAMS[:1]),
@@ -51,23 +76,6 @@ SCORES: dict[str, Callable[[rg.Simulation], object]] = {
     "genes for networks": lambda s: s.scores(GENES, STREAMS),  # type: ignore[arg-type]
     "more inputs": lambda s: s.scores(nets(inputs=np.full(2, 12)), STREAMS),
     "other inputs than the task": lambda s: s.scores(rg.Genotype.random(1, inputs=4).networks(), STREAMS[:1]),
-    "more neurons than there are": lambda s: s.scores(nets(neurons=(0, 23)), STREAMS),
-    "no motors": lambda s: s.scores(nets(neurons=(1, 1)), STREAMS),
-    "a link from nowhere": lambda s: s.scores(nets(links=((0, 0, 1), 20000)), STREAMS),
-    "a link from below": lambda s: s.scores(nets(links=((0, 0, 1), -1)), STREAMS),
-    "a link too late": lambda s: s.scores(nets(links=((0, 0, 3), 5)), STREAMS),
-    "a link too heavy": lambda s: s.scores(nets(links=((0, 0, 2), 30000)), STREAMS),
-    "links that end beyond": lambda s: s.scores(nets(link_start=((0, 1), 9999)), STREAMS),
-    "links that end before they begin": lambda s: s.scores(nets(link_start=((0, 1), -1)), STREAMS),
-    "a sensor's link to nowhere": lambda s: s.scores(nets(sensor_links=((0, 0, 0), 99)), STREAMS),
-    "a sensor that is not there": lambda s: s.scores(nets(sensor_links=((0, 0, 1), 8)), STREAMS),
-    "sensor links out of order": lambda s: s.scores(nets(sensor_links=((0, 0, 3), 4)), STREAMS),
-    "too many sensor links": lambda s: s.scores(nets(sensor_count=(0, 10**6)), STREAMS),
-    "a threshold beyond all": lambda s: s.scores(nets(thresholds=((0, 0), 99)), STREAMS),
-    "weights as floats": lambda s: s.scores(nets(links=np.zeros((2, 176, 4))), STREAMS),
-    "arrays of another size": lambda s: s.scores(nets(thresholds=np.zeros((2, 3), np.int16)), STREAMS),
-    "arrays in a list": lambda s: s.scores(nets(neurons=[2, 2]), STREAMS),
-    "arrays with gaps": lambda s: s.scores(nets(neurons=np.full(4, 2)[::2]), STREAMS),
     "two networks for one trajectory": lambda s: s.trajectory(nets(), stream=1),
     "a stream below 0": lambda s: s.trajectory(rg.Genotype.decode(GENES[0], 8), stream=-1),
     "a stream of 65 bits": lambda s: s.start(2**64),

@@ -154,7 +154,7 @@ def make_encoding(kind: str, variation: Variation, settings: dict[str, Any], *, 
     file, _, _ = kind.rpartition(":")
     with blamed_on(Path(file).expanduser().resolve(), UsageError):
         one = own.random(np.uint64(0))
-        if type(one) is not np.ndarray or (one.dtype, one.shape) != (np.dtype(own.dtype), own.shape):
+        if type(one) is not np.ndarray or (one.dtype, one.shape) != (np.dtype(own.dtype), tuple(own.shape)):
             expected = f"an array {np.dtype(own.dtype)}{list(own.shape)}, its dtype and shape"
             raise UsageError(f"random: expected {expected}, got {shown(one)}.")
         networks = own.decode(np.stack([one, one]))

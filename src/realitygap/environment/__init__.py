@@ -14,7 +14,7 @@ Importing this tells Gymnasium their names:
 from realitygap.lazy import names_of, needed
 
 __all__, __getattr__ = names_of(__name__, {
-    "robots": "RobotVectorEnv",
+    "vector": "RobotVectorEnv",
     "sb3": "stable_baselines",
     "single": "RobotEnv",
 })  # fmt: skip
@@ -37,7 +37,7 @@ def register() -> None:
             gymnasium.register(
                 id=f"realitygap/{name}-v0",
                 entry_point="realitygap.environment.single:RobotEnv",
-                vector_entry_point="realitygap.environment.robots:RobotVectorEnv",
+                vector_entry_point="realitygap.environment.vector:RobotVectorEnv",
                 kwargs={"task": task},
             )
 

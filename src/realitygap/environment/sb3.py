@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from realitygap.environment.robots import RobotVectorEnv
+from realitygap.environment.vector import RobotVectorEnv
 from realitygap.errors import UsageError
 from realitygap.lazy import needed
 

@@ -11,9 +11,17 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from realitygap.environment import spaces
-from realitygap.environment.robots import RobotVectorEnv
-from realitygap.environment.spaces import SETTINGS, Info
+from realitygap.environment.vector import (
+    SETTINGS,
+    Info,
+    RobotVectorEnv,
+    checked_options,
+    commands_of,
+    observations_of,
+    pose_of,
+    require_same,
+    spaces_of,
+)
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
@@ -72,7 +80,7 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         self._inner = _made(**self._settings, **self._fixed)
         self.simulation = self._inner.simulation
         self._settings["profile"] = self.simulation.profile  # what its file holds later counts no more
-        self.observation_space, self.action_space = spaces.spaces_of(self.simulation)
+        self.observation_space, self.action_space = spaces_of(self.simulation)
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Seen32, Info]:
         """Begin a trial.
@@ -86,7 +94,7 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
                 robot that does not answer.
         """
         seed = None if seed is None else int(as_stream(seed, "seed"))
-        given = spaces.checked_options(options, {"pose", "reality", *SETTINGS})
+        given = checked_options(options, {"pose", "reality", *SETTINGS})
         pose = given.pop("pose", None)
         if given:
             self._change(given, pose)
@@ -104,8 +112,8 @@ class RobotEnv(gymnasium.Env[Seen32, Seen32]):
         settings = self._settings | given
         own = {} if settings["reality"] == SIMULATION else {"noise": given.get("noise"), "spread": 0.0}
         inner = _made(**{**self._fixed, **settings, **own})
-        spaces.require_same(inner.simulation, self.observation_space)
-        spaces.pose_of(inner.simulation, pose)  # a refusal leaves all as it was
+        require_same(inner.simulation, self.observation_space)
+        pose_of(inner.simulation, pose)  # a refusal leaves all as it was
         self._inner.close()
         inner._seeds, inner._trial = self._inner._seeds, self._inner._trial
         self._inner, self.simulation = inner, inner.simulation
@@ -169,7 +177,7 @@ class _Situated:
 
     def reset(self, *, seed: int | None, options: Info) -> tuple[Seen32, Info]:
         """Place it, or assume that somebody has."""
-        pose = spaces.pose_of(self.simulation, options["pose"])
+        pose = pose_of(self.simulation, options["pose"])
         self._rest()
         if seed is not None:
             self._seeds, self._trial[0] = np.array([as_stream(seed, "seed")]), 0
@@ -199,7 +207,7 @@ class _Situated:
         """Act, wait for the step's end, look."""
         if not self._driving:
             raise UsageError("step: expected a reset first, also after a trial's end.")
-        (left, right), profile = spaces.commands_of(actions, (1, 2))[0].tolist(), self.simulation.profile
+        (left, right), profile = commands_of(actions, (1, 2))[0].tolist(), self.simulation.profile
         wheels, period = profile.wheels, profile.period_s
         try:
             self.body.act(Command(left=wheels.command(left), right=wheels.command(right)))
@@ -230,7 +238,7 @@ class _Situated:
         told = odometry_of(body)
         now = clock_of(body).now()
         self._odometry.append((now, *(told.counters or unknown), *(told.speeds or unknown)))
-        return spaces.observations_of(self.simulation, fed(readings, task.feeds)[np.newaxis])
+        return observations_of(self.simulation, fed(readings, task.feeds)[np.newaxis])
 
     def _track(self) -> Track:
         """The path so far, as it is known."""

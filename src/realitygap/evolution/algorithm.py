@@ -1,4 +1,4 @@
-"""What every algorithm is: its state a value, asked for individuals and told their fitness.
+"""What an algorithm is: its state a value, asked for individuals and told their fitness.
 
 It sees genes and fitness, never a robot. What an algorithm of your own looks like is shown by
 `examples/`; `realitygap.testing` has the contract that every algorithm passes.
@@ -46,11 +46,11 @@ class State(Protocol):
 
     @property
     def genes(self) -> Genes:
-        """[cells, ...] who lives now; a finished run tests them all once more."""
+        """[cells, ...] the residents; a finished run tests them all once more."""
 
     @property
     def numbers(self) -> NDArray[np.int64]:
-        """[cells] evaluation number of each resident, −1 where no one lives."""
+        """[cells] evaluation number of each resident, −1 where a cell is empty."""
 
     @property
     def best_genes(self) -> Genes:
@@ -113,7 +113,7 @@ class Variation(Protocol):
 
 
 def check_batch(batch: object, state: State, n: int, one: Genes) -> None:
-    """Refuse what is not an answer to `ask(state, n)`, of individuals like `one`.
+    """Refuse what cannot be evaluated or stored as an answer to `ask(state, n)`, of individuals like `one`.
 
     Args:
         batch: what the algorithm answered.
@@ -138,13 +138,7 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> None:
 
 
 def check_state(state: State, cells: int, fitness: NDArray[np.float64], one: Genes) -> None:
-    """Refuse a state that is not one after individuals like `one` had this fitness.
-
-    Args:
-        state: what the algorithm answered.
-        cells: how many individuals it must hold.
-        fitness: what the algorithm was told, [n].
-        one: genes of one individual.
+    """Refuse a state without `cells` individuals like `one`, or of an algorithm that minimises fitness [n].
 
     Raises:
         UsageError: says what was expected of the algorithm and what came.
@@ -153,7 +147,7 @@ def check_state(state: State, cells: int, fitness: NDArray[np.float64], one: Gen
     _check_array("tell: expected numbers", state.numbers, np.int64, (cells,))
     _check_array("tell: expected best_genes", state.best_genes, one.dtype, one.shape)
     best, high = state.best_fitness, float(fitness.max())
-    if not (best >= high or math.isclose(best, high, rel_tol=1e-6)):  # perhaps kept in single precision
+    if best < high and not math.isclose(best, high, rel_tol=1e-6):  # perhaps kept in single precision
         raise UsageError(f"tell: expected the highest fitness ever told, {high} or more, got {best}.")
 
 

@@ -5,7 +5,6 @@ Who breeds (`select`) and who stays (`takes`) is told of any number of populatio
 """
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO
@@ -86,12 +85,9 @@ class Population:
             UsageError: a fitness that is not finite, or an answer out of turn.
         """
         values = np.asarray(fitness, np.float64).reshape(len(batch.genes))
-        for number, value in enumerate(values.tolist(), batch.number):
-            if not math.isfinite(value):
-                raise UsageError(
-                    f"the fitness of evaluation {number}: expected a finite number, got {value}. "
-                    "Check the task's score."
-                )
+        if not np.isfinite(values).all():
+            number = batch.number + int(np.argmin(np.isfinite(values)))
+            raise UsageError(f"the fitness of evaluation {number}: expected a finite number from the score.")
         if batch.number != self.evaluations:
             raise UsageError(f"expected the fitness of evaluation {self.evaluations}, not of {batch.number}")
         new = np.arange(len(values)) if takes is None else np.flatnonzero(takes)
@@ -107,17 +103,11 @@ class Population:
             genes, fitness: of those who were evaluated.
             residents: genes, fitness and numbers of those who live.
         """
-        first, best = int(fitness.argmax()), (self.best_genes, self.best_fitness, self.best_number)
+        told, first = {"best_genes": self.best_genes.copy(), **residents}, int(fitness.argmax())
         if fitness[first] > self.best_fitness:
-            best = (genes[first], float(fitness[first]), self.evaluations + first)
-        return replace(
-            self,
-            evaluations=self.evaluations + len(fitness),
-            best_genes=best[0].copy(),
-            best_fitness=best[1],
-            best_number=best[2],
-            **residents,
-        )
+            told["best_genes"] = genes[first].copy()
+            told |= {"best_fitness": float(fitness[first]), "best_number": self.evaluations + first}
+        return replace(self, evaluations=self.evaluations + len(fitness), **told)
 
     def remember(self, **memory: ArrayLike) -> Self:
         """The same with other arrays in its memory; those that are not named stay.
@@ -126,11 +116,9 @@ class Population:
             UsageError: something that is not an array of numbers: it could not be saved.
         """
         arrays = {name: np.array(value) for name, value in memory.items()}
-        for name, array in arrays.items():
-            if array.dtype.hasobject:
-                raise UsageError(
-                    f"memory: {name}: expected numbers or an array of them, got {memory[name]!r}."
-                )
+        if wrong := [name for name, array in arrays.items() if array.dtype.hasobject]:
+            got = f"{wrong[0]}: expected numbers or an array of them, got {memory[wrong[0]]!r}"
+            raise UsageError(f"memory: {got}.")
         return replace(self, memory={**self.memory, **arrays})
 
     def to_bytes(self) -> bytes:
@@ -246,7 +234,7 @@ def select(fitness, grid, streams, number):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Cellular(ABC):
+class _Cellular:
     """Random individuals, cell by cell, until all cells are full; then one at a time."""
 
     encoding: Variation
@@ -254,9 +242,9 @@ class _Cellular(ABC):
     """As of `select`."""
 
     @property
-    @abstractmethod
     def cells(self) -> int:
         """How many individuals live at a time."""
+        raise NotImplementedError
 
     def init(self, stream: np.uint64) -> Population:
         """Empty cells."""

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
 from functools import cached_property, lru_cache
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -126,37 +125,29 @@ def _compiled(score: Score, told: tuple[str, ...]) -> CompiledScore:
     returned = compiled.overloads[types].signature.return_type
     if returned != numba.float64:
         raise TaskError(
-            f"{_where(score)}: score: expected a function that returns a float, it returns "
-            f"{_named(returned)}. Return one number from every branch, as float(…)."
+            f"{_where(score)}: score: expected a function that returns a float, it returns {returned}. "
+            "Return one number from every branch, as float(…)."
         )
     return CompiledScore(score, compiled)
 
 
 def _refuse_unrepeatable(function: Any, seen: set[Any]) -> None:
-    """A score is a function of path and room: nothing in it, or in what it calls, is drawn or printed.
+    """A score is a function of path and room: nothing in it, or in what it calls, is drawn at random.
 
     Compiled functions that it calls check their indices too from then on.
     """
     seen.add(function)
     for line, found, name in used(function):
         where = f"{inspect.getfile(function)}, line {line}"
-        if found is print:
-            raise TaskError(f"{where}: a score is called a thousand times: remove `print`.")
-        if _is_random(found):
+        own = getattr(found, "__self__", None)
+        drawn = isinstance(own, random.Random | np.random.RandomState | np.random.Generator)
+        if drawn or found is random or found is np.random:
             cure = "The same path must give the same score; a trial's chance is in its noise."
             raise TaskError(f"{where}: a score draws nothing at random: remove `{name}`. {cure}")
         plain = getattr(found, "py_func", None)
         if plain is not None and plain not in seen:
             found.targetoptions.setdefault("boundscheck", True)
             _refuse_unrepeatable(plain, seen)
-
-
-def _is_random(found: Any) -> bool:
-    """Whether it is Python's or NumPy's module of random numbers, or something out of them."""
-    sources = (random, np.random)
-    own = getattr(found, "__self__", None)
-    drawn = isinstance(own, random.Random | np.random.RandomState | np.random.Generator)
-    return found in sources if isinstance(found, ModuleType) else drawn
 
 
 def example() -> tuple[Path, Room]:
@@ -172,13 +163,6 @@ def example() -> tuple[Path, Room]:
 def _where(score: Score, error: Any = None) -> str:
     line = getattr(getattr(error, "loc", None), "line", None) or score.__code__.co_firstlineno
     return f"{inspect.getfile(score)}, line {line}"
-
-
-def _named(returned: Any) -> str:
-    """A type of Numba's in a Python user's words."""
-    text = str(returned)
-    words = {"none": "nothing", "Opt": "nothing from some branches", "Lit": "int", "int": "int"}
-    return next((word for start, word in words.items() if text.startswith(start)), text)
 
 
 def reason(error: Exception) -> str:
@@ -224,37 +208,34 @@ def _try(made: CompiledScore, arena: Arena, steps: int) -> None:
         x=room.size[0] * abs(x), y=room.size[1] * abs(y), heading=9.0 * heading, left=16.0 * left,
         right=16.0 * right, contact=np.round(abs(x)),
     )  # fmt: skip
-    given = [deepcopy((path, room)) for _ in range(2)]
-    plain = _told(made.plain, *given[0])  # first: Ctrl-C stops a score without end here alone
-    compiled = _told(made.compiled, *given[1])
-    alike, where = _alike(plain, compiled), _where(made.plain)
-    if isinstance(plain, Exception) and (not alike or (isinstance(plain, LookupError) and rows == steps)):
-        raise made.failure(plain, path, room)
-    for now in given:
+    found, where = [], _where(made.plain)
+    for score in (
+        made.plain,
+        made.compiled,
+    ):  # plain Python first: Ctrl-C stops a score without end here alone
+        now = deepcopy((path, room))
+        try:
+            found.append(_value(score, *now))
+        except LookupError as error:
+            if rows < steps:  # perhaps there is such a row in a whole path
+                return
+            raise made.failure(error, path, room) from None
+        except Exception as error:
+            raise made.failure(error, path, room) from None
         for name, part, one, before in zip(("path", "room"), ("x", "lamps"), now, (path, room), strict=True):
             if not all(map(np.array_equal, one, before)):
                 cure = f"Work on a copy, as in {name}.{part}.copy()."
                 raise TaskError(f"{where}: the score changes the {name} that it is given. {cure}")
-    if not alike:
+    plain, compiled = found
+    if not math.isclose(plain, compiled, rel_tol=ALIKE, abs_tol=ALIKE) and np.isfinite(found).any():
         told = f"{where}: the score gives {compiled} compiled and {plain} as plain Python on the same path."
         raise TaskError(f"{told} Look for whole numbers beyond 64 bits, or names that change their value.")
 
 
-def _told(score: Score, path: Path, room: Room) -> float | Exception:
-    """What a score gives, or the error that it fails with."""
+def _value(score: Score, path: Path, room: Room) -> float:
+    """What a score gives; a failed sum is as good as no number."""
     try:
         with np.errstate(all="ignore"):
             return float(score(path, room))
-    except Exception as error:
-        return error
-
-
-def _alike(plain: float | Exception, compiled: float | Exception) -> bool:
-    """Whether both came to the same; a failed sum is as good as no number."""
-    if isinstance(plain, Exception) and isinstance(compiled, Exception):
-        return True
-    a, b = (math.nan if isinstance(x, ArithmeticError | ValueError) else x for x in (plain, compiled))
-    if isinstance(a, Exception) or isinstance(b, Exception):
-        return False
-    finite = math.isfinite(a), math.isfinite(b)
-    return math.isclose(a, b, rel_tol=ALIKE, abs_tol=ALIKE) if all(finite) else not any(finite)
+    except (ArithmeticError, ValueError):
+        return math.nan

@@ -1,34 +1,115 @@
 """Many simulated robots as one vector environment of Gymnasium: a compiled step for all of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from os import PathLike
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from realitygap.environment import spaces
-from realitygap.environment.reward import Rewards
-from realitygap.environment.spaces import SETTINGS, Info
-from realitygap.errors import UsageError
+from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch
-from realitygap.kernels.params import World
+from realitygap.kernels.network import LIMIT
+from realitygap.kernels.params import Path, World
 from realitygap.kernels.rng import substream
 from realitygap.kernels.work import new_robots, new_scratch
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
+from realitygap.tasks.score import CompiledScore
 from realitygap.tasks.task import Task
 from realitygap.values import Floats, Pose, as_count, as_stream
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.robot import Profile
 
-__all__ = ["RobotVectorEnv"]
+__all__ = [
+    "SETTINGS", "Info", "RobotVectorEnv", "checked_options", "commands_of", "observations_of", "pose_of",
+    "require_same", "spaces_of",
+]  # fmt: skip
 
+Info = dict[str, Any]
+SETTINGS = ("noise", "profile")
+"""What a reset may change."""
 NOWHERE, STILL = np.zeros((0, 3)), np.zeros((0, 2), np.int64)
 """No robot begins; none is commanded."""
+
+
+def spaces_of(simulation: Simulation) -> tuple[Any, Any]:
+    """Of one robot's observations and actions."""
+    sensors = len(simulation.task.sensors)
+    return Box(-1.0, 1.0, (sensors,), np.float32), Box(-1.0, 1.0, (2,), np.float32)
+
+
+def checked_options(options: Info | None, known: set[str]) -> Info:
+    """A reset's options, as a copy.
+
+    Raises:
+        UsageError: an unknown option.
+    """
+    given = dict(options or {})
+    if strange := given.keys() - known:
+        expected = ", ".join(sorted(known))
+        raise UsageError(f"options: expected {expected}, got {', '.join(map(str, strange))}.")
+    return given
+
+
+def require_same(simulation: Simulation, space: Any) -> None:
+    """Refuse a robot with other observations.
+
+    Raises:
+        UsageError: it has another number of sensors that the task feeds.
+    """
+    if spaces_of(simulation)[0] != space:
+        there, had = len(simulation.task.sensors), space.shape[0]
+        raise UsageError(f"profile: expected one with {had} sensors that the task feeds, got {there}.")
+
+
+def pose_of(simulation: Simulation, given: Any) -> Pose | None:
+    """Where a reset's options set the robot down, if they do.
+
+    Raises:
+        UsageError: no pose, or one where something stands.
+    """
+    return None if given is None else simulation.require_free(Pose.from_degrees(*given))
+
+
+def observations_of(simulation: Simulation, readings: Floats) -> NDArray[np.float32]:
+    """Readings [N, all sensors of the kind] of those that are fed, −1 … 1 over the input range."""
+    task = simulation.task
+    bands: Floats = np.array(simulation.profile.bands(task.feeds))
+    low, high = bands[list(task.sensors)].T
+    shares = (readings[:, list(task.sensors)] - low) / (high - low)
+    seen: NDArray[np.float32] = np.clip(2.0 * shares - 1.0, -1.0, 1.0).astype(np.float32)
+    return seen
+
+
+def commands_of(actions: object, shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Actions −1 … 1 as whole units −10 … 10; what lies beyond is clipped.
+
+    Raises:
+        UsageError: another shape, or a number that is not finite.
+    """
+    given = np.asarray(actions, np.float64)
+    if given.shape != shape or not np.isfinite(given).all():
+        raise UsageError(f"action: expected finite numbers, float{list(shape)}, got {actions!r}.")
+    return np.rint(np.clip(given, -1.0, 1.0) * LIMIT).astype(np.int64)
+
+
+@lru_cache(maxsize=16)
+def _prefix_scores(score: CompiledScore) -> Callable[..., None]:
+    """Scores of the first rows of paths, compiled as the score is."""
+    one = score.compiled
+
+    def take(paths: Any, done: Any, which: Any, room: Any, scores: Any) -> None:
+        for i in range(which.shape[0]):
+            p, k = paths[which[i]], done[which[i]]
+            scores[i] = one(Path(p[0, :k], p[1, :k], p[2, :k], p[3, :k], p[4, :k], p[5, :k]), room)
+
+    return score.around(take)
 
 
 class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
@@ -67,9 +148,6 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         self.num_envs = num_envs = as_count(num_envs, "num_envs")
-        known = [mode.value for mode in AutoresetMode]
-        if autoreset_mode not in [*known, *AutoresetMode]:
-            raise UsageError(f"autoreset_mode: expected {', '.join(known)}, got {autoreset_mode!r}.")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self._task = load_task(task).under(spread)
@@ -77,7 +155,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         self._seeds: NDArray[np.uint64] | None = None
         self._trial = np.zeros(num_envs, np.int64)
         self._settle(Simulation(self._task, profile, noise, self._arena))
-        self.single_observation_space, self.single_action_space = spaces.spaces_of(self.simulation)
+        self.single_observation_space, self.single_action_space = spaces_of(self.simulation)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
@@ -88,7 +166,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         self._scratch = new_scratch(simulation.robot, simulation.trial)
         steps = simulation.trial.steps
         self._robots = new_robots(robots, steps, self._scratch)
-        self._rewards = Rewards(simulation.score, simulation.room, robots, steps)
+        self._worth = np.zeros(robots)  # of each trial so far: at its end its score
         self._over = np.ones(robots, bool)
 
     def reset(
@@ -105,7 +183,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             RealityGapError: an invalid seed, mask, pose, noise or profile, or a pose where something
                 stands.
         """
-        given = spaces.checked_options(options, {"pose", "reset_mask", *SETTINGS})
+        given = checked_options(options, {"pose", "reset_mask", *SETTINGS})
         which = self._masked(given.get("reset_mask"))
         seeds = self._streams(seed, which)
         simulation = self.simulation
@@ -116,8 +194,8 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
                 )
             kept = {"profile": simulation.profile, "noise": simulation.noise, "arena": self._arena}
             simulation = Simulation(self._task, **{**kept, **changed})
-            spaces.require_same(simulation, self.single_observation_space)
-        pose = spaces.pose_of(simulation, given.get("pose"))
+            require_same(simulation, self.single_observation_space)
+        pose = pose_of(simulation, given.get("pose"))
         if changed:
             self._settle(simulation)
         if self._seeds is None:
@@ -149,21 +227,42 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
                 "choose another autoreset_mode."
             )
         moving = np.flatnonzero(~self._over)
-        commands = spaces.commands_of(actions, (self.num_envs, 2))[moving]
+        commands = commands_of(actions, (self.num_envs, 2))[moving]
         self._advance(moving, NOWHERE, commands)
         self._begin(begun)
         rewards = np.zeros(self.num_envs)
-        rewards[moving] = self._rewards.next(self._robots.path, self._robots.step, moving)
+        rewards[moving] = self._rewards(moving)
         self._over = self._robots.step == self._robots.path.shape[2]
         truncated = self._over.copy()
         infos: Info = {}
         if truncated.any():
             ended = np.flatnonzero(truncated)
-            score = {"score": np.where(truncated, self._rewards.sums, 0.0), "_score": truncated.copy()}
+            score = {"score": np.where(truncated, self._worth, 0.0), "_score": truncated.copy()}
             infos = score
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 infos = self._restarted(ended, truncated, score)
         return self._seen(), rewards, np.zeros(self.num_envs, bool), truncated, infos
+
+    def _rewards(self, which: NDArray[np.int64]) -> Floats:
+        """Of the steps that robots `which` have just done.
+
+        Raises:
+            TaskError: the score failed on a part of a path, or was not a finite number.
+        """
+        score, room = self.simulation.score, self.simulation.room
+        paths, done, scores = self._robots.path, self._robots.step, np.zeros(len(which))
+        try:
+            _prefix_scores(score)(paths, done, which, room, scores)
+        except Exception:
+            for r in which:
+                score(Path(*(row[: done[r]] for row in paths[r])), room)  # names the user's line that failed
+            raise
+        if not np.isfinite(scores).all():
+            raise TaskError("score: expected a finite number for every part of a path from its beginning.")
+        worth = scores * done[which] / paths.shape[2]
+        rewards: Floats = worth - self._worth[which]
+        self._worth[which] = worth
+        return rewards
 
     def _restarted(self, ended: NDArray[np.int64], truncated: NDArray[np.bool_], score: Info) -> Info:
         """Begin anew; what was seen and known at the ends."""
@@ -213,7 +312,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         if self.simulation.task.spread:
             self._worlds.update(zip(which, self.simulation.worlds(streams), strict=True))
         self._advance(which, starts, STILL)
-        self._rewards.begin(which)
+        self._worth[which] = 0.0
         self._over[which] = False
 
     def _advance(self, which: NDArray[np.int64], starts: Floats, commands: NDArray[np.int64]) -> None:
@@ -228,4 +327,4 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
             batch.advance(world, self._robots, which[one], starts[one], commands[one], self._scratch)
 
     def _seen(self) -> NDArray[np.float32]:
-        return spaces.observations_of(self.simulation, self._robots.readings)
+        return observations_of(self.simulation, self._robots.readings)
