@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from realitygap.control.encoding import Encoding, Variation, check_networks, count_networks, genotype_of
 from realitygap.correspondence.trials import SLOWEST_HZ
 from realitygap.errors import ConfigError, RealityGapError, StudyError, UsageError
-from realitygap.evolution.algorithm import Algorithm, Batch, State
+from realitygap.evolution.algorithm import Algorithm, Batch, State, check_batch, check_state
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.rng import substream
 from realitygap.robots.body import KINDS, Body, Placing, Seen, attend, odometry_of
@@ -105,12 +105,7 @@ class AlgorithmContract:
         for pause in self.pauses:
             for n in (1, 2, 33):
                 state = self._after(algorithm, pause)
-                batch = algorithm.ask(state, n)
-                count = len(batch.genes)
-                assert 1 <= count <= n and batch.number == state.evaluations
-                assert batch.genes.dtype == one.dtype and batch.genes.shape[1:] == one.shape
-                assert batch.parents.shape == (count, 2) and batch.cells.shape == (count,)
-                assert batch.parents.dtype.kind == batch.cells.dtype.kind == "i"
+                check_batch(algorithm.ask(state, n), state, n, one)
 
     def test_the_size_of_batches_changes_nothing(self) -> None:
         """Asking for one at a time gives the same individuals."""
@@ -146,6 +141,7 @@ class AlgorithmContract:
             assert ((batch.cells >= 0) & (batch.cells < algorithm.cells)).all()
             lived += list(batch.genes)
             state = self._told(algorithm, state, batch)
+        check_state(state, algorithm.cells, np.array([*map(self.fitness, lived)]), lived[0])
         for genes, number in zip(state.genes, state.numbers.tolist(), strict=True):
             assert number == -1 or np.array_equal(genes, lived[number])
 

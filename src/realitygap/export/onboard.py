@@ -176,12 +176,8 @@ def _fed(profile: Profile, kind: str) -> Fed:
 def _network(run: Run, genes: Genes) -> dict[str, tuple[int, ...]]:
     """Thresholds and links of the neurons that count, in the order of slots."""
     nets = run.study.networks(run.task, genes)
-    inputs, into = int(nets.inputs[0]), links_into(nets)
-    neurons = len(into)
-    thresholds = nets.thresholds[0, :neurons].tolist()
-    most = max(LIMIT * sum(abs(w) for _, w, _ in links) + LIMIT for links in into)
-    if most > INT16 or inputs + neurons > 255:
-        raise StudyError(f"{run.study.folder}: run {run.id}: its network is too large to add up in 16 bits.")
+    into = links_into(nets)
+    thresholds = nets.thresholds[0, : len(into)].tolist()
     links = [link for part in into for link in part]
     return {
         "thresholds": tuple(thresholds), "link_end": tuple(np.cumsum([len(part) for part in into]).tolist()),
