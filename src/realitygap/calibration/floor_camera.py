@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.record import camera_places
+from realitygap.calibration.plan import camera_places
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.marker import Marker, Tag, load_marker
 from realitygap.film.tracker import Tracker
