@@ -16,7 +16,8 @@ from realitygap.calibration.curves import SMOOTH
 from realitygap.calibration.forward import proximity, scene_of
 from realitygap.calibration.judge import judge
 from realitygap.calibration.measured import TWO_BEAMS, Measured
-from realitygap.calibration.record import Plan, record
+from realitygap.calibration.plan import Plan
+from realitygap.calibration.record import record
 from realitygap.calibration.record_edges import look_between
 from realitygap.calibration.recordings import SensorRecording, load_recording
 from realitygap.calibration.rows import BESIDE_DEG, Rows, repeated_noise

@@ -22,19 +22,8 @@ from click.testing import CliRunner
 from realitygap.calibration import floor_camera
 from realitygap.calibration import record as recorder
 from realitygap.calibration.forward import scene_of
-from realitygap.calibration.record import (
-    FLOOR_CM,
-    OwnSite,
-    PersonSite,
-    Plan,
-    StoppedByUserError,
-    Trial,
-    ambient_task,
-    drive_trial,
-    infrared_task,
-    record,
-    wheel_trials,
-)
+from realitygap.calibration.plan import FLOOR_CM, ROOM, Plan, Trial, ambient_task, infrared_task, wheel_trials
+from realitygap.calibration.record import OwnSite, PersonSite, StoppedByUserError, drive_trial, record
 from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording, load_recording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError, UsageError
@@ -221,9 +210,7 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
     few = [replace(wall, stops=wall.stops[:5])]
     drives = [t for t in wheel_trials(1, 0) if t.filmed and not t.watched][:2]
     few.append(
-        replace(
-            few[0], name="wheels", kind="wheels", key=("trial",), room=recorder.ROOM, stops=drives, facts={}
-        )
+        replace(few[0], name="wheels", kind="wheels", key=("trial",), room=ROOM, stops=drives, facts={})
     )
     monkeypatch.setattr(recorder, "tasks_of", lambda plan, body: few)
     wanted, twin = Plan(kind="all", repeats=2, seed=7), Address.parse("twin:3")

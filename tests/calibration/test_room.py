@@ -13,7 +13,7 @@ from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.checks import refuse_swapped
 from realitygap.calibration.forward import illumination, light_readings, scene_of
 from realitygap.calibration.judge import judge
-from realitygap.calibration.record import CYLINDER, ambient_task
+from realitygap.calibration.plan import CYLINDER, ambient_task
 from realitygap.calibration.recordings import SensorRecording, load_recording
 from realitygap.calibration.rows import FOLDS
 from realitygap.calibration.search import search

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.record import camera_places
+from realitygap.calibration.plan import camera_places
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.tag import Marker, Tag, load_marker
 from realitygap.film.tracker import Tracker

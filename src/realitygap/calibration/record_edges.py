@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from realitygap.values import Floats
 
 if TYPE_CHECKING:
-    from realitygap.calibration.record import Journal, Place
+    from realitygap.calibration.plan import Place
+    from realitygap.calibration.record import Journal
 
 __all__ = ["FINE", "TWICE", "look_between"]
 

@@ -89,7 +89,7 @@ def calibrated_unit(
         CalibrationError: the folder belongs to another unit or other settings.
         StudyError: its process died repeatedly.
     """
-    from realitygap.calibration.record import Plan
+    from realitygap.calibration.plan import Plan
 
     known = _known_of(unit) if isinstance(unit, str) else {"unit": Address.parse(f"twin:{unit}").unit}
     if parts is not None and not (parts and set(parts) <= set(PARTS)):
@@ -151,7 +151,7 @@ def calibrated_robot(
 
 def _known_of(robot: str, base: str | None = None) -> dict[str, Any]:
     """A robot by its address, which fits its base; the parts that it can record, and its own places."""
-    from realitygap.calibration.record import Plan, tasks_of
+    from realitygap.calibration.plan import Plan, tasks_of
 
     plan = Plan(kind="all", base=None if base is None else load_profile(base))
     with closing(Address.parse(str(robot)).open()) as body:
@@ -269,7 +269,8 @@ class Unit:
 
     def record(self, part: str, report: Progress) -> None:
         """Record one part of all plans, complete or not at all."""
-        from realitygap.calibration.record import CYLINDER, Plan, record
+        from realitygap.calibration.plan import CYLINDER, Plan
+        from realitygap.calibration.record import record
 
         known, finished = self.settings, self.recordings / part
         address = Address.parse(known["robot"] if "robot" in known else f"twin:{known['unit']}")

@@ -16,7 +16,8 @@ from realitygap.cli.output import print_json
 from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from realitygap.calibration.record import Plan, Progress, Result
+    from realitygap.calibration.plan import Plan
+    from realitygap.calibration.record import Progress, Result
     from realitygap.robots.address import Address
 
 __all__ = ["record"]
@@ -88,7 +89,7 @@ def record(
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall --resume
         realitygap record --robot my_robot.py:MyRobot --base my_robot.toml --plan all --out mine
     """
-    from realitygap.calibration.record import Plan
+    from realitygap.calibration.plan import Plan
     from realitygap.world.robot import load_profile
 
     option.check_baud(robot)

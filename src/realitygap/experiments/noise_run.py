@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from realitygap import temporary
-from realitygap.calibration.record import check_period
+from realitygap.calibration.plan import check_period
 from realitygap.calibration.unit import PARTS
 from realitygap.errors import ConfigError, RealityGapError, StudyError, UsageError
 from realitygap.evolution.algorithm import Genes
