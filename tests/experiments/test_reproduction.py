@@ -7,8 +7,8 @@ import pickle
 
 import pytest
 
+from realitygap.compiled import SHELF
 from realitygap.experiments.reproduction import meanwhile
-from realitygap.kernels.jit import SHELF
 from realitygap.study.ahead import compile_ahead
 
 

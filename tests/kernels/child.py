@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 from numba.core import event
 
+from realitygap.compiled import SHELF
 from realitygap.control.genotype import Layout, braitenberg
 from realitygap.control.network import decode
 from realitygap.control.operators import Variation
-from realitygap.kernels.jit import SHELF
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.ahead import STAGES, Ahead

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from realitygap.kernels.jit import SHELF
+from realitygap.compiled import SHELF
 from realitygap.study import ahead
 from realitygap.work.pool import Here, Processes
 from tests.kernels.child import compiled_into

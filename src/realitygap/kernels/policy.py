@@ -9,8 +9,8 @@ import math
 from functools import partial
 from typing import Any, NamedTuple
 
+from realitygap.compiled import helper, step
 from realitygap.kernels.brain import decide, load
-from realitygap.kernels.jit import helper, step
 from realitygap.kernels.network import LIMIT
 from realitygap.kernels.params import I64, F
 from realitygap.kernels.trial import run_each
@@ -112,12 +112,8 @@ def decide_by_weights(brain, n, work):
     return command(brain.outputs[0]), command(brain.outputs[1])
 
 
-def trials_under(function):
-    """Trials under controllers with weights, to be compiled with their function: as of `run_each`."""
-
-    def run(world, brain, which, streams, paths, record, work):
-        weights, mine, memory, inputs, outputs, wrong = brain
-        whole = Weights(function, weights, mine, memory, inputs, outputs, wrong)
-        run_each(world, whole, which, streams, paths, record, work)
-
-    return run
+def run(world, brain, which, streams, paths, record, work):
+    """Trials under controllers with weights, to be compiled with their `function`: as of `run_each`."""
+    weights, mine, memory, inputs, outputs, wrong = brain
+    whole = Weights(function, weights, mine, memory, inputs, outputs, wrong)  # noqa: F821
+    run_each(world, whole, which, streams, paths, record, work)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels.jit import helper
+from realitygap.compiled import helper
 from realitygap.kernels.network import ROWS
 from realitygap.kernels.params import F32, F, Networks, Path, Robot, Trial
 from realitygap.kernels.rays import INVERSE, MIRROR

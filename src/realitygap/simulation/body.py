@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from realitygap.compiled import entry_for
 from realitygap.control.network import NetworkController, as_controller, decode, neurons
 from realitygap.errors import UsageError
 from realitygap.files import must_be
 from realitygap.kernels import batch
-from realitygap.kernels.jit import entry_for
 from realitygap.kernels.params import Path
 from realitygap.kernels.work import new_record, new_robots, new_work
 from realitygap.robots.body import KINDS, Channel, Odometry

@@ -1,11 +1,10 @@
 """Compiles what evolution and transfers call, several pieces at a time: it is the same for all robots and
 tasks."""
 
-from itertools import chain
-
 import numpy as np
 
-from realitygap.kernels.jit import SHELF
+from realitygap.compiled import lacks
+from realitygap.kernels import batch
 from realitygap.study.config import StudyConfig
 from realitygap.study.materials import gather
 from realitygap.study.run import Bench
@@ -14,12 +13,12 @@ from realitygap.work.pool import Pool, Processes, Setup, Tell
 
 __all__ = ["Ahead", "compile_ahead", "compile_side_by_side"]
 
-STAGES = ("light", "near", "breeding"), ("trials", "record")
-"""The longest first; what encloses others comes when they are on file."""
+JOBS = "trials", "breeding"
+"""The longest first."""
 
 
 class Ahead(Closing):
-    """Carries out compilation jobs, named in STAGES, and keeps the code on disk."""
+    """Carries out compilation jobs, named in JOBS, and keeps the code on disk."""
 
     def __init__(self) -> None:
         materials = gather(StudyConfig.reproduction())
@@ -30,25 +29,19 @@ class Ahead(Closing):
         bench = self._benches[0]
         if job == "breeding":
             bench.breed()
-        elif job == "record":
-            networks = bench.encoding.decode(bench.individual[np.newaxis])
-            bench.simulation(bench.noise).trajectory(networks, stream=0)
-        elif job == "trials":
+        else:
             for one in self._benches:  # each task has a score
                 one.simulation(one.noise).compile()
-        else:
-            bench.simulation(bench.noise).compile_part(job)
 
 
 def compile_ahead() -> None:
     """Compile everything in this process."""
     ahead = Ahead()
-    for job in chain(*STAGES):
+    for job in JOBS:
         ahead.carry_out(job, lambda message: None)
 
 
 def compile_side_by_side(pool: Pool) -> None:
     """Compile everything in the pool's processes, if there are several and nothing is on disk."""
-    if isinstance(pool, Processes) and pool.size > 1 and SHELF.folder and not SHELF.holds("run_trials"):
-        for jobs in STAGES:
-            pool.work(Setup(Ahead, ()), jobs, lambda message: None)
+    if isinstance(pool, Processes) and pool.size > 1 and lacks(batch.run_trials):
+        pool.work(Setup(Ahead, ()), JOBS, lambda message: None)
