@@ -1,8 +1,8 @@
 """Functions compiled by Numba, and kept on file by Numba's own cache.
 
 A `kernel` is called from Python; the `step`s that it is made of are inlined into it, and neither allocates.
-`helper`s are steps that Python calls as well. A `routine` runs once an evaluation and may allocate. No flag
-lets LLVM change the order of a sum: a fresh compilation, code from the cache, another machine and plain
+A `helper` is a step that Python calls compiled, too. A `routine` runs once an evaluation and may allocate. No
+flag lets LLVM change the order of a sum: a fresh compilation, code from the cache, another machine and plain
 Python (NUMBA_DISABLE_JIT=1) give the same bits.
 
 Three names of Numba's are used that it does not publish (`DefaultOptions._nrt`,
@@ -12,7 +12,6 @@ compile or load more slowly, with the same results.
 
 import builtins
 import dis
-import fcntl
 import gc
 import hashlib
 import inspect
@@ -22,7 +21,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache, partial
+from functools import cache, partial, wraps
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import IO, Any
@@ -31,26 +30,23 @@ import llvmlite
 import numba
 import numpy as np
 from llvmlite.binding import get_host_cpu_features
-from numba import types
-from numba.core import cgutils
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.imputils import impl_ret_borrowed
-from numba.core.typing.templates import AttributeTemplate
-from numba.extending import (
-    infer_getattr,
-    intrinsic,
-    lower_getattr_generic,
-    models,
-    register_jitable,
-    register_model,
-)
+from numba.extending import overload, register_jitable
 
-__all__ = ["compiled", "folder", "frozen", "helper", "kernel", "lacks", "naming", "routine", "step", "used"]
+try:
+    import fcntl
+except ModuleNotFoundError as missing:
+    raise OSError(
+        f"realitygap needs Linux or macOS (there is no module {missing.name!r} here). "
+        "On Windows install it in WSL."
+    ) from None
+
+__all__ = [
+    "compiled", "entry_for", "folder", "frozen", "helper", "kernel", "naming", "routine", "step", "used",
+]  # fmt: skip
 
 SAFE = {"nnan", "ninf", "nsz"}
 """What LLVM may assume of numbers: nothing that reorders a sum."""
-SMALL = 6
-"""Tuples with at most this many fields are passed by value, unless a field is a large tuple itself."""
 PACKAGE = Path(__file__).parent
 
 if numba.config.CPU_FEATURES is None and numba.config.ENABLE_AVX:
@@ -64,28 +60,27 @@ if numba.config.DISABLE_JIT:
     warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
 
 
-def _unpublished() -> tuple[dict[str, Any], dict[str, Any]]:
-    """Numba's options for what never allocates, and for what is inlined."""
-    lean: dict[str, Any] = {}
-    inlined: dict[str, Any] = {}
+def _lean() -> dict[str, Any]:
+    """Options of what never allocates: without reference counts, which take as long as a step itself."""
     with suppress(ImportError):
         from numba.core.options import DefaultOptions
 
         if hasattr(DefaultOptions, "_nrt"):
-            lean["_nrt"] = False  # reference counts take as long as the step itself
-    with suppress(ImportError):
+            return {"_nrt": False}
+    return {}
+
+
+def _inlined() -> dict[str, Any]:
+    """Options of what is inlined: optimised where that happens, not before, which was most of the work."""
+    try:
         from numba.core.codegen import JITCodeLibrary
         from numba.core.compiler import Compiler
+    except ImportError:
+        return {}
+    if not hasattr(JITCodeLibrary, "_optimize_final_module"):
+        return {}
 
-        if hasattr(JITCodeLibrary, "_optimize_final_module"):
-            inlined["pipeline_class"] = _into(JITCodeLibrary, Compiler)
-    return lean, inlined
-
-
-def _into(library: Any, compiler: Any) -> Any:
-    """A compiler of code that is optimised where it is inlined, not before; that was most of the work."""
-
-    class Part(library):  # type: ignore[misc]
+    class Part(JITCodeLibrary):  # type: ignore[misc]
         def add_ir_module(self, module: Any) -> None:
             """A call looks cheap, so LLVM would copy whole loops around it before it inlines it."""
             for function in module.functions:
@@ -98,16 +93,16 @@ def _into(library: Any, compiler: Any) -> Any:
                 if any(b"alwaysinline" in one for one in function.attributes):
                     function.linkage = "available_externally"  # no machine code of its own
 
-    class PartCompiler(compiler):  # type: ignore[misc]
+    class PartCompiler(Compiler):  # type: ignore[misc]
         def __init__(self, *args: Any) -> None:
             super().__init__(*args)
             self.state.library = Part(self.state.targetctx.codegen(), "part")
             self.state.library.enable_object_caching()
 
-    return PartCompiler
+    return {"pipeline_class": PartCompiler}
 
 
-_LEAN, _INLINED = _unpublished()
+_LEAN, _INLINED = _lean(), _inlined()
 
 
 def compiled(
@@ -122,66 +117,49 @@ def compiled(
     Args:
         function: what to compile.
         home: the function by whose file and name it is kept, if not its own.
-        allocates: it may make arrays; reference counts take as long as a step itself.
+        allocates: it may make arrays.
         options: Numba's.
     """
     options = ({} if allocates else _LEAN) | options
     made = numba.njit(error_model="numpy", no_cfunc_wrapper=True, **options)(function)
     if not numba.config.DISABLE_JIT:
         made.compile = _Kept(made, home or function).compile
-        made.get_call_template = partial(_template, made.get_call_template)
     return made
 
 
-def _template(usual: Callable[..., Any], args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
-    """What compiled code calls: one for any number, not another for each number that a caller writes down."""
-    return usual(tuple(map(types.unliteral, args)), kws)
-
-
-helper = partial(compiled, fastmath=SAFE, allocates=False, forceinline=True)
-"""For what kernels and Python call often."""
+kernel = partial(compiled, fastmath=SAFE, allocates=False, nogil=True)
+"""For what is called from Python, by position: releases the interpreter's lock while it runs."""
 
 routine = partial(compiled, fastmath=SAFE, nogil=True)
 """For what runs once an evaluation, not once a step."""
 
 
-def step(function: Callable[..., Any], *, allocates: bool = False, **options: Any) -> Any:
+def step(function: Callable[..., Any], *, fastmath: Any = SAFE) -> Any:
     """For the parts of a step: inlined into the kernel that calls them. Python's calls are not compiled."""
+    if not numba.config.DISABLE_JIT:
+        function.py_func = function  # type: ignore[attr-defined]
+        register_jitable(**_for_step(fastmath))(function)
+    return function
+
+
+def helper(function: Callable[..., Any]) -> Any:
+    """A step that Python calls often: those calls are compiled, too."""
     if numba.config.DISABLE_JIT:
         return function
-    function.py_func = function  # type: ignore[attr-defined]
-    options = {"fastmath": SAFE, **_INLINED, **({} if allocates else _LEAN), **options}
-    return register_jitable(error_model="numpy", no_cfunc_wrapper=True, forceinline=True, **options)(function)
+    made = compiled(function, fastmath=SAFE, allocates=False)
+
+    @wraps(function)
+    def called(*given: Any) -> Any:
+        return made(*given)
+
+    called.py_func = function  # type: ignore[attr-defined]
+    overload(called, jit_options=_for_step(SAFE), strict=False)(lambda *given: function)
+    return called
 
 
-def kernel(
-    function: Callable[..., Any],
-    *,
-    home: Callable[..., Any] | None = None,
-    allocates: bool = False,
-    fastmath: Any = SAFE,
-) -> Any:
-    """For what is called from Python, by position: releases the interpreter's lock while it runs.
-
-    Inside, large tuples are passed by pointer: a call then passes one value, not the hundreds in a World.
-    """
-    if numba.config.DISABLE_JIT:
-        return function
-    entry = naming(_enter, body=step(function, allocates=allocates, fastmath=fastmath))
-    entry.__qualname__ = function.__qualname__
-    return compiled(entry, home=home or function, allocates=False, nogil=True)
-
-
-def entry_for(made: Any, *given: Any) -> Callable[[tuple[Any, ...]], Any]:
-    """What runs a kernel on a tuple of arguments without a look at their types, which are those of `given`."""
-    if numba.config.DISABLE_JIT:
-        return lambda others: made(*others)
-    return made.compile((numba.typeof(given),))
-
-
-def lacks(made: Any) -> bool:
-    """Whether no code of a compiled function is on file for this processor, though some can be."""
-    return not numba.config.DISABLE_JIT and made.compile.__self__.lacks()
+def _for_step(fastmath: Any) -> dict[str, Any]:
+    told = {"error_model": "numpy", "fastmath": fastmath, "forceinline": True, "no_cfunc_wrapper": True}
+    return told | _LEAN | _INLINED
 
 
 def naming(function: Callable[..., Any], **names: Any) -> Any:
@@ -195,60 +173,16 @@ def naming(function: Callable[..., Any], **names: Any) -> Any:
     return copy
 
 
-def _enter(*given):  # type: ignore[no-untyped-def]
-    return body(*_pointed(given))  # type: ignore[name-defined]  # noqa: F821
+def entry_for(made: Any, *given: Any) -> Callable[..., Any]:
+    """What runs a kernel without a look at the types of its arguments, which are those of `given`.
 
-
-class Pointed(types.Type):  # type: ignore[misc]
-    """A pointer to a tuple of type `dtype`."""
-
-    def __init__(self, dtype: Any) -> None:
-        self.dtype = dtype
-        # A short name, because it is part of the name of each function that takes one.
-        super().__init__(f"Pointed.{hashlib.sha256(str(dtype).encode()).hexdigest()[:16]}")
-
-
-register_model(Pointed)(models.PointerModel)
-
-
-def _by_pointer(kind: Any) -> Any:
-    """The type that a kernel's inside uses for a value of type `kind`."""
-    named = isinstance(kind, types.NamedTuple | types.NamedUniTuple)
-    large = named and (len(kind) > SMALL or any(isinstance(_by_pointer(one), Pointed) for one in kind))
-    return Pointed(kind) if large else kind
-
-
-@infer_getattr
-class _Fields(AttributeTemplate):  # type: ignore[misc]
-    key = Pointed
-
-    def generic_resolve(self, kind: Any, name: str) -> Any:
-        fields = kind.dtype.fields
-        return _by_pointer(kind.dtype[fields.index(name)]) if name in fields else None
-
-
-@lower_getattr_generic(Pointed)
-def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
-    """A field's value, or a pointer to it if it is a large tuple."""
-    at = kind.dtype.fields.index(name)
-    there, field = cgutils.gep_inbounds(builder, value, 0, at), _by_pointer(kind.dtype[at])
-    found = there if isinstance(field, Pointed) else builder.load(there)
-    return impl_ret_borrowed(context, builder, field, found)
-
-
-@intrinsic
-def _pointed(_typing: Any, given: Any) -> Any:
-    """The same tuple, with pointers in place of the large tuples in it."""
-    kinds = types.Tuple([_by_pointer(kind) for kind in given])
-
-    def lay_down(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        values = [builder.extract_value(arguments[0], i) for i in range(len(kinds))]
-        for i, kind in enumerate(kinds):
-            if isinstance(kind, Pointed):
-                values[i] = cgutils.alloca_once_value(builder, values[i])
-        return impl_ret_borrowed(context, builder, kinds, context.make_tuple(builder, kinds, values))
-
-    return kinds(given), lay_down
+    Numba looks at all of them at every call, and in a World that takes longer than a step of a trial. Others
+    would be taken for what they are not.
+    """
+    if numba.config.DISABLE_JIT:
+        return made  # type: ignore[no-any-return]
+    entry = made.compile(tuple(map(numba.typeof, given)))
+    return entry if callable(entry) else made  # type: ignore[no-any-return]
 
 
 def folder() -> Path:
@@ -277,37 +211,31 @@ class _Kept:
         """What Numba calls to have the function compiled for a signature, or loaded."""
         if sig in self._made.overloads:
             return self._compile(sig)
-        with global_compiler_lock, _without_garbage():
+        with global_compiler_lock, _without_delays(self._made.targetctx):
             try:
-                self._prepare()
-                with _loading(self._made.targetctx):
-                    return self._compile(sig)
+                self._open()
+                return self._compile(sig)
             except OSError:  # it is compiled, but cannot be kept
                 return self._compile(sig)
             finally:
-                self._finish()
+                self._seal()
 
-    def _prepare(self) -> None:
-        """Before a look into the cache: have one, without damaged files."""
-        if not self._name:
+    def _open(self) -> None:
+        """Before a look into the cache: remove damaged files, then have one."""
+        new = not self._name
+        if new:
             self._name = "none"
             with suppress(TypeError):  # a function without a file, as in a console, is not kept
-                self._enable(Path(inspect.getfile(self._home)), self._made.py_func)
+                self._find()
+        if self._name == "none":
+            return
         if not all(map(_is_whole, self._files())):
             self.ensure_cache_path()  # nobody is just writing them
             for file in self._files():
                 if not _is_whole(file):
                     file.unlink()
-            self._finish()
-
-    def _enable(self, file: Path, function: Any) -> None:
-        text = repr((_text_of(file), frozen(self._home), frozen(function), VERSIONS))
-        processor = self._made.targetctx.codegen().magic_tuple()
-        name = repr((str(file), self._home.__qualname__, function.__qualname__, processor))
-        self._name, self._text = (hashlib.sha256(one.encode()).hexdigest()[:16] for one in (name, text))
-        folder().mkdir(mode=0o700, parents=True, exist_ok=True)
-        os.listdir(folder())  # else what cannot be read would be an error at each call
-        if hasattr(numba.config, "CACHE_LOCATOR_CLASSES"):
+            self._seal()
+        if new and hasattr(numba.config, "CACHE_LOCATOR_CLASSES"):
             before, _Kept._asked = numba.config.CACHE_LOCATOR_CLASSES, self
             numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}._Kept"
             try:
@@ -315,17 +243,17 @@ class _Kept:
             finally:
                 numba.config.CACHE_LOCATOR_CLASSES, _Kept._asked = before, None
 
-    def lacks(self) -> bool:
-        """Whether nothing is on file, and something can be."""
-        try:
-            self._prepare()
-            self.ensure_cache_path()
-        except OSError:
-            return False
-        self._finish()
-        return not self._files()
+    def _find(self) -> None:
+        """Name the files: after the function, and after all that the compiled code follows from."""
+        own, function = self._home, self._made.py_func
+        files = [Path(inspect.getfile(one)) for one in (own, function)]
+        text = repr((*map(_text_of, files), frozen(own), frozen(function), VERSIONS))
+        name = repr((str(files[0]), own.__qualname__, function.__qualname__))
+        folder().mkdir(mode=0o700, parents=True, exist_ok=True)
+        os.listdir(folder())  # else what cannot be read would be an error at each call
+        self._name, self._text = (hashlib.sha256(one.encode()).hexdigest()[:16] for one in (name, text))
 
-    def _finish(self) -> None:
+    def _seal(self) -> None:
         """Files that were written get their digests; others may write again."""
         lock, self._lock = self._lock, None
         if lock is not None:
@@ -371,21 +299,12 @@ class _Kept:
 
 
 @contextmanager
-def _without_garbage() -> Iterator[None]:
-    """Compile without looking for garbage: there is little, and looking takes a seventh of the time."""
+def _without_delays(context: Any) -> Iterator[None]:
+    """Compile without looking for garbage: there is little, and looking takes a seventh of the time. And load
+    without a first look at all that Numba could compile, since importing it takes half a second; what is not
+    on file is compiled after a second look."""
     looks = gc.isenabled()
     gc.disable()
-    try:
-        yield
-    finally:
-        if looks:
-            gc.enable()
-
-
-@contextmanager
-def _loading(context: Any) -> Iterator[None]:
-    """Without a first look at all that Numba could compile: code is loaded without it, and importing it takes
-    half a second. What is not on file is compiled after a second look."""
     with suppress(ImportError, AttributeError):
         from numba.core.caching import FunctionCache
         from numba.core.runtime import rtsys
@@ -397,6 +316,8 @@ def _loading(context: Any) -> Iterator[None]:
         yield
     finally:
         vars(context).pop("refresh", None)
+        if looks:
+            gc.enable()
 
 
 _DIGEST = hashlib.sha256().digest_size

@@ -165,7 +165,7 @@ class SimulatedBody:
         self._find_entry()
 
     def _advance(self, starts: Floats) -> None:
-        self._entry((self._world, self._robots, ONE, starts, self._commands, self._work))
+        self._entry(self._world, self._robots, ONE, starts, self._commands, self._work)
 
     def _step(self) -> None:
         self._advance(NOWHERE)
