@@ -28,9 +28,11 @@ from typing import IO, Any
 
 import llvmlite
 import numba
+import numba.core.codegen
+import numba.core.compiler
+import numba.core.options
 import numpy as np
 from llvmlite.binding import get_host_cpu_features
-from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import overload, register_jitable
 
 try:
@@ -60,27 +62,13 @@ if numba.config.DISABLE_JIT:
     warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
 
 
-def _lean() -> dict[str, Any]:
-    """Options of what never allocates: without reference counts, which take as long as a step itself."""
-    with suppress(ImportError):
-        from numba.core.options import DefaultOptions
-
-        if hasattr(DefaultOptions, "_nrt"):
-            return {"_nrt": False}
-    return {}
-
-
 def _inlined() -> dict[str, Any]:
     """Options of what is inlined: optimised where that happens, not before, which was most of the work."""
-    try:
-        from numba.core.codegen import JITCodeLibrary
-        from numba.core.compiler import Compiler
-    except ImportError:
-        return {}
-    if not hasattr(JITCodeLibrary, "_optimize_final_module"):
+    library: Any = getattr(numba.core.codegen, "JITCodeLibrary", None)
+    if not hasattr(library, "_optimize_final_module"):
         return {}
 
-    class Part(JITCodeLibrary):  # type: ignore[misc]
+    class Part(library):  # type: ignore[misc]
         def add_ir_module(self, module: Any) -> None:
             """A call looks cheap, so LLVM would copy whole loops around it before it inlines it."""
             for function in module.functions:
@@ -93,16 +81,20 @@ def _inlined() -> dict[str, Any]:
                 if any(b"alwaysinline" in one for one in function.attributes):
                     function.linkage = "available_externally"  # no machine code of its own
 
-    class PartCompiler(Compiler):  # type: ignore[misc]
+    class PartCompiler(numba.core.compiler.Compiler):  # type: ignore[misc]
         def __init__(self, *args: Any) -> None:
             super().__init__(*args)
-            self.state.library = Part(self.state.targetctx.codegen(), "part")
-            self.state.library.enable_object_caching()
+            with suppress(AttributeError, TypeError):
+                part = Part(self.state.targetctx.codegen(), "part")
+                part.enable_object_caching()
+                self.state.library = part
 
     return {"pipeline_class": PartCompiler}
 
 
-_LEAN, _INLINED = _lean(), _inlined()
+_INLINED = _inlined()
+_LEAN = {"_nrt": False} if hasattr(getattr(numba.core.options, "DefaultOptions", None), "_nrt") else {}
+"""Of what never allocates: without reference counts, which take as long as a step itself."""
 
 
 def compiled(
@@ -162,15 +154,13 @@ def _for_step(fastmath: Any) -> dict[str, Any]:
     return told | _LEAN | _INLINED
 
 
-def naming(function: Callable[..., Any], **names: Any) -> Any:
+def naming(function: Callable[..., Any], /, **names: Any) -> Any:
     """A copy of a function for which these global names stand for these things.
 
     For what calls a function that is known only later. Numba would not find it on file in another process if
     it were a closure.
     """
-    copy = FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
-    copy.__qualname__ = function.__qualname__
-    return copy
+    return FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
 
 
 def entry_for(made: Any, *given: Any) -> Callable[..., Any]:
@@ -211,9 +201,10 @@ class _Kept:
         """What Numba calls to have the function compiled for a signature, or loaded."""
         if sig in self._made.overloads:
             return self._compile(sig)
-        with global_compiler_lock, _without_delays(self._made.targetctx):
+        with numba.core.compiler_lock.global_compiler_lock, _without_delays(self._made.targetctx):
             try:
-                self._open()
+                with suppress(TypeError):  # a function without a file, as in a console, is not kept
+                    self._open()
                 return self._compile(sig)
             except OSError:  # it is compiled, but cannot be kept
                 return self._compile(sig)
@@ -224,11 +215,7 @@ class _Kept:
         """Before a look into the cache: remove damaged files, then have one."""
         new = not self._name
         if new:
-            self._name = "none"
-            with suppress(TypeError):  # a function without a file, as in a console, is not kept
-                self._find()
-        if self._name == "none":
-            return
+            self._find()
         if not all(map(_is_whole, self._files())):
             self.ensure_cache_path()  # nobody is just writing them
             for file in self._files():
@@ -269,27 +256,19 @@ class _Kept:
 
     @classmethod
     def from_function(cls, _function: Any, _file: str) -> "_Kept | None":
-        """The place of the function whose cache Numba is making."""
         return cls._asked
 
     def get_cache_path(self) -> str:
-        """The folder."""
         return str(folder())
 
     def get_disambiguator(self) -> str:
-        """What tells a function's files from others'."""
         return f"{self._name}-{self._text}"
 
     def get_source_stamp(self) -> str:
-        """Says whether files are out of date: never, those of other texts have other names."""
-        return ""
+        return ""  # files of other texts have other names
 
     def ensure_cache_path(self) -> None:
-        """Before a file is written: one process at a time, and files of another text go.
-
-        Raises:
-            OSError: none can be written.
-        """
+        """Before a file is written: one process at a time, and files of another text go."""
         folder().mkdir(mode=0o700, parents=True, exist_ok=True)
         self._lock = (folder() / "lock").open("wb")
         with suppress(OSError):  # a file system without locks
@@ -320,41 +299,33 @@ def _without_delays(context: Any) -> Iterator[None]:
             gc.enable()
 
 
-_DIGEST = hashlib.sha256().digest_size
-_IMPORT = re.compile(rf"^from ({__package__}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
-VERSIONS = numba.__version__, llvmlite.__version__, np.__version__
-
-
 def _digest(name: str, data: bytes) -> bytes:
     return hashlib.sha256(name.encode() + b"\0" + data).digest()
 
 
 def _is_whole(file: Path) -> bool:
     data = file.read_bytes()
-    return data[-_DIGEST:] == _digest(file.name, data[:-_DIGEST])
+    return data[-32:] == _digest(file.name, data[:-32])
+
+
+_COMPILES = re.compile(r"^@(step|helper|kernel|routine|jit)\b", re.MULTILINE)
+_IMPORT = re.compile(rf"^from ({__package__}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+VERSIONS = numba.__version__, llvmlite.__version__, np.__version__
 
 
 @cache
 def _text_of(file: Path) -> str:
     """A digest of a file, of what it imports from this package, and of what those import that compile too."""
-    met, new = dict[Path, bytes](), [file]
+    met, new = dict[Path, str](), [file]
     while new:
         one = new.pop()
-        text = met[one] = one.read_bytes()
-        if one != file and not re.search(rb"^@(step|helper|kernel|routine|jit)\b", text, re.MULTILINE):
-            continue
-        for module, names in _IMPORT.findall(text.decode()):
+        text = met[one] = one.read_text("utf-8", "replace")
+        for module, names in _IMPORT.findall(text) if one == file or _COMPILES.search(text) else ():
             place = PACKAGE.parent.joinpath(*module.split("."))
-            parts = (
-                part.with_suffix(".py") for part in (place, *map(place.joinpath, re.findall(r"\w+", names)))
-            )
-            new += [part for part in (*parts, place / "__init__.py") if part.is_file() and part not in met]
-    met.pop(PACKAGE / "__init__.py", None)  # nothing is taken from there
-    return hashlib.sha256(b"".join(met[one] for one in sorted(met))).hexdigest()
-
-
-_PLAIN = (int, float, complex, str, np.generic, np.ndarray, tuple)
-"""What Numba takes the value of, once for all."""
+            parts = [place / "__init__", place, *map(place.joinpath, re.findall(r"\w+", names))]
+            found = {part.with_suffix(".py") for part in parts} - met.keys()
+            new += filter(Path.is_file, found)
+    return hashlib.sha256("\0".join(met[one] for one in sorted(met)).encode()).hexdigest()
 
 
 def used(function: Any) -> Iterator[tuple[int, Any, str]]:
@@ -381,7 +352,7 @@ def frozen(function: Any, met: tuple[Any, ...] = ()) -> tuple[str, ...]:
     """
     found: list[str] = []
     for _, one, name in used(function):
-        if isinstance(one, _PLAIN):
+        if isinstance(one, int | float | complex | str | np.generic | np.ndarray | tuple):
             try:
                 found.append(f"{name}={pickle.dumps(one)!r}")
             except (pickle.PicklingError, AttributeError, TypeError):  # a tuple of functions

@@ -11,10 +11,13 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from realitygap import compiled
 
 __all__ = ["KINDS", "command", "copied_cache", "damage"]
 
@@ -50,10 +53,11 @@ def damage(entry: Path, kind: str, other: Path, *, seed: int) -> None:
     entry.write_bytes(data)
 
 
-def copied_cache(folder: Path) -> Path:
-    """A cache of its own, filled with what the commands need."""
-    for words in (SIMULATE, TWIN):
-        command(folder / "cache", words)
+def copied_cache(folder: Path, *commands: list[str]) -> Path:
+    """A copy of what is kept for this user, filled first with what commands need."""
+    for words in commands:
+        command(None, words)
+    shutil.copytree(compiled.folder(), folder / "cache" / "realitygap")
     return folder / "cache"
 
 
@@ -79,7 +83,7 @@ def main() -> int:
     told = parser.parse_args()
     chance = random.Random(told.seed)
     with tempfile.TemporaryDirectory() as name:
-        cache = copied_cache(Path(name))
+        cache = copied_cache(Path(name), SIMULATE, TWIN)
         right = {tuple(words): command(cache, words)[0] for words in (SIMULATE, TWIN)}
         entries = sorted(cache.rglob("*.nb[ci]"))
         met = wrong = 0
