@@ -17,7 +17,7 @@ from realitygap import compiled as module
 from realitygap.compiled import compiled, helper, kernel, naming, step
 from realitygap.errors import UsageError
 from realitygap.plugins import run_file
-from tests.hostile.damage import KINDS, SIMULATE, command, copied_cache, damage
+from tests.hostile.damage import KINDS, command, copied_cache, damage
 
 pytestmark = pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="the compiler is off")
 
@@ -289,7 +289,7 @@ def test_what_a_users_function_takes_from_another_file_is_compiled_in(
 
 def test_a_command_survives_damaged_entries_of_its_own(tmp_path: Path) -> None:
     """`simulate` with its score's compiled code cut short says what it says without."""
-    cache = copied_cache(tmp_path, SIMULATE)
+    cache = copied_cache(tmp_path)
     files = [file for file in cache.rglob("*.nbc") if "paper." in file.name]
     assert files
     for file in files:

@@ -136,8 +136,6 @@ def step(function: Callable[..., Any], *, fastmath: Any = SAFE) -> Any:
 
 def helper(function: Callable[..., Any]) -> Any:
     """A step that Python calls often: those calls are compiled, too."""
-    if numba.config.DISABLE_JIT:
-        return function
     made = compiled(function, fastmath=SAFE, allocates=False)
 
     @wraps(function)
@@ -155,20 +153,14 @@ def _for_step(fastmath: Any) -> dict[str, Any]:
 
 
 def naming(function: Callable[..., Any], /, **names: Any) -> Any:
-    """A copy of a function for which these global names stand for these things.
-
-    For what calls a function that is known only later. Numba would not find it on file in another process if
-    it were a closure.
-    """
+    """A copy of a function for which these global names stand for these things; a closure would not be found
+    on file by another process."""
     return FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
 
 
 def entry_for(made: Any, *given: Any) -> Callable[..., Any]:
-    """What runs a kernel without a look at the types of its arguments, which are those of `given`.
-
-    Numba looks at all of them at every call, and in a World that takes longer than a step of a trial. Others
-    would be taken for what they are not.
-    """
+    """What runs a kernel without a look at its arguments' types, which must be those of `given`: in a World
+    that takes Numba longer than a step of a trial."""
     if numba.config.DISABLE_JIT:
         return made  # type: ignore[no-any-return]
     entry = made.compile(tuple(map(numba.typeof, given)))
@@ -189,8 +181,7 @@ class _Kept:
     cache ends with a digest: Numba loads what it finds, and a few wrong bytes would end the interpreter.
     """
 
-    _asked: "_Kept | None" = None
-    """The one that Numba is about to ask for."""
+    _asked: "_Kept | None" = None  # the one whose cache Numba is making
 
     def __init__(self, made: Any, home: Callable[..., Any]) -> None:
         self._made, self._home, self._compile = made, home, made.compile
@@ -234,7 +225,9 @@ class _Kept:
         """Name the files: after the function, and after all that the compiled code follows from."""
         own, function = self._home, self._made.py_func
         files = [Path(inspect.getfile(one)) for one in (own, function)]
-        text = repr((*map(_text_of, files), frozen(own), frozen(function), VERSIONS))
+        text = repr(
+            (*map(_text_of, files), frozen(own), frozen(function), llvmlite.__version__, np.__version__)
+        )
         name = repr((str(files[0]), own.__qualname__, function.__qualname__))
         folder().mkdir(mode=0o700, parents=True, exist_ok=True)
         os.listdir(folder())  # else what cannot be read would be an error at each call
@@ -279,9 +272,8 @@ class _Kept:
 
 @contextmanager
 def _without_delays(context: Any) -> Iterator[None]:
-    """Compile without looking for garbage: there is little, and looking takes a seventh of the time. And load
-    without a first look at all that Numba could compile, since importing it takes half a second; what is not
-    on file is compiled after a second look."""
+    """Compile without looking for garbage, which takes a seventh of the time; and load without importing all
+    that Numba could compile, which takes half a second: the second look at it imports it."""
     looks = gc.isenabled()
     gc.disable()
     with suppress(ImportError, AttributeError):
@@ -310,7 +302,6 @@ def _is_whole(file: Path) -> bool:
 
 _COMPILES = re.compile(r"^@(step|helper|kernel|routine|jit)\b", re.MULTILINE)
 _IMPORT = re.compile(rf"^from ({__package__}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
-VERSIONS = numba.__version__, llvmlite.__version__, np.__version__
 
 
 @cache

@@ -53,10 +53,9 @@ def damage(entry: Path, kind: str, other: Path, *, seed: int) -> None:
     entry.write_bytes(data)
 
 
-def copied_cache(folder: Path, *commands: list[str]) -> Path:
-    """A copy of what is kept for this user, filled first with what commands need."""
-    for words in commands:
-        command(None, words)
+def copied_cache(folder: Path) -> Path:
+    """A copy of what is kept for this user, which has what SIMULATE needs."""
+    command(None)
     shutil.copytree(compiled.folder(), folder / "cache" / "realitygap")
     return folder / "cache"
 
@@ -83,7 +82,7 @@ def main() -> int:
     told = parser.parse_args()
     chance = random.Random(told.seed)
     with tempfile.TemporaryDirectory() as name:
-        cache = copied_cache(Path(name), SIMULATE, TWIN)
+        cache = Path(name)
         right = {tuple(words): command(cache, words)[0] for words in (SIMULATE, TWIN)}
         entries = sorted(cache.rglob("*.nb[ci]"))
         met = wrong = 0
