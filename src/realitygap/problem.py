@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.compiled import compiled, kernel, naming
 from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.control.slots import bounds
@@ -149,8 +150,6 @@ def form_of(given: object, inputs: int) -> Form:
 
 def _own(given: Any, name: str, inputs: int) -> tuple[Any, int, int]:
     """A user's function, or that of a class, compiled; how many weights and how much memory it needs."""
-    from realitygap.kernels.jit import SHELF
-
     plain: Any = getattr(given, "decide", None) if isinstance(given, type) else given
     plain = getattr(plain, "py_func", plain)  # a user's own @njit
     if not hasattr(plain, "__code__"):
@@ -166,7 +165,7 @@ def _own(given: Any, name: str, inputs: int) -> tuple[Any, int, int]:
             for size in (parts.get("WEIGHTS"), parts.get("MEMORY", 0))
         ]
     weights, memory = as_count(sizes[0], f"{name}: WEIGHTS"), as_count(sizes[1], f"{name}: MEMORY", 0)
-    decide = SHELF.compiled(plain, error_model="numpy", boundscheck=True)
+    decide = compiled(plain, boundscheck=True)
     try:
         decide(np.zeros(weights), np.zeros(memory), np.zeros(inputs), np.zeros(2))
     except Exception as error:
@@ -180,10 +179,9 @@ def _own(given: Any, name: str, inputs: int) -> tuple[Any, int, int]:
 @lru_cache(maxsize=16)
 def _trials(decide: Any, may_allocate: bool) -> Callable[..., None]:
     """Trials under a controller: ours never allocate, which halves their time."""
-    from realitygap.kernels.jit import kernel
-
-    options = {"fastmath": False, "_nrt": True} if may_allocate else {}
-    run: Callable[..., None] = kernel(policy.trials_under(decide), like=decide, **options)
+    flags = {"fastmath": False, "allocates": True} if may_allocate else {}
+    loop, home = naming(policy.run, function=decide), getattr(decide, "py_func", decide)
+    run: Callable[..., None] = kernel(loop, home=home, **flags)
     return run
 
 

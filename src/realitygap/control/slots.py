@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.compiled import routine, step
 from realitygap.errors import GenotypeError
-from realitygap.kernels.jit import routine, step
 from realitygap.kernels.params import MAX_DELAY, Networks
 from realitygap.kernels.rng import below, substream, uniform
 from realitygap.streams import (

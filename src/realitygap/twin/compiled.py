@@ -1,16 +1,13 @@
-"""How the twin's inner loops are compiled, and kept on file until a file of this package changes."""
+"""How the twin's inner loops are compiled: without licence for the compiler to rewrite arithmetic."""
 
 from functools import partial
-from pathlib import Path
 
-from realitygap.machine_code import Shelf
+from realitygap.compiled import compiled, step
 
 __all__ = ["jit", "part"]
 
-_SHELF = Shelf(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))))
+jit = partial(compiled, nogil=True, allocates=False)
+"""For what is called from Python."""
 
-jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
-"""For what allocates nothing: Numba's reference counts cost as much as the work itself."""
-
-part = partial(jit, forceinline=True, form="PART")
+part = partial(step, fastmath=False)
 """For a part of it, inlined: arrays would cost more to hand over than the step itself."""
