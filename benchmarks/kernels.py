@@ -16,20 +16,19 @@ import numpy as np
 from steps import random_networks
 
 from realitygap.compiled import kernel
-from realitygap.kernels.brain import decide
-from realitygap.kernels.network import load_network
-from realitygap.kernels.params import Networks, Path
+from realitygap.kernels.network import decide, load_network
 from realitygap.kernels.trial import (
     draw_noise,
     draw_start,
     move,
+    new_scratch,
     sense,
     start,
     store,
     to_inputs,
     turn_wheels,
 )
-from realitygap.kernels.work import new_scratch
+from realitygap.kernels.types import Networks, Path
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks import TASKS, load_task
 from realitygap.world.arena import Arena

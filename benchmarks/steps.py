@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from realitygap import Genotype, Simulation, load_task, noise_level
-from realitygap.kernels.params import Networks
+from realitygap.kernels.types import Networks
 from realitygap.tasks import TASKS
 from realitygap.work.pool import cores
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from realitygap import track as track_file
 from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError, TrackError, UsageError
-from realitygap.kernels.params import STEP_S
+from realitygap.kernels.types import STEP_S
 from realitygap.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.testing import TrackContract

@@ -19,10 +19,11 @@ from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.control.slots import bounds
 from realitygap.errors import UsageError
-from realitygap.kernels import batch, policy
+from realitygap.kernels import trial as loop
+from realitygap.kernels import weights as controllers
 from realitygap.kernels.network import LIMIT
-from realitygap.kernels.params import Networks, Path
-from realitygap.kernels.work import new_scratch
+from realitygap.kernels.trial import new_scratch
+from realitygap.kernels.types import Networks, Path
 from realitygap.plugins import blamed_on, named_object, place_of
 from realitygap.simulation.simulation import Simulation, Streams, batch_streams
 from realitygap.tasks.load import load_task
@@ -52,7 +53,7 @@ class Form:
     Attributes:
         inputs: how many feed it.
         weights: how many; memory: numbers that it keeps from step to step.
-        decide: writes outputs, see `kernels.policy`; the compiled function, or a user's.
+        decide: writes outputs, see `kernels.weights`; the compiled function, or a user's.
         run: trials under it, compiled, as of `kernels.trial.run_each`.
     """
 
@@ -63,7 +64,7 @@ class Form:
     run: Callable[..., None]
 
     def brain(self, weights: Floats) -> tuple[Any, ...]:
-        """What `run` takes for controllers with weights [N, W]: those, and scratch as of `policy.Weights`."""
+        """What `run` takes for controllers with weights [N, W]: those, and scratch, see kernels.weights."""
         own = np.zeros(self.weights), np.zeros(self.memory), np.zeros(self.inputs), np.zeros(2)
         return weights, *own, np.zeros(1, np.int64)
 
@@ -99,7 +100,7 @@ class WeightedController:
             raise _stopped(self.form, error, self._weights, self._memory, fed, self._outputs) from None
         if not np.isfinite(self._outputs).all():
             raise UsageError(f"controller: expected finite outputs, got {self._outputs.tolist()}.")
-        left, right = (int(policy.command(value)) for value in self._outputs)
+        left, right = (int(controllers.command(value)) for value in self._outputs)
         return Command(left=left, right=right)
 
 
@@ -141,9 +142,9 @@ def form_of(given: object, inputs: int) -> Form:
             f"{WIDEST}), delay-network, FILE.py:NAME, or a function or class of yours, got {given!r}."
         )
     if kind == "feed-forward":
-        weights, memory, decide = hidden * (inputs + 1), hidden, policy.feed_forward
+        weights, memory, decide = hidden * (inputs + 1), hidden, controllers.feed_forward
     else:
-        weights, memory, decide = hidden * (inputs + hidden + 1), 2 * hidden, policy.recurrent
+        weights, memory, decide = hidden * (inputs + hidden + 1), 2 * hidden, controllers.recurrent
     weights += 2 * (hidden + 1)
     return Form(inputs=inputs, weights=weights, memory=memory, decide=decide, run=_trials(decide, False))
 
@@ -180,7 +181,7 @@ def _own(given: Any, name: str, inputs: int) -> tuple[Any, int, int]:
 def _trials(decide: Any, may_allocate: bool) -> Callable[..., None]:
     """Trials under a controller: ours never allocate, which halves their time."""
     flags = {"fastmath": False, "allocates": True} if may_allocate else {}
-    loop, home = naming(policy.run, function=decide), getattr(decide, "py_func", decide)
+    loop, home = naming(controllers.run, function=decide), getattr(decide, "py_func", decide)
     run: Callable[..., None] = kernel(loop, home=home, **flags)
     return run
 
@@ -336,7 +337,7 @@ class Problem:
         simulation, trials = self.simulation, len(streams)
         networks = made if isinstance(made, Networks) else None
         scratch = new_scratch(simulation.robot, simulation.trial, networks)
-        run, brain = (batch.run_trials, made) if networks else (self.form.run, self.form.brain(made))
+        run, brain = (loop.run_trials, made) if networks else (self.form.run, self.form.brain(made))
         paths = np.zeros((trials, len(Path._fields), simulation.trial.steps))
         scores, measures = np.empty((len(part), trials)), np.empty((len(part), 2))
         for i, one in enumerate(part):

@@ -35,8 +35,8 @@ from realitygap.control.encoding import Encoding, Variation, check_networks, cou
 from realitygap.correspondence.trials import SLOWEST_HZ
 from realitygap.errors import ConfigError, RealityGapError, StudyError, UsageError
 from realitygap.evolution.algorithm import Algorithm, Batch, State, check_batch, check_state
-from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.rng import substream
+from realitygap.kernels.types import Networks, Path
 from realitygap.robots.body import KINDS, Body, Placing, Seen, attend, odometry_of
 from realitygap.robots.clock import Clock
 from realitygap.robots.loop import Steady, drive

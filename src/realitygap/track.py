@@ -26,7 +26,7 @@ LATE_S = 0.015
 """How far from a tenth of a second a step's row is still written as that."""
 COLUMNS = ("t_s", "x_cm", "y_cm", "heading_deg")
 STEP_S = 0.1
-"""A step of the simulation, as in `kernels.params`."""
+"""A step of the simulation, as in `kernels.types`."""
 
 
 def settled(heading: ArrayLike, *, wrapped: bool = True) -> Floats:

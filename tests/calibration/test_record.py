@@ -22,7 +22,15 @@ from click.testing import CliRunner
 from realitygap.calibration import floor_camera
 from realitygap.calibration import record as recorder
 from realitygap.calibration.forward import scene_of
-from realitygap.calibration.plan import FLOOR_CM, ROOM, Plan, Trial, ambient_task, infrared_task, wheel_trials
+from realitygap.calibration.plan import (
+    FLOOR_CM,
+    ROOM,
+    Plan,
+    Trial,
+    ambient_task,
+    infrared_task,
+    wheel_trials,
+)
 from realitygap.calibration.record import OwnSite, PersonSite, StoppedByUserError, drive_trial, record
 from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording, load_recording
 from realitygap.cli import realitygap

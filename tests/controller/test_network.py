@@ -10,7 +10,7 @@ from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.control.slots import FIRST_LINK, decode
 from realitygap.errors import GenotypeError, UsageError
-from realitygap.kernels.params import Networks
+from realitygap.kernels.types import Networks
 from tests.controller.reference import ReferenceNetwork
 from tests.controller.strategies import SMALL, drives, genotypes
 

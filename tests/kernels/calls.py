@@ -3,12 +3,10 @@
 import numpy as np
 
 from realitygap.compiled import kernel
-from realitygap.kernels.contact import settle
+from realitygap.kernels.motion import settle, settle_outline, turn_wheel
 from realitygap.kernels.network import load_network, output, update_network
-from realitygap.kernels.outline import settle_outline
 from realitygap.kernels.rng import below, bits, log, normals, sin_cos, substream, uniform
 from realitygap.kernels.trial import PROXIMITY, read, scale_input
-from realitygap.kernels.wheels import turn_wheel
 from tests.kernels.scenes import MOTOR_NOISE
 
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from realitygap.kernels import batch
-from realitygap.kernels.params import Arena as KernelArena
-from realitygap.kernels.params import Networks, Trial, World
-from realitygap.kernels.work import MOTOR_NOISE, new_scratch, noise_blocks
+from realitygap.kernels import trial as loop
+from realitygap.kernels.trial import MOTOR_NOISE, new_scratch, noise_blocks
+from realitygap.kernels.types import Arena as KernelArena
+from realitygap.kernels.types import Networks, Trial, World
 from realitygap.world.arena import Arena, Cylinder, Lamp, load_arena
 from realitygap.world.robot import Profile, load_profile
 from realitygap.world.sensors import AmbientSensor, ProximitySensor
@@ -188,7 +188,7 @@ def readings(profile: Profile, arena: Arena | KernelArena, pose) -> tuple[np.nda
     nothing = Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5))
     room = arena.to_kernel() if isinstance(arena, Arena) else arena
     world = World(robot=profile.to_kernel(), arena=room, task=nothing, level=0.0)
-    batch.probe(world, streams, work, noise, proximity, ambient)
+    loop.probe(world, streams, work, noise, proximity, ambient)
     return proximity[0], ambient[0]
 
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from realitygap.kernels.contact import ground_speeds, settle
-from realitygap.kernels.wheels import Arc, drive_arc
+from realitygap.kernels.motion import Arc, drive_arc, ground_speeds, settle
 from realitygap.world.arena import Arena, Cylinder
 from tests.kernels.calls import slide
 from tests.kernels.reference.motion import settle as slow_settle

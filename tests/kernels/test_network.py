@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from realitygap.control.encoding import Variation
 from realitygap.control.slots import decode
-from realitygap.kernels.params import Networks
+from realitygap.kernels.types import Networks
 from tests.controller.reference import ReferenceNetwork
 from tests.controller.strategies import SMALL, drives, genotypes
 from tests.kernels import calls

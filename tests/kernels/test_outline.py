@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from realitygap.kernels.contact import settle as settle_disc
-from realitygap.kernels.outline import body_clear
+from realitygap.kernels.motion import body_clear
+from realitygap.kernels.motion import settle as settle_disc
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import Body
 from tests.kernels.calls import slide_outline

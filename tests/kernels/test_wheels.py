@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.kernels.wheels import drive_arc
+from realitygap.kernels.motion import drive_arc
 from tests.kernels.calls import turn
 from tests.kernels.reference.motion import Wheel, arc
 from tests.kernels.scenes import PAPER

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from realitygap.control.genotype import Genotype
-from realitygap.kernels.params import MAX_DELAY
+from realitygap.kernels.types import MAX_DELAY
 from realitygap.report.page import Picture
 from realitygap.report.statistics import Mean, mean_of
 from realitygap.report.tables import NoiseClass, Row, TaskPart

@@ -26,7 +26,7 @@ from scipy.stats import ks_2samp
 
 from realitygap.control.genotype import Genotype
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels.work import NO_NETWORK, NO_RECORD, new_scratch
+from realitygap.kernels.trial import NO_NETWORK, NO_RECORD, new_scratch
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task

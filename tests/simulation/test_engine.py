@@ -7,7 +7,7 @@ import pytest
 
 import realitygap
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels.params import Networks, Path
+from realitygap.kernels.types import Networks, Path
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.testing import EngineContract

@@ -13,7 +13,7 @@ from realitygap.control.encoding import check_networks
 from realitygap.errors import RealityGapError, UsageError
 from realitygap.evolution import make_algorithm
 from realitygap.export import table
-from realitygap.kernels.params import Networks
+from realitygap.kernels.types import Networks
 from realitygap.simulation.body import SimulatedBody
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "follow_the_wall.py"

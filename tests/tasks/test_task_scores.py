@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.kernels.params import Path, Room
+from realitygap.kernels.types import Path, Room
 from realitygap.tasks import TASKS, load_task
 from realitygap.world.robot import load_profile
 

@@ -6,7 +6,7 @@ from pathlib import Path as File
 import numpy as np
 
 from realitygap import Genotype, Simulation, Task, load_task
-from realitygap.kernels.params import Path, Room
+from realitygap.kernels.types import Path, Room
 from realitygap.study.config import StudyConfig
 
 HOW_TO = File(__file__).resolve().parents[2] / "docs" / "how-to.md"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.kernels.near import cell_at, from_segment
+from realitygap.kernels.rays import cell_at, from_segment
 from realitygap.world.arena import MANY, Arena, Cylinder
 from tests.kernels.scenes import full_room
 

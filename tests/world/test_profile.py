@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from realitygap.errors import ConfigError
-from realitygap.kernels import params
-from realitygap.kernels.params import EYES
+from realitygap.kernels import types
+from realitygap.kernels.types import EYES
 from realitygap.world.robot import Body, Profile, largest_pole, load_profile, profile_names
 from realitygap.world.sensors import UNLIT
 
@@ -238,7 +238,7 @@ def test_no_constant_goes_by_its_place(monkeypatch):
     """With the fields of the kernels' robot the other way round, each name still has its constant."""
     profile = load_profile("khepera")
     before = profile.to_kernel()
-    monkeypatch.setattr(params, "Robot", namedtuple("Robot", params.Robot._fields[::-1]))
+    monkeypatch.setattr(types, "Robot", namedtuple("Robot", types.Robot._fields[::-1]))
     after = profile.to_kernel()
     assert before._fields[::-1] == after._fields
     for key in before._fields:

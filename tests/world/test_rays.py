@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.kernels.params import EYES, RAYS
+from realitygap.kernels.types import EYES, RAYS
 from realitygap.world.sensors import fan, ray_angles, ray_weights, side_by_side
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.recordings import SensorRecording, WheelRecording
-from realitygap.kernels.params import Arena as KernelArena
-from realitygap.kernels.params import Robot
-from realitygap.kernels.work import Scratch, new_scratch, unfed
+from realitygap.kernels.trial import Scratch, new_scratch, unfed
+from realitygap.kernels.types import Arena as KernelArena
+from realitygap.kernels.types import Robot
 from realitygap.values import Floats
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from realitygap.world.robot import Profile
@@ -96,7 +96,7 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
         turn_deg: rotation of the set-up, degrees.
         away_cm: extra distance of the object, cm.
     """
-    from realitygap.kernels.sweep import sweep_infrared
+    from realitygap.kernels.trial import sweep_infrared
 
     robot = _robot(profile)
     out = np.zeros((len(scene.poses), len(profile.infrared.sensors)))
@@ -110,7 +110,7 @@ def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Scr
 
     `work`: scratch arrays of a robot with as many sensors; None: new ones.
     """
-    from realitygap.kernels.sweep import sweep_received
+    from realitygap.kernels.trial import sweep_received
 
     work, parts = work or work_of(robot), []
     for scene, turn_deg, away_cm in rigs:
@@ -156,12 +156,12 @@ def illumination(profile: Profile, scene: Scene, turn_deg: float = 0.0) -> Float
 def lit_places(robot: Robot, rigs: Sequence[tuple[Scene, float]], work: Scratch) -> Floats:
     """Illumination A [m, A] of the ambient sensors at the places of several scenes, each with its rig's
     rotation (degrees)."""
-    from realitygap.kernels import sweep
+    from realitygap.kernels import trial as loop
 
     parts = []
     for scene, turn_deg in rigs:
         out = np.zeros((len(scene.poses), len(robot.ambient.place)))
-        follow = sweep.sweep_direct if scene.bare else sweep.sweep_light
+        follow = loop.sweep_direct if scene.bare else loop.sweep_light
         follow(robot, scene.arena, scene.turned(turn_deg), work, out)
         parts.append(out)
     return np.concatenate(parts)
@@ -192,7 +192,7 @@ def light_readings(profile: Profile, light: Floats, gain: Floats | None = None) 
 
 def wheel_speeds(profile: Profile, recording: WheelRecording) -> Floats:
     """Speeds [n, 2] (cm/s) of noise-free wheels in the step that follows each row."""
-    from realitygap.kernels.sweep import sweep_wheels
+    from realitygap.kernels.trial import sweep_wheels
 
     robot = _robot(profile)
     speeds = np.zeros(recording.commands.shape)

@@ -11,12 +11,7 @@ from realitygap.calibration.channel_fit import unmeasured
 from realitygap.calibration.descent import BY_HAND, LIGHT, SHIFT
 from realitygap.calibration.forward import Scene
 from realitygap.calibration.misfit import LIMITS, Misfit
-from realitygap.calibration.recordings import (
-    FOLLOWED_STEPS,
-    Recording,
-    SensorRecording,
-    WheelRecording,
-)
+from realitygap.calibration.recordings import FOLLOWED_STEPS, Recording, SensorRecording, WheelRecording
 from realitygap.calibration.solve import Free, Measured, Values, solve
 from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
 from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds

@@ -22,8 +22,8 @@ from realitygap.calibration.forward import (
 )
 from realitygap.calibration.recordings import count_unit
 from realitygap.calibration.solve import Free, Values, value_of
-from realitygap.kernels.params import Robot
-from realitygap.kernels.work import Scratch
+from realitygap.kernels.trial import Scratch
+from realitygap.kernels.types import Robot
 from realitygap.values import Floats
 from realitygap.world.robot import Profile
 

@@ -8,12 +8,7 @@ from numpy.typing import NDArray
 
 from realitygap.calibration.forward import Scene, proximity, table_at
 from realitygap.calibration.noise import NoiseEstimate, Sample, dark_noise, lit_noise, sample_noise
-from realitygap.calibration.recordings import (
-    CHANNELS,
-    FIRST_NOISE,
-    SensorRecording,
-    count_unit,
-)
+from realitygap.calibration.recordings import CHANNELS, FIRST_NOISE, SensorRecording, count_unit
 from realitygap.calibration.rows import Rows, at_places, places_of
 from realitygap.calibration.solve import Values, value_of
 from realitygap.values import Floats

@@ -15,8 +15,8 @@ from realitygap.calibration.curves import STEPS, Curves, Seen, on_curves
 from realitygap.calibration.forms import columns_of
 from realitygap.calibration.forward import Scene, received, up_curve, work_of
 from realitygap.calibration.solve import Values, value_of
-from realitygap.kernels.params import Robot
-from realitygap.kernels.work import Scratch
+from realitygap.kernels.trial import Scratch
+from realitygap.kernels.types import Robot
 from realitygap.values import Floats
 from realitygap.world.robot import Profile
 

@@ -17,7 +17,7 @@ from realitygap.control import slots
 from realitygap.control.genotype import Genotype
 from realitygap.control.slots import FIRST_LINK, LINK_FIELDS, Genes, Rates, decode, random_genes
 from realitygap.errors import GenotypeError, UsageError
-from realitygap.kernels.params import MAX_DELAY, Networks
+from realitygap.kernels.types import MAX_DELAY, Networks
 from realitygap.plugins import blamed_on, made
 from realitygap.values import as_count, as_stream, shown
 

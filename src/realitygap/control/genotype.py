@@ -28,7 +28,7 @@ from realitygap.control.slots import (
 from realitygap.errors import GenotypeError, UsageError
 from realitygap.files import as_path, atomic_write, read_toml, refuse_unknown
 from realitygap.kernels.network import LIMIT
-from realitygap.kernels.params import MAX_DELAY, UPDATES, Networks
+from realitygap.kernels.types import MAX_DELAY, UPDATES, Networks
 from realitygap.values import Command, as_count, as_stream
 
 __all__ = ["Genotype", "Link", "NetworkController", "Neuron"]

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from realitygap.compiled import routine, step
 from realitygap.errors import GenotypeError
-from realitygap.kernels.params import MAX_DELAY, Networks
 from realitygap.kernels.rng import below, substream, uniform
+from realitygap.kernels.types import MAX_DELAY, Networks
 from realitygap.streams import (
     ADD_LINK,
     ADD_NEURON,

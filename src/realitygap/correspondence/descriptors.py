@@ -12,7 +12,7 @@ from realitygap.correspondence.setting import Around, around, fits
 from realitygap.correspondence.trials import STEP_S, Trial, resampled
 from realitygap.errors import TrackError, UsageError
 from realitygap.files import must_be
-from realitygap.kernels.params import Path
+from realitygap.kernels.types import Path
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track

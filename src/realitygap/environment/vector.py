@@ -13,11 +13,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels import batch
+from realitygap.kernels import trial as loop
 from realitygap.kernels.network import LIMIT
-from realitygap.kernels.params import Path, World
 from realitygap.kernels.rng import substream
-from realitygap.kernels.work import new_robots, new_scratch
+from realitygap.kernels.trial import new_robots, new_scratch
+from realitygap.kernels.types import Path, World
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.score import CompiledScore
@@ -304,7 +304,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         streams = np.array([substream(self._seeds[i], np.uint64(self._trial[i])) for i in which], np.uint64)
         starts = np.empty((len(which), 3))
         if pose is None:
-            batch.draw_starts(self.simulation.trial, streams, starts)
+            loop.draw_starts(self.simulation.trial, streams, starts)
         else:
             starts[:] = pose.x, pose.y, pose.heading
         self._robots.stream[which] = streams
@@ -316,15 +316,15 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         self._over[which] = False
 
     def _advance(self, which: NDArray[np.int64], starts: Floats, commands: NDArray[np.int64]) -> None:
-        """As of `batch.advance`: all robots at once, or each with the constants of its trial."""
+        """As of `loop.advance`: all robots at once, or each with the constants of its trial."""
         if not self.simulation.task.spread:
             world = self.simulation.world
-            batch.advance(world, self._robots, which, starts, commands, self._scratch)
+            loop.advance(world, self._robots, which, starts, commands, self._scratch)
             return
         for i, r in enumerate(which):
             world, _ = self._worlds[r]
             one = slice(i, i + 1)
-            batch.advance(world, self._robots, which[one], starts[one], commands[one], self._scratch)
+            loop.advance(world, self._robots, which[one], starts[one], commands[one], self._scratch)
 
     def _seen(self) -> NDArray[np.float32]:
         return observations_of(self.simulation, self._robots.readings)

@@ -31,7 +31,7 @@ from realitygap.errors import LineError, StudyError, TrackError
 from realitygap.evolution.algorithm import Genes
 from realitygap.experiments.experiment import RESULTS, Seconds, Settings, kept, write_table
 from realitygap.files import atomic_write, read_toml, to_toml
-from realitygap.kernels.params import Networks
+from realitygap.kernels.types import Networks
 from realitygap.plugins import place_of, placed
 from realitygap.robots.address import Address
 from realitygap.robots.recording import Recording

@@ -19,7 +19,7 @@ from realitygap.errors import StudyError, UsageError
 from realitygap.evolution.algorithm import Genes
 from realitygap.files import as_path, atomic_write, must_be
 from realitygap.kernels.network import LIMIT
-from realitygap.kernels.params import MAX_DELAY, UPDATES
+from realitygap.kernels.types import MAX_DELAY, UPDATES
 from realitygap.study.load import Run, Study
 from realitygap.world.robot import Profile
 

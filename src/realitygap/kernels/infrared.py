@@ -9,7 +9,6 @@ import math
 import numpy as np
 
 from realitygap.compiled import step
-from realitygap.kernels.near import SPARE, cell_at, from_segment, is_beyond, stands_clear
 from realitygap.kernels.rays import (
     EYE_A,
     EYE_B,
@@ -21,13 +20,18 @@ from realitygap.kernels.rays import (
     NONE,
     ONE,
     SHADE,
+    SPARE,
     SUM,
     TOUCHING,
     U,
     cast_rays,
+    cell_at,
     f32,
+    from_segment,
     hand_over,
+    is_beyond,
     stand,
+    stands_clear,
 )
 
 TURN = 0.15915494309189535

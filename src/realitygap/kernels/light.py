@@ -10,8 +10,6 @@ import numpy as np
 
 from realitygap.compiled import step
 from realitygap.kernels.infrared import apply_curve
-from realitygap.kernels.near import cell_at
-from realitygap.kernels.params import LAMP_POINTS
 from realitygap.kernels.rays import (
     EAST,
     FAR,
@@ -31,6 +29,7 @@ from realitygap.kernels.rays import (
     WEST,
     U,
     cast_rays,
+    cell_at,
     f32,
     hand_over,
     root,
@@ -38,6 +37,7 @@ from realitygap.kernels.rays import (
     stand,
     white_of,
 )
+from realitygap.kernels.types import LAMP_POINTS
 
 i32 = np.int32
 END_X, END_Y, FALL, WHITE, NX, NY, NEAR, FACED = rows(OF_LIGHT, 8)

@@ -1,18 +1,42 @@
-"""The recurrent delay network (§5.3) in integer arithmetic: ten updates of 10 ms a step.
+"""What decides in a trial, by its type: a delay network (below), a controller with weights (weights.py).
 
-y(t) = clip(Σ w · y(t − 1 − delay) − threshold, −10, 10), all neurons at once. Sensor neurons hold the step's
-inputs, so their contribution is summed once and changes only while a delay still reaches into the previous
-step; links between computing neurons are evaluated at every update.
-
-Outputs lie in one flat array, a row per update: PAST rows of the previous step, then the ten of this step. A
-link is then a weight and an offset back from the position being computed.
+A brain stands for N controllers; of each, `load` and `decide` are registered for the brain's type.
 """
 
+from collections.abc import Callable
+from functools import singledispatch
+from typing import Any
+
 import numpy as np
+from numba.extending import overload
 
 from realitygap.compiled import step
-from realitygap.kernels.brain import decide, load
-from realitygap.kernels.params import MAX_DELAY, UPDATES, Networks
+from realitygap.kernels.types import MAX_DELAY, UPDATES, Networks
+
+
+def by_type(stub: Callable[..., Any]) -> Any:
+    """A function of (brain, n, state, scratch), another one for each type of brain, compiled or not."""
+    chosen = singledispatch(stub)
+
+    @overload(chosen, inline="always", strict=False)
+    def choose(brain: Any, n: Any, state: Any, scratch: Any) -> Any:
+        step = chosen.dispatch(brain.instance_class)
+        return lambda brain, n, state, scratch: step(brain, n, state, scratch)
+
+    return chosen
+
+
+@by_type
+def load(brain, n, state, scratch):
+    """Make controller `n` ready for a trial: it has no past."""
+    raise NotImplementedError
+
+
+@by_type
+def decide(brain, n, state, scratch):
+    """Controller `n`'s commands (left, right), −10 … 10, for state.inputs."""
+    raise NotImplementedError
+
 
 LIMIT = 10
 """Outputs lie in ±10."""
@@ -20,7 +44,7 @@ PAST = MAX_DELAY + 1
 """Rows kept from the previous step: the longest delay, and the update before."""
 ROWS = PAST + UPDATES
 TARGET, SOURCE, WEIGHT, DELAY = 0, 1, 2, 3
-"""Columns of a link in params.Networks, and rows of `Scratch.sensor_link`."""
+"""Columns of a link in types.Networks, and rows of `Scratch.sensor_link`."""
 NEVER = 127
 """The delay stored after the last sensor link: a sentinel."""
 

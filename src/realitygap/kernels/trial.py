@@ -1,22 +1,188 @@
-"""One trial, and one step of it as a recipe: draw noise, sense, to inputs, decide, move, store (§3.2).
-
-A task's score is computed from what was stored when the trial is over.
-"""
+"""Scratch arrays of one trial: allocated once a batch, so that no step allocates."""
 
 import math
+from typing import NamedTuple
 
-from realitygap.compiled import step
-from realitygap.kernels.brain import decide, load
-from realitygap.kernels.contact import ground_speeds, settle
-from realitygap.kernels.infrared import infrared, scale_noise
-from realitygap.kernels.light import ambient
-from realitygap.kernels.network import LIMIT
-from realitygap.kernels.outline import settle_outline
-from realitygap.kernels.params import Path
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.compiled import kernel, step
+from realitygap.kernels.infrared import infrared, receive, scale_noise
+from realitygap.kernels.light import ambient, illuminate
+from realitygap.kernels.motion import (
+    FASTEST,
+    Arc,
+    body_clear,
+    bound_wheel,
+    drive_arc,
+    ground_speeds,
+    settle,
+    settle_outline,
+    turn_wheel,
+)
+from realitygap.kernels.network import LIMIT, ROWS, decide, load
+from realitygap.kernels.rays import INVERSE, MIRROR
 from realitygap.kernels.rng import normals, sin_cos, substream, uniform
-from realitygap.kernels.wheels import FASTEST, Arc, bound_wheel, drive_arc, turn_wheel
-from realitygap.kernels.work import DRAWS, MOTOR_NOISE, noise_blocks
+from realitygap.kernels.types import F32, F, Networks, Path, Robot, Trial
 from realitygap.streams import UNFED
+
+DRAWS = 8
+"""Random draws of one block of noise, which give 16 normal numbers."""
+MOTOR_NOISE = 4
+"""Normal numbers of a step for the motors: friction left, right; speed left, right."""
+
+
+class State(NamedTuple):
+    """What a trial carries from one step to the next; the letters are those of types.py."""
+
+    pose: F
+    """[5] x, y, heading and the heading's cosine and sine."""
+    wheel: F
+    """[2, 9] see motion.py."""
+    ground: F
+    """[3] speeds of the wheels over the ground (cm/s), contact (0 or 1)."""
+    inputs: NDArray[np.int32]
+    """[I] the step's inputs."""
+    change: NDArray[np.int32]
+    """[I] their change since the previous step."""
+    base: NDArray[np.int32]
+    """[M] −threshold plus the inputs' contribution, of each computing neuron."""
+    outputs: NDArray[np.int32]
+    """[ROWS · M] see network.py."""
+    settled: NDArray[np.int64]
+    """[1] 1 if the network repeats itself until an input changes."""
+
+
+class Scratch(NamedTuple):
+    """Arrays that a step works in, and the state."""
+
+    state: State
+    start: F
+    """[3] the trial's start: x, y, heading."""
+    eyes: F32
+    """Rows of eight sensors, see rays.py."""
+    noise: F
+    """[16·m] normal numbers of this step."""
+    readings: F
+    """[P, A or P + A] readings of the fed sensors, counts."""
+    unfed: F
+    """[A, P or 0] readings of the other sensors; 0: they are not read."""
+    unfed_noise: F
+    """[16·m] their normal numbers."""
+    link_end: NDArray[np.uint64]
+    """[M] number of the first link that is not this neuron's."""
+    link_back: NDArray[np.uint64]
+    """[K] offset back in `outputs` to a link's source."""
+    link_weight: NDArray[np.int32]
+    """[K]."""
+    sensor_link: NDArray[np.int64]
+    """[4, K + 1] the network's links from sensors: target, source, weight, delay."""
+
+
+class Record(NamedTuple):
+    """A trial in full, a row a step: see realitygap.track.Trajectory. Without rows: none is kept."""
+
+    pose: F
+    """[steps, 3] x, y, heading at the step's beginning."""
+    proximity: F
+    ambient: F
+    inputs: NDArray[np.int64]
+    commands: NDArray[np.int64]
+    wheels: F
+
+
+class Robots(NamedTuple):
+    """N robots between two steps, each at its own, to be advanced by one from Python."""
+
+    pose: F
+    """[N, 3] x, y (cm), heading (rad)."""
+    wheel: F
+    """[N, 2, 9] see motion.py."""
+    step: NDArray[np.int64]
+    """[N] steps done."""
+    stream: NDArray[np.uint64]
+    """[N] of each robot's noise."""
+    path: F
+    """[N, 6, steps] the rows of types.Path; what lies beyond `steps` is not stored."""
+    readings: F
+    """[N, P, A or P + A] readings of the fed sensors, and [N, A, P or 0] of the others."""
+    unfed: F
+
+
+@step
+def noise_blocks(sensors):
+    """Blocks of 16 normal numbers that a step needs for `sensors` readings and the motors."""
+    return (sensors + MOTOR_NOISE + 15) // 16
+
+
+NO_NETWORK = Networks(
+    inputs=np.zeros(0, np.int64), neurons=np.zeros(0, np.int64), thresholds=np.zeros((0, 2), np.int16),
+    sensor_links=np.zeros((0, 1, 4), np.int16), sensor_count=np.zeros(0, np.int64),
+    links=np.zeros((0, 1, 4), np.int16), link_start=np.zeros((0, 3), np.int16),
+)  # fmt: skip
+"""Where something else decides, or nothing."""
+NO_RECORD = Record(
+    pose=np.zeros((0, 3)), proximity=np.zeros((0, 0)), ambient=np.zeros((0, 0)),
+    inputs=np.zeros((0, 0), np.int64), commands=np.zeros((0, 2), np.int64), wheels=np.zeros((0, 2)),
+)  # fmt: skip
+
+
+def unfed() -> Trial:
+    """A trial without steps, whose network is fed nothing: for sensors and wheels alone."""
+    return Trial(steps=0, feed=0, channels=np.zeros(0, np.int64), start=np.zeros(5))
+
+
+def new_noise(sensors: int) -> F:
+    """Room for a step's normal numbers."""
+    return np.zeros(16 * noise_blocks(sensors))
+
+
+def new_record(robot: Robot, inputs: int, steps: int) -> Record:
+    """Room for a trial in full."""
+    near, light = len(robot.proximity.place), len(robot.ambient.place)
+    return Record(
+        pose=np.zeros((steps, 3)), proximity=np.zeros((steps, near)), ambient=np.zeros((steps, light)),
+        inputs=np.zeros((steps, inputs), np.int64), commands=np.zeros((steps, 2), np.int64),
+        wheels=np.zeros((steps, 2)),
+    )  # fmt: skip
+
+
+def new_robots(count: int, steps: int, scratch: Scratch) -> Robots:
+    """Robots that stand at (0, 0), with room for paths of so many steps."""
+    return Robots(
+        pose=np.zeros((count, 3)), wheel=np.zeros((count, *scratch.state.wheel.shape)),
+        step=np.zeros(count, np.int64), stream=np.zeros(count, np.uint64),
+        path=np.zeros((count, len(Path._fields), steps)),
+        readings=np.zeros((count, len(scratch.readings))), unfed=np.zeros((count, len(scratch.unfed))),
+    )  # fmt: skip
+
+
+def new_scratch(robot: Robot, task: Trial, nets: Networks | None = None, *, whole: bool = False) -> Scratch:
+    """Scratch arrays for trials of `task` by `robot`.
+
+    Args:
+        robot: whose sensors are read.
+        task: what feeds the controllers.
+        nets: networks of the most neurons and links that are to decide.
+        whole: also for sensors that feed no controller.
+    """
+    nets = NO_NETWORK if nets is None else nets
+    near, light = len(robot.proximity.place), len(robot.ambient.place)
+    sensors, unfed = (near, light, near + light)[task.feed], (light, near, 0)[task.feed] if whole else 0
+    inputs, neurons, links = len(task.channels), nets.thresholds.shape[1], nets.links.shape[1]
+    state = State(
+        pose=np.zeros(5), wheel=np.zeros((2, 9)), ground=np.zeros(3), inputs=np.zeros(inputs, np.int32),
+        change=np.zeros(inputs, np.int32), base=np.zeros(neurons, np.int32),
+        outputs=np.zeros(ROWS * neurons, np.int32), settled=np.zeros(1, np.int64),
+    )  # fmt: skip
+    return Scratch(
+        state=state, start=np.zeros(3), eyes=np.zeros(int(INVERSE + MIRROR + MIRROR), np.float32),
+        noise=new_noise(sensors), readings=np.zeros(sensors),
+        unfed=np.zeros(unfed), unfed_noise=new_noise(unfed),
+        link_end=np.zeros(neurons, np.uint64), link_back=np.zeros(links, np.uint64),
+        link_weight=np.zeros(links, np.int32), sensor_link=np.zeros((4, links + 1), np.int64),
+    )  # fmt: skip
+
 
 PROXIMITY, AMBIENT, BOTH = 0, 1, 2
 
@@ -263,9 +429,9 @@ def run_each(world, brain, which, streams, paths, record, scratch):
         brain: N controllers, see brain.py.
         which: [T] numbers of controllers.
         streams: [T].
-        paths: [T, 6, steps], the rows of params.Path.
+        paths: [T, 6, steps], the rows of types.Path.
         record: of the one trial, or without rows.
-        scratch: see work.py.
+        scratch: of the robot, for such controllers.
     """
     for t in range(which.shape[0]):
         draw_start(world.task, streams[t], scratch.start)
@@ -309,3 +475,118 @@ def step_robot(world, robots, r, commands, state, scratch):
         p = robots.path[r]
         store(Path(p[0], p[1], p[2], p[3], p[4], p[5]), k, state)
     robots.step[r] += 1
+
+
+@kernel
+def run_trials(world, nets, which, streams, paths, record, scratch):
+    """Trials of networks, as of `run_each`."""
+    run_each(world, nets, which, streams, paths, record, scratch)
+
+
+@kernel
+def advance(world, robots, which, starts, commands, scratch):
+    """Advance robots `which`: the first ones, as many as there are starts, begin a trial at rest at starts[i]
+    (x, y, heading); the others do a step under commands[i] (left, right). All then read their sensors for the
+    next step.
+
+    One kernel for both, since reading the sensors is most of it. Under the commands of a network the bits are
+    those of that network's trial.
+    """
+    state = scratch.state
+    for i in range(which.shape[0]):
+        r = which[i]
+        if i < starts.shape[0]:
+            start(starts[i], state)
+            robots.step[r] = 0
+        else:
+            step_robot(world, robots, r, commands[i], state, scratch)
+        draw_noise(world.level, robots.stream[r], robots.step[r], scratch)
+        sense(world, robots.stream[r], robots.step[r], state, scratch)
+        put_back(robots, r, state, scratch)
+
+
+@kernel
+def draw_starts(task, streams, starts):
+    """Draw the starts (x, y, heading) of trials on `streams` into starts[t]."""
+    for t in range(streams.shape[0]):
+        draw_start(task, streams[t], starts[t])
+
+
+@kernel
+def probe(world, streams, scratch, noise, proximity, ambients):
+    """Readings of all sensors at scratch.start, once for each stream, into proximity[t], ambients[t].
+
+    Without noise the readings are the model's, unrounded.
+    """
+    robot, arena, level = world.robot, world.arena, world.level
+    pose = scratch.state.pose
+    set_pose(scratch.start, pose)
+    for t in range(streams.shape[0]):
+        infrared(robot, arena, pose, scratch.eyes, proximity[t])
+        ambient(robot, arena, pose, scratch.eyes, ambients[t])
+        if level > 0.0:
+            normals(streams[t], 0, noise)
+            read(robot, PROXIMITY, level, 0.0, noise, proximity[t])
+            normals(substream(streams[t], UNFED), 0, noise)
+            read(robot, AMBIENT, level, 0.0, noise, ambients[t])
+        else:
+            for i in range(proximity.shape[1]):
+                proximity[t, i] *= 1.0 if proximity[t, i] >= robot.proximity.dead else 0.0
+
+
+@kernel
+def is_clear(robot, arena, x, y, heading):
+    """True if the robot's body at a pose overlaps nothing."""
+    return body_clear(robot, arena, x, y, heading)
+
+
+@kernel
+def sweep_infrared(robot, arena, poses, scratch, out):
+    """Proximity readings at poses [n, 3] into out [n, P], unrounded."""
+    pose = scratch.state.pose
+    for i in range(poses.shape[0]):
+        set_pose(poses[i], pose)
+        infrared(robot, arena, pose, scratch.eyes, out[i])
+
+
+@kernel
+def sweep_received(robot, arena, poses, scratch, out):
+    """Light for measured sensors at poses [n, 3] into out [n, P], before their curves."""
+    pose = scratch.state.pose
+    for i in range(poses.shape[0]):
+        set_pose(poses[i], pose)
+        receive(robot, arena, pose, scratch.eyes, out[i])
+
+
+@kernel
+def sweep_light(robot, arena, poses, scratch, out):
+    """Illumination of the ambient sensors at poses [n, 3] into out [n, A], before their gains."""
+    pose = scratch.state.pose
+    for i in range(poses.shape[0]):
+        set_pose(poses[i], pose)
+        illuminate(robot, arena, True, pose, scratch.eyes, out[i])
+
+
+@kernel
+def sweep_direct(robot, arena, poses, scratch, out):
+    """As sweep_light, direct light only: where nothing near could reflect any."""
+    pose = scratch.state.pose
+    for i in range(poses.shape[0]):
+        set_pose(poses[i], pose)
+        illuminate(robot, arena, False, pose, scratch.eyes, out[i])
+
+
+@kernel
+def sweep_wheels(robot, commands, first, scratch, speeds):
+    """Speeds [n, 2] (cm/s) of both wheels after each step of commands [n, 2] (Khepera units).
+
+    Wheels stand still before each row that `first` marks with 1.
+    """
+    wheel = scratch.state.wheel
+    for i in range(commands.shape[0]):
+        for w in range(2):
+            if first[i] != 0:
+                for j in range(wheel.shape[1]):
+                    wheel[w, j] = 0.0
+            target = commands[i, w] * robot.wheels.speed_per_unit[w]
+            speeds[i, w] = turn_wheel(robot, wheel[w], target, 1.0, 0.0)

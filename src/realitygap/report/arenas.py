@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from realitygap.kernels.params import RAYS, Arena, Robot
+from realitygap.kernels.types import RAYS, Arena, Robot
 from realitygap.report import style
 from realitygap.report.robots import F, draw_robot
 from realitygap.report.style import COLUMN, new_figure

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 
 from realitygap.control.genotype import Genotype
-from realitygap.kernels.params import Robot
+from realitygap.kernels.types import Robot
 from realitygap.report import style
 from realitygap.report.robots import draw_robot
 from realitygap.report.style import new_figure

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from realitygap.kernels.params import Arena, Robot
+from realitygap.kernels.types import Arena, Robot
 from realitygap.report import style
 from realitygap.report.arenas import draw_arena
 from realitygap.report.robots import draw_robot, front

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon, Wedge
 from numpy.typing import NDArray
 
-from realitygap.kernels.params import Robot
+from realitygap.kernels.types import Robot
 from realitygap.report import style
 from realitygap.report.style import SIMULATED, Look, new_figure
 from realitygap.world.robot import Profile

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.control.genotype import Genotype
-from realitygap.kernels.params import Robot
+from realitygap.kernels.types import Robot
 
 __all__ = [
     "HIDDEN", "INPUT", "OUTPUT", "OUTPUTS", "UNIT_INCHES", "Layout", "Link", "Wiring", "label_places",

@@ -13,9 +13,9 @@ from realitygap.control.controllers import as_controller
 from realitygap.control.genotype import NetworkController
 from realitygap.errors import UsageError
 from realitygap.files import must_be
-from realitygap.kernels import batch
-from realitygap.kernels.params import Path
-from realitygap.kernels.work import new_record, new_robots, new_scratch
+from realitygap.kernels import trial as loop
+from realitygap.kernels.trial import new_record, new_robots, new_scratch
+from realitygap.kernels.types import Path
 from realitygap.robots.body import KINDS, Channel, Odometry
 from realitygap.robots.clock import SteppedClock
 from realitygap.robots.loop import Controller
@@ -157,7 +157,7 @@ class SimulatedBody:
     def _find_entry(self) -> None:
         """Of the kernel that every step calls: the types of what it is given stay."""
         given = self._world, self._robots, ONE, NOWHERE, self._commands, self._scratch
-        self._entry = entry_for(batch.advance, *given)
+        self._entry = entry_for(loop.advance, *given)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: kept for name, kept in vars(self).items() if name != "_entry"}

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from realitygap.control.genotype import Genotype
 from realitygap.errors import UsageError
-from realitygap.kernels import batch, trial
-from realitygap.kernels.params import Networks, Path
-from realitygap.kernels.work import NO_RECORD, Scratch, State, new_scratch
+from realitygap.kernels import trial
+from realitygap.kernels.trial import NO_RECORD, Scratch, State, new_scratch
+from realitygap.kernels.types import Networks, Path
 from realitygap.values import Floats
 
 __all__ = ["SIMULATED", "Batch", "Cuda", "device", "require_gpu", "scoring", "trials"]
@@ -230,7 +230,7 @@ def device(made: Any) -> Any:
 @cache
 def trials() -> Any:
     """The kernel that carries out a trial in each thread."""
-    scratch_of, run = _one_of(Scratch), batch.run_trials if SIMULATED else device(trial.run_each)
+    scratch_of, run = _one_of(Scratch), trial.run_trials if SIMULATED else device(trial.run_each)
 
     def carry_out(world: Any, nets: Any, record: Any, scratch: Any, batch: Any) -> None:
         t = cuda.grid(1)

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from realitygap.compiled import routine
 from realitygap.control.encoding import count_networks
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels import batch
-from realitygap.kernels.params import Networks, Path, Proximity, Robot, Room, Trial, World
+from realitygap.kernels import trial as loop
 from realitygap.kernels.rng import substream, uniform
-from realitygap.kernels.work import (
+from realitygap.kernels.trial import (
     NO_NETWORK,
     NO_RECORD,
     Record,
@@ -31,6 +30,7 @@ from realitygap.kernels.work import (
     new_scratch,
     unfed,
 )
+from realitygap.kernels.types import Networks, Path, Proximity, Robot, Room, Trial, World
 from realitygap.streams import CONSTANTS
 from realitygap.tasks.load import load_task
 from realitygap.tasks.score import CompiledScore
@@ -202,7 +202,7 @@ class Simulation:
         for first in range(0, flat.shape[0], CHUNK):
             some = slice(first, first + CHUNK)
             paths = self._paths[: len(flat[some])]
-            self.run(batch.run_trials, networks, which[some], flat[some], paths, self.scratch(networks))
+            self.run(loop.run_trials, networks, which[some], flat[some], paths, self.scratch(networks))
             scores[some] = self.score.over(paths, self.room)
         self.require_finite(scores)
         return scores.reshape(streams.shape)
@@ -216,7 +216,7 @@ class Simulation:
         if self.engine is None:
             which, flat = self.checked(networks, streams)
             paths = np.zeros((flat.shape[0], len(Path._fields), self.trial.steps))
-            self.run(batch.run_trials, networks, which, flat, paths, self.scratch(networks))
+            self.run(loop.run_trials, networks, which, flat, paths, self.scratch(networks))
             return Path(*(paths[:, i].reshape(*streams.shape, paths.shape[2]) for i in range(paths.shape[1])))
         return self.engine.tracks(networks, streams)
 
@@ -311,7 +311,7 @@ class Simulation:
         record = new_record(self.robot, len(task.channels), steps)
         paths = np.zeros((1, len(Path._fields), steps))
         one = np.zeros(1, np.int64), np.array([as_stream(stream)]), paths
-        batch.run_trials(world._replace(task=task), networks, *one, record, scratch)
+        loop.run_trials(world._replace(task=task), networks, *one, record, scratch)
         return self.told(record, Path(*paths[0]))
 
     def told(self, record: Record, path: Path) -> tuple[Trajectory, float]:
@@ -332,7 +332,7 @@ class Simulation:
     def start(self, stream: int) -> Pose:
         """Where a trial on this stream starts."""
         starts = np.zeros((1, 3))
-        batch.draw_starts(self.trial, np.array([as_stream(stream)]), starts)
+        loop.draw_starts(self.trial, np.array([as_stream(stream)]), starts)
         return Pose(x=float(starts[0, 0]), y=float(starts[0, 1]), heading=float(starts[0, 2]))
 
     def probe(self, pose: Pose, *, stream: int = 0, repeat: int = 1) -> tuple[Floats, Floats]:
@@ -350,7 +350,7 @@ class Simulation:
         scratch.start[:] = free.x, free.y, free.heading
         proximity, ambient = np.zeros((repeat, proximity_n)), np.zeros((repeat, ambient_n))
         streams = batch_streams(stream, repeat)
-        batch.probe(world, streams, scratch, new_noise(max(proximity_n, ambient_n)), proximity, ambient)
+        loop.probe(world, streams, scratch, new_noise(max(proximity_n, ambient_n)), proximity, ambient)
         self.require_finite_path(proximity, ambient)
         return proximity, ambient
 
@@ -360,7 +360,7 @@ class Simulation:
             self.engine.compile()
             return
         none = np.zeros(0, np.int64), np.zeros(0, np.uint64)
-        self.run(batch.run_trials, NO_NETWORK, *none, self._paths[:0], self.scratch(NO_NETWORK))
+        self.run(loop.run_trials, NO_NETWORK, *none, self._paths[:0], self.scratch(NO_NETWORK))
         self.score.over(self._paths[:1], self.room)
 
     def steps_of(self, seconds: float) -> int:
@@ -393,7 +393,7 @@ class Simulation:
             raise UsageError(
                 f"pose: expected a heading in radians, got {place[2]:g}. Pose.from_degrees takes degrees."
             )
-        if not batch.is_clear(self.robot, self.arena, *place):
+        if not loop.is_clear(self.robot, self.arena, *place):
             radius = self.profile.body.radius_cm
             arena = self.task.arena
             where = arena.obstacle_at(pose.x, pose.y, radius) or "an obstacle"

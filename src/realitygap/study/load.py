@@ -23,7 +23,7 @@ from realitygap.errors import StudyError
 from realitygap.evolution.algorithm import Genes, State
 from realitygap.evolution.ga import Population
 from realitygap.files import as_path, must_be
-from realitygap.kernels.params import Networks
+from realitygap.kernels.types import Networks
 from realitygap.study.folder import agree, read_materials, read_profile
 from realitygap.study.materials import Materials
 from realitygap.study.plan import Plan

@@ -2,7 +2,7 @@
 
 import math
 
-from realitygap.kernels.params import Path, Room
+from realitygap.kernels.types import Path, Room
 from realitygap.tasks.task import Start, Task
 from realitygap.world.arena import load_arena
 

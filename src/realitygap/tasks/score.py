@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import TaskError
-from realitygap.kernels.params import Path, Room
+from realitygap.kernels.types import Path, Room
 from realitygap.world.arena import Arena
 
 __all__ = ["CompiledScore", "Score", "compile_score", "compiled_in", "example", "reason", "tried"]

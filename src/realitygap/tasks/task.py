@@ -10,8 +10,8 @@ from typing import Any, Self
 import numpy as np
 
 from realitygap.errors import TaskError, UsageError
-from realitygap.kernels import params
-from realitygap.kernels.params import STEP_S
+from realitygap.kernels import types
+from realitygap.kernels.types import STEP_S
 from realitygap.tasks.score import CompiledScore, Score, tried
 from realitygap.values import as_count
 from realitygap.world.arena import Arena, arena_names, load_arena
@@ -180,7 +180,7 @@ class Task:
             )
         return replace(self, sensors=tuple(range(there)))
 
-    def to_kernel(self, profile: Profile) -> params.Trial:
+    def to_kernel(self, profile: Profile) -> types.Trial:
         """The trial as the kernels' arrays.
 
         Raises:
@@ -203,7 +203,7 @@ class Task:
                 f"({start.x_cm:g}, {start.y_cm:g}) may overlap {obstacle}. Move the start, or make its disc "
                 "smaller."
             )
-        return params.Trial(
+        return types.Trial(
             steps=self.steps_of(profile),
             feed=FEEDS.index(self.feeds),
             channels=np.array(sensors, dtype=np.int64),
@@ -212,16 +212,16 @@ class Task:
 
     def _fits(self, profile: Profile, heading: float) -> bool:
         """Whether the robot's very outline is free at the start's middle."""
-        from realitygap.kernels.batch import is_clear
+        from realitygap.kernels.trial import is_clear
 
         place = map(float, (self.start.x_cm, self.start.y_cm, heading))
         return bool(is_clear(profile.to_kernel(), self.arena.to_kernel(), *place))
 
-    def room(self, profile: Profile) -> params.Room:
+    def room(self, profile: Profile) -> types.Room:
         """What the score sees of the world, apart from the path."""
         arena = self.arena.to_kernel()
         speeds = profile.wheels.speed_per_unit_cm_s
-        return params.Room(
+        return types.Room(
             lamps=arena.lamp_centre,
             size=arena.size,
             cylinders=arena.cylinders,

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from realitygap.kernels import batch
-from realitygap.kernels.params import STEP_S
-from realitygap.kernels.params import Path as Ground
+from realitygap.kernels import trial as loop
+from realitygap.kernels.types import STEP_S
+from realitygap.kernels.types import Path as Ground
 from realitygap.tasks.task import Task
 from realitygap.track import Track, settled
 from realitygap.values import Floats, Pose
@@ -129,7 +129,7 @@ def score(path: Track, task: Task, profile: Profile) -> float:
     grown, arena = profile.body.grown(TOUCH_CM), task.arena.to_kernel()
     robot = profile.to_kernel()._replace(radius=grown.radius_cm, outline=grown.edges())
     places = zip(x[1:], y[1:], heading[1:], strict=True)
-    touches = [not batch.is_clear(robot, arena, *place) for place in places]
+    touches = [not loop.is_clear(robot, arena, *place) for place in places]
     ground = Ground(
         x=np.ascontiguousarray(x[1:]),
         y=np.ascontiguousarray(y[1:]),

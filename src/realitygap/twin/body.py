@@ -24,7 +24,15 @@ import numpy as np
 from realitygap.errors import ConfigError
 from realitygap.twin.noise import SLIP_MS, Slip, check_scale, draws
 from realitygap.twin.sensors import CYCLE_MS, HISTORY_MS, PHASE_MS, Sensors
-from realitygap.twin.unit import BODY_RADIUS, BODY_TOP, WALL_HALF, WALL_HEIGHT, Unit, check_arena, draw_unit
+from realitygap.twin.unit import (
+    BODY_RADIUS,
+    BODY_TOP,
+    WALL_HALF,
+    WALL_HEIGHT,
+    Unit,
+    check_arena,
+    draw_unit,
+)
 from realitygap.twin.wheels import ANGLE, NUMBERS, SLIP, Wheel, control
 
 __all__ = ["NOMINAL_VOLT", "TwinBody", "build_xml", "mujoco"]

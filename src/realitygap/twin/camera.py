@@ -20,7 +20,15 @@ from numpy.typing import NDArray
 from realitygap.errors import ConfigError
 from realitygap.track import Track
 from realitygap.twin.noise import check_scale, draws
-from realitygap.twin.unit import BODY_RADIUS, BODY_TOP, WALL_HALF, WALL_HEIGHT, Unit, check_arena, draw_unit
+from realitygap.twin.unit import (
+    BODY_RADIUS,
+    BODY_TOP,
+    WALL_HALF,
+    WALL_HEIGHT,
+    Unit,
+    check_arena,
+    draw_unit,
+)
 from realitygap.values import Closing, Pose
 
 __all__ = ["VIEWS", "Lens", "OverheadCamera", "Plate", "hang_camera"]

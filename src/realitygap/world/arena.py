@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap import lazy
-from realitygap.kernels import params
+from realitygap.kernels import types
 from realitygap.values import Floats
 from realitygap.world.sensors import unit
 from realitygap.world.toml import Value, load, require, shipped
@@ -127,8 +127,8 @@ class Lamp(Value):
     def points(self) -> tuple[tuple[float, float], ...]:
         """Places (x, y) of the point sources, cm."""
         dx, dy = unit(self.line_deg)
-        middle = (params.LAMP_POINTS - 1) / 2
-        along = [(i - middle) * self.spacing_cm for i in range(params.LAMP_POINTS)]
+        middle = (types.LAMP_POINTS - 1) / 2
+        along = [(i - middle) * self.spacing_cm for i in range(types.LAMP_POINTS)]
         return tuple((self.x_cm + s * dx, self.y_cm + s * dy) for s in along)
 
 
@@ -210,14 +210,14 @@ class Arena(Value):
     def _repr_html_(self) -> str:
         return str(lazy.notebook().arena_html(self))
 
-    def to_kernel(self) -> params.Arena:
+    def to_kernel(self) -> types.Arena:
         """The arena as the kernels' arrays."""
-        lamps, walls, points = self.lamps, np.array(self.walls).reshape(-1, 4), params.LAMP_POINTS
+        lamps, walls, points = self.lamps, np.array(self.walls).reshape(-1, 4), types.LAMP_POINTS
         discs = tuple((c.x_cm, c.y_cm, c.radius_cm) for c in self.cylinders)
         along = walls[:, 2:] - walls[:, :2]
         length = np.sqrt((along**2).sum(axis=1, keepdims=True))
         weights = [[k * lamp.brightness for k in lamp.weights] for lamp in lamps]
-        return params.Arena(
+        return types.Arena(
             size=np.array(self.size_cm),
             segments=walls,
             segment_along=np.hstack([along / length, length]),

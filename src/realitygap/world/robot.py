@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from realitygap import lazy
 from realitygap.files import to_toml
-from realitygap.kernels import params
-from realitygap.kernels.params import MAX_DELAY, STEP_S, UPDATES
+from realitygap.kernels import types
+from realitygap.kernels.types import MAX_DELAY, STEP_S, UPDATES
 from realitygap.values import as_count
 from realitygap.world.sensors import RAY_ANGLES_DEG, UNLIT, Ambient, Infrared
 from realitygap.world.toml import Value, load, require, shipped
@@ -215,7 +215,7 @@ class Body(Value):
 
 
 FEEDS = ("proximity", "ambient", "proximity+ambient")
-"""What may be fed to a network; the index is `params.Trial.feed`."""
+"""What may be fed to a network; the index is `types.Trial.feed`."""
 MEASURED = {
     "lobe", "overlap", "aperture_deg", "width_cm", "range_cm", "curve_cm", "dead", "curve_light",
     "curve", "table", "noise", "noise_rise",
@@ -356,15 +356,15 @@ class Profile(Value):
                 fits = offset >= 0 or offset > -depth
                 require(fits, f"{key}.offset_cm", f"more than {-depth:.3g}", offset, cure)
 
-    def to_kernel(self) -> params.Robot:
+    def to_kernel(self) -> types.Robot:
         """The robot as the kernels' arrays."""
         wheels = self.wheels
         ambient, light = self.ambient.to_kernel(self.body.height_cm)
-        return params.Robot(
+        return types.Robot(
             radius=self.body.radius_cm,
             outline=self.body.edges(),
             period=self.period_s,
-            wheels=params.Wheels(
+            wheels=types.Wheels(
                 track=wheels.track_cm,
                 speed_per_unit=np.array(wheels.speed_per_unit_cm_s),
                 rest_speed=wheels.rest_speed_cm_s,
@@ -375,7 +375,7 @@ class Profile(Value):
             proximity=self.infrared.to_kernel(),
             ambient=ambient,
             light=light,
-            noise=params.Noise(**self.noise.to_dict()),
+            noise=types.Noise(**self.noise.to_dict()),
         )
 
     def _repr_html_(self) -> str:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels import params
-from realitygap.kernels.params import CONE, EYES, F32, RAYS, Light, Proximity, Seen, Table
+from realitygap.kernels import types
+from realitygap.kernels.types import CONE, EYES, F32, RAYS, Light, Proximity, Seen, Table
 from realitygap.values import Floats
 from realitygap.world.toml import Value, require
 
@@ -378,12 +378,12 @@ class Ambient(Value):
             key = f"sensors[{i}].floor_shift"
             require(0 <= floor < dark <= self.top, key, "0 ≤ floor < dark ≤ top", (floor, dark))
 
-    def to_kernel(self, body_height_cm: float) -> tuple[params.Ambient, Light]:
+    def to_kernel(self, body_height_cm: float) -> tuple[types.Ambient, Light]:
         """Sensors and law as the kernels take them, on a body of this height."""
         sensors, many, own = self.sensors, round(self.rays), kernel_both(self)
         weights = ray_weights(self.exponent, self.reflectance * RAYS / many, many)
         floor, dark = np.array(self.ranges()).reshape(-1, 2).T
-        eyes = params.Ambient(
+        eyes = types.Ambient(
             **own,
             fan=fan(ray_angles(many), weights),
             rows=side_by_side(*own["place"].T, *own["facing"].T, np.full(len(sensors), math.inf)),

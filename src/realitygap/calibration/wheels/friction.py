@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from realitygap.calibration.recordings import WheelRecording
-from realitygap.kernels.params import STEP_S
+from realitygap.kernels.types import STEP_S
 from realitygap.values import Floats
 
 __all__ = ["Friction", "measure_friction"]

@@ -10,10 +10,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from realitygap.compiled import step
-from realitygap.kernels.brain import decide, load
-from realitygap.kernels.network import LIMIT
-from realitygap.kernels.params import I64, F
+from realitygap.kernels.network import LIMIT, decide, load
 from realitygap.kernels.trial import run_each
+from realitygap.kernels.types import I64, F
 
 
 @step
