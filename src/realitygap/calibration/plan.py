@@ -216,7 +216,14 @@ def infrared_task(
     bearings: int = BEARINGS,
     distances_cm: Sequence[float] = DISTANCES_CM,
 ) -> Task:
-    """A wall or a cylinder ("cylinder:RADIUS_CM") at all bearings, at several distances from the body's edge.
+    """An object at all bearings, at several distances from the body's edge.
+
+    Args:
+        name: "wall" or "cylinder:RADIUS_CM".
+        body: the robot's.
+        reflectance: of the object's surface; NaN: not known.
+        bearings: their number, evenly spaced, starting straight ahead.
+        distances_cm: from the body's edge, increasing.
 
     Raises:
         RecordingError: another object.

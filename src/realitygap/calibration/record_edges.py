@@ -4,26 +4,30 @@ just meets a thing or just misses it.
 The gap is halved towards the jump, so a few places tell where rays end as exactly as a far denser grid.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.plan import Place
 from realitygap.values import Floats
-
-if TYPE_CHECKING:
-    from realitygap.calibration.plan import Place
-    from realitygap.calibration.record import Journal
 
 __all__ = ["FINE", "TWICE", "look_between"]
 
 Read = Callable[[float], Floats]
 """The mean readings [S] at a bearing, degrees."""
 Row = Sequence[str]
+
+
+class Journal(Protocol):
+    """The rows of the stops that are finished, by their keys."""
+
+    done: dict[tuple[str, ...], Sequence[Row]]
+
+    def add(self, rows: Sequence[Row]) -> None: ...
+
 
 FINE = 120
 """Bearings of a grid from which on a jump can be told from a slope."""
