@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 from steps import random_networks
 
+from realitygap.compiled import kernel
 from realitygap.kernels.brain import decide
-from realitygap.kernels.jit import kernel
 from realitygap.kernels.network import load_network
 from realitygap.kernels.params import Networks, Path
 from realitygap.kernels.trial import (

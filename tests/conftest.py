@@ -35,7 +35,7 @@ LONGEST = (
     "work/test_dask", "export/test_export", "correspondence/test_score", "film/test_tracker",
     "calibration/test_record", "kernels/test_together",
     "kernels/test_trials", "transfer/test_rig",
-    "report/test_build", "twin/test_camera", "test_machine_code", "twin/test_arithmetic",
+    "report/test_build", "twin/test_camera", "test_compiled", "twin/test_arithmetic",
     "report/test_situated",
     "calibration/test_room", "correspondence/test_names", "report/test_notebook",
     "kernels/test_ambient",

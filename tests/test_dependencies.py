@@ -4,7 +4,6 @@ import ast
 import re
 import sys
 import tomllib
-from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -46,49 +45,6 @@ def test_every_import_is_declared():
     needed = imported()
     assert len(needed) > 5
     assert not needed - brought
-
-
-NOT_PUBLIC = (
-    ("numba._dispatcher", "compute_fingerprint"),
-    ("numba.core.options", "DefaultOptions._nrt"),
-    ("numba.core.dispatcher", "Dispatcher.enable_caching"),
-    ("numba.core.dispatcher", "Dispatcher.typeof_pyval"),
-    ("numba.core.codegen", "JITCodeLibrary._optimize_final_module"),
-    ("numba.core.codegen", "JITCodeLibrary._finalize_final_module"),
-    ("numba.core.codegen", "JITCodeLibrary._get_module_for_linking"),
-    ("numba.core.codegen", "JITCodeLibrary.add_ir_module"),
-    ("numba.core.compiler", "Compiler.compile_extra"),
-    ("numba.core.compiler", "CompileResult._reduce"),
-    ("numba.core.compiler", "CompileResult._rebuild"),
-    ("numba.core.runtime", "rtsys.initialize"),
-    ("numba.core.serialize", "dumps"),
-)
-"""What of Numba's the project leans on though no release promises it: the reason of its upper bound."""
-MIGHT_REPLACE = (
-    ("numba.core.options", "DefaultOptions.nrt"),
-    ("numba.core.compiler", "CompileResult.reduce"),
-    ("numba.core.dispatcher", "Dispatcher.set_cache"),
-)
-
-
-def found(module: str, name: str) -> bool:
-    """Whether a module has it."""
-    value = import_module(module)
-    for part in name.split("."):
-        if not hasattr(value, part):
-            return False
-        value = getattr(value, part)
-    return True
-
-
-def test_numba_is_bounded_for_as_long_as_need_be():
-    """Numba has what is used of it that is not public; once it offers it openly, the upper bound can go."""
-    missing = [name for module, name in NOT_PUBLIC if not found(module, name)]
-    assert not missing, f"this Numba lacks {missing}: mend linking.py, machine_code.py, or keep the bound"
-    public = [name for module, name in MIGHT_REPLACE if found(module, name)]
-    assert not public, f"Numba offers {public}: use it, and let the upper bound in pyproject.toml go"
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    assert any(re.match(r"numba>=[\d.]+,<", text) for text in project["dependencies"])
 
 
 def test_licences_of_all_dependencies_are_named():

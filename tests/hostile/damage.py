@@ -2,8 +2,8 @@
 
     python -m tests.hostile.damage [--rounds 60] [--seed 1]
 
-Each round damages one entry of a copy of the user's own cache, in one of five ways, and runs `realitygap
-simulate` or a twin. What is loaded of it is compiled again. Ends with 1 if a result changed.
+Each round damages one file of a cache, in one of five ways, and runs `realitygap simulate` or a twin. What
+is needed of it is compiled again. Ends with 1 if a result changed.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from realitygap import compiled
 
 __all__ = ["KINDS", "command", "copied_cache", "damage"]
 
@@ -36,7 +38,7 @@ TWIN = ["-m", "tests.same_everywhere", "twin"]
 
 
 def damage(entry: Path, kind: str, other: Path, *, seed: int) -> None:
-    """Make an entry wrong: cut short, empty, a bit flipped, a pickle that runs a program, or another's."""
+    """Make a file wrong: cut short, empty, a bit flipped, a pickle that runs a program, or another's."""
     data, chance = bytearray(entry.read_bytes()), random.Random(seed)
     if kind == "cut":
         data = data[: chance.randrange(max(1, len(data)))]
@@ -52,13 +54,9 @@ def damage(entry: Path, kind: str, other: Path, *, seed: int) -> None:
 
 
 def copied_cache(folder: Path) -> Path:
-    """A copy of what this version keeps for this user, made first if need be."""
-    from realitygap.kernels.jit import SHELF
-
+    """A copy of what is kept for this user, which has what SIMULATE needs."""
     command(None)
-    there = SHELF.place
-    shutil.copytree(there, folder / "cache" / "realitygap" / there.name)
-    (folder / "cache" / "realitygap" / there.name).chmod(0o700)
+    shutil.copytree(compiled.folder(), folder / "cache" / "realitygap")
     return folder / "cache"
 
 
@@ -84,16 +82,17 @@ def main() -> int:
     told = parser.parse_args()
     chance = random.Random(told.seed)
     with tempfile.TemporaryDirectory() as name:
-        cache = copied_cache(Path(name))
+        cache = Path(name)
         right = {tuple(words): command(cache, words)[0] for words in (SIMULATE, TWIN)}
-        entries = sorted(cache.rglob("*.code"))
+        entries = sorted(cache.rglob("*.nb[ci]"))
         met = wrong = 0
         for k in range(told.rounds):
             words = TWIN if k % 4 == 3 else SIMULATE
             entry, other = chance.choice(entries), chance.choice(entries)
             damage(entry, chance.choice(KINDS), other, seed=chance.randrange(2**32))
-            out, err = command(cache, words)
-            met += "was damaged" in err
+            before = entry.stat().st_mtime_ns
+            out, _ = command(cache, words)
+            met += not entry.exists() or entry.stat().st_mtime_ns != before
             wrong += out != right[tuple(words)]
         print(f"{told.rounds} entries damaged (seed {told.seed}): {met} were met, {wrong} results changed")
     return int(wrong > 0)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from realitygap.compiled import kernel
 from realitygap.kernels.contact import settle
-from realitygap.kernels.jit import kernel
 from realitygap.kernels.network import load_network, output, update_network
 from realitygap.kernels.outline import settle_outline
 from realitygap.kernels.rng import below, bits, log, normals, sin_cos, substream, uniform

@@ -15,15 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numba.core import event
 
+from realitygap.compiled import folder
 from realitygap.control.genotype import Layout, braitenberg
 from realitygap.control.network import decode
 from realitygap.control.operators import Variation
-from realitygap.kernels.jit import SHELF
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
-from realitygap.study.ahead import STAGES, Ahead
 from realitygap.tasks import load_task
 from realitygap.twin.body import TwinBody
 from realitygap.world.robot import load_profile
@@ -41,36 +39,12 @@ def in_a_child(seconds: float, count: int, part: str, **environment: str) -> lis
     return done.stdout.split("\n")[:-1]
 
 
-def compiled_into(folder: Path) -> tuple[list[str], list[str]]:
-    """What is compiled, by its names in order, into a folder, and the fingerprints of that code; as they
-    were, where that was done before."""
+def compiled_into(folder: Path) -> list[str]:
+    """The fingerprints of code that is compiled into a folder; as they were, where that was done before."""
     kept = folder / "fingerprints"
     if not kept.exists():
-        kept.write_text("\n".join(in_a_child(5.0, 20, "afresh", NUMBA_CACHE_DIR=str(folder))))
-    names, *lines = kept.read_text().split("\n")
-    return names.split(), lines
-
-
-class Names(event.Listener):
-    """Of the functions that are compiled, as they begin."""
-
-    def __init__(self) -> None:
-        self.seen: list[str] = []
-
-    def on_start(self, event: event.Event) -> None:
-        self.seen.append(event.data["dispatcher"].py_func.__name__)
-
-    def on_end(self, event: event.Event) -> None:
-        """Nothing."""
-
-
-def compile_ahead() -> list[str]:
-    """Compile what trials need as a study does, its parts first; the names of what was compiled."""
-    with event.install_listener("numba:compile", Names()) as names:
-        ahead = Ahead()
-        for job in (*STAGES[0][:2], STAGES[1][0]):
-            ahead.carry_out(job, print)
-    return names.seen
+        kept.write_text("\n".join(in_a_child(5.0, 20, "scores", NUMBA_CACHE_DIR=str(folder))))
+    return kept.read_text().split("\n")
 
 
 def fingerprints(seconds: float, count: int, *, whole: bool = True) -> list[str]:
@@ -98,9 +72,9 @@ def fingerprints(seconds: float, count: int, *, whole: bool = True) -> list[str]
 if __name__ == "__main__":
     if len(sys.argv) == 2:
         compiled_into(Path(sys.argv[1]))
-        for path in Path(sys.argv[1]).rglob("*.code"):
-            if SHELF.folder is not None:
-                shutil.copy(path, SHELF.folder)
+        folder().mkdir(parents=True, exist_ok=True)
+        for path in Path(sys.argv[1]).rglob("*.nb[ci]"):
+            shutil.copy(path, folder())
         one = Simulation("obstacle-avoidance", "paper")
         course, _ = one.trajectory(
             decode(braitenberg(one.task.feeds, Layout()), Layout()), stream=0, seconds=0.1
@@ -109,6 +83,4 @@ if __name__ == "__main__":
         twin = TwinBody({"size_cm": [50, 50]}, unit=1)
         twin.advance(1), twin.proximity(), twin.ambient()
     else:
-        if sys.argv[3] == "afresh":
-            print(*compile_ahead())
         print("\n".join(fingerprints(float(sys.argv[1]), int(sys.argv[2]), whole=sys.argv[3] == "whole")))

@@ -67,7 +67,7 @@ def test_what_is_no_shard_leaves_no_study(shard, tmp_path):
 
 def test_a_study_that_fails_to_start_is_taken_back(tmp_path, monkeypatch):
     """Whatever the error, before anything was saved."""
-    monkeypatch.setattr(runner, "compile_side_by_side", lambda pool: 1 / 0)
+    monkeypatch.setattr(runner.Workshop, "compile", lambda self: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         run_study(tmp_path / "study", small(), shard="1/2", workers=1)
     assert not list(tmp_path.iterdir())

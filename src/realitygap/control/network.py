@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from realitygap.compiled import kernel, routine, step
 from realitygap.control.genotype import (
     DELAY,
     EXPRESSED,
@@ -26,7 +27,6 @@ from realitygap.control.genotype import (
     links_of,
 )
 from realitygap.errors import GenotypeError, UsageError
-from realitygap.kernels.jit import kernel, routine, step
 from realitygap.kernels.network import first_unfit
 from realitygap.kernels.params import UPDATES, Networks
 from realitygap.lazy import above

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
+from realitygap.compiled import routine, step
 from realitygap.control import operators as breeding
 from realitygap.control.genotype import (
     DELAY,
@@ -24,7 +25,6 @@ from realitygap.control.genotype import (
 )
 from realitygap.control.network import decode
 from realitygap.errors import GenotypeError, UsageError
-from realitygap.kernels.jit import routine, step
 from realitygap.kernels.params import Networks
 from realitygap.kernels.rng import below, substream, uniform
 from realitygap.streams import (

@@ -79,12 +79,12 @@ class Rewards:
 
 @lru_cache(maxsize=16)
 def _prefix_loop(score: CompiledScore) -> Callable[..., None]:
-    """Scores of the first rows of paths, compiled as the score is."""
-    one = score.compiled
+    return score.around(_take)
 
-    def take(paths: Any, done: Any, which: Any, room: Any, scores: Any) -> None:
-        for i in range(which.shape[0]):
-            p, k = paths[which[i]], done[which[i]]
-            scores[i] = one(Path(p[0, :k], p[1, :k], p[2, :k], p[3, :k], p[4, :k], p[5, :k]), room)
 
-    return score.around(take)
+def _take(paths: Any, done: Any, which: Any, room: Any, scores: Any) -> None:
+    """Scores of the first rows of paths."""
+    for i in range(which.shape[0]):
+        p, k = paths[which[i]], done[which[i]]
+        path = Path(p[0, :k], p[1, :k], p[2, :k], p[3, :k], p[4, :k], p[5, :k])
+        scores[i] = score(path, room)  # type: ignore[name-defined]  # noqa: F821

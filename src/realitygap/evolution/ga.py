@@ -14,9 +14,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from realitygap.compiled import routine, step
 from realitygap.errors import StudyError, UsageError
 from realitygap.evolution.algorithm import NOBODY, Batch, Genes, Variation
-from realitygap.kernels.jit import routine, step
 from realitygap.kernels.rng import below, bits, substream
 from realitygap.streams import CELL, MATE, OFFSPRING, REPLACED
 from realitygap.values import as_count, as_stream

@@ -10,11 +10,12 @@ from typing import Self
 
 from realitygap.errors import ConfigError, StudyError
 from realitygap.files import atomic_write, read_toml, to_toml
-from realitygap.study.ahead import compile_ahead
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import exists, open_to_begin, own_config
 from realitygap.study.load import Study
 from realitygap.study.lock import lock
+from realitygap.study.materials import gather
+from realitygap.study.run import Bench
 from realitygap.study.schema import told
 from realitygap.study.settings import LARGEST, refuse_difference, whole
 from realitygap.tasks import load_task
@@ -27,7 +28,7 @@ from realitygap.work.workers import Workers, near
 from realitygap.world.robot import load_profile
 from realitygap.world.toml import Value, build, shipped
 
-__all__ = ["STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "meanwhile", "transferred"]
+__all__ = ["STARTS", "UNIT", "Reproduction", "again", "begun", "configured", "transferred"]
 
 UNIT = 1
 """The twin's unit that is measured and then driven."""
@@ -130,7 +131,7 @@ def configured(
             place, seed = folder / CALIBRATION, requested.seed
             made = calibrated_unit(
                 place, unit=UNIT, noise=1.0, seed=seed, workers=near(workers),
-                meanwhile=meanwhile(workers), on_progress=on_progress,
+                meanwhile=[] if workers == 1 else [compile_ahead], on_progress=on_progress,
             )  # fmt: skip
             profile = str(made)
     return requested.study(profile)
@@ -175,11 +176,12 @@ def again(study: Study) -> str:
     return " ".join(map(str, words))
 
 
-def meanwhile(workers: Workers) -> list[Callable[[], None]]:
-    """Work for workers while others record the robot: compiling what comes next, if it is not on disk."""
-    from realitygap.kernels.jit import SHELF
-
-    return [] if workers == 1 or SHELF.holds("run_trials") else [compile_ahead]
+def compile_ahead() -> None:
+    """Compile what evolution calls, which is the same for all robots, or load it: a worker's work while
+    others record the robot."""
+    materials = gather(StudyConfig.reproduction())
+    for condition in range(len(materials.tasks)):
+        Bench(materials, condition).compile()
 
 
 def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:

@@ -10,14 +10,14 @@ The curves end four standard deviations from their middles, as OpenCV's do.
 
 import math
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.machine_code import Shelf
+from realitygap.compiled import compiled
+from realitygap.compiled import step as inlined
 
 __all__ = [
     "INNER", "LANES", "OUTER", "Curves", "Picture", "Room", "curves", "jit", "part_about", "respond", "step",
@@ -35,11 +35,8 @@ responds most to a disc of just that radius (a Laplacian of width r / √2 does)
 LANES = 32
 """Filtered parts are a multiple of so many columns wide: what a compiled loop takes at once."""
 
-_SHELF = Shelf(
-    b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("masks", "window", "pattern"))
-)
-jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
-step = partial(jit, forceinline=True, form="PART")
+jit = partial(compiled, nogil=True, allocates=False)
+step = partial(inlined, fastmath=False)
 
 
 class Room(NamedTuple):

@@ -1,7 +1,7 @@
 """Entry points for Python: many trials, a step of many robots, readings at a pose."""
 
+from realitygap.compiled import kernel
 from realitygap.kernels.infrared import infrared
-from realitygap.kernels.jit import kernel
 from realitygap.kernels.light import ambient
 from realitygap.kernels.outline import body_clear
 from realitygap.kernels.rng import normals, substream

@@ -16,8 +16,6 @@ def by_type(stub: Callable[..., Any]) -> Any:
 
     @overload(chosen, inline="always", strict=False)
     def choose(brain: Any, n: Any, work: Any) -> Any:
-        while not hasattr(brain, "instance_class"):  # a tuple's type is also met behind a pointer
-            brain = brain.dtype
         step = chosen.dispatch(brain.instance_class)
         return lambda brain, n, work: step(brain, n, work)
 

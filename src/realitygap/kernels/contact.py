@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from realitygap.kernels.jit import step
+from realitygap.compiled import step
 from realitygap.kernels.near import from_segment, is_beyond, stands_clear, unit
 from realitygap.kernels.params import STEP_S
 

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from realitygap.kernels.jit import apart, step
+from realitygap.compiled import step
 from realitygap.kernels.near import SPARE, cell_at, from_segment, is_beyond, stands_clear
 from realitygap.kernels.rays import (
     EYE_A,
@@ -149,7 +149,7 @@ def by_table_or_rays(table, robot, arena, work, out):
         by_rays(robot, arena, work, out)
 
 
-@apart
+@step
 def infrared(robot, arena, work, out):
     """Noise-free readings of all proximity sensors into `out` ([P], counts, unrounded)."""
     by_table_or_rays(robot.proximity_table, robot, arena, work, out)

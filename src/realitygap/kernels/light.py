@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
+from realitygap.compiled import step
 from realitygap.kernels.infrared import apply_curve
-from realitygap.kernels.jit import apart, step
 from realitygap.kernels.near import cell_at
 from realitygap.kernels.params import LAMP_POINTS
 from realitygap.kernels.rays import (
@@ -435,7 +435,7 @@ def illuminate(robot, arena, reflecting, work, out):
         hand_over(p, block, out)
 
 
-@apart
+@step
 def ambient(robot, arena, work, out):
     """Noise-free readings of all ambient sensors into `out` ([A], counts, unrounded).
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from realitygap.kernels.jit import step
+from realitygap.compiled import step
 
 SPARE = 1e-6
 """Safety margin of far-off tests, cm, against rounding."""

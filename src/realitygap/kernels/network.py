@@ -10,8 +10,8 @@ link is then a weight and an offset back from the position being computed.
 
 import numpy as np
 
+from realitygap.compiled import kernel, step
 from realitygap.kernels.brain import decide, load
-from realitygap.kernels.jit import kernel, step
 from realitygap.kernels.params import MAX_DELAY, UPDATES, Networks
 
 LIMIT = 10

@@ -8,8 +8,8 @@ the least overlap (separating axes). A body that cannot turn anywhere near does 
 import math
 from typing import NamedTuple
 
+from realitygap.compiled import step
 from realitygap.kernels.contact import ROUNDS, Move, push
-from realitygap.kernels.jit import step
 from realitygap.kernels.near import SPARE, is_beyond, stands_clear, unit
 from realitygap.kernels.rng import sin_cos
 

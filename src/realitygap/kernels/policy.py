@@ -9,8 +9,8 @@ import math
 from functools import partial
 from typing import Any, NamedTuple
 
+from realitygap.compiled import step
 from realitygap.kernels.brain import decide, load
-from realitygap.kernels.jit import helper, step
 from realitygap.kernels.network import LIMIT
 from realitygap.kernels.params import I64, F
 from realitygap.kernels.trial import run_each
@@ -28,7 +28,7 @@ def put_out(weights, memory, hidden, outputs):
         at += hidden + 1
 
 
-@helper
+@step
 def feed_forward(weights, memory, inputs, outputs):
     """One hidden layer of tanh: weights [H, I + 1] into it and [2, H + 1] out of it, biases last.
 
@@ -46,7 +46,7 @@ def feed_forward(weights, memory, inputs, outputs):
     put_out(weights[at:], memory, hidden, outputs)
 
 
-@helper
+@step
 def recurrent(weights, memory, inputs, outputs):
     """An Elman network: weights [H, I + H + 1] into its hidden layer and [2, H + 1] out of it, biases last.
 
@@ -68,7 +68,7 @@ def recurrent(weights, memory, inputs, outputs):
     put_out(weights[at:], memory, hidden, outputs)
 
 
-@helper
+@step
 def command(value):
     """An output −1 … 1 as an integer −10 … 10."""
     return math.floor(min(max(value, -1.0), 1.0) * LIMIT + 0.5)
@@ -112,12 +112,8 @@ def decide_by_weights(brain, n, work):
     return command(brain.outputs[0]), command(brain.outputs[1])
 
 
-def trials_under(function):
-    """Trials under controllers with weights, to be compiled with their function: as of `run_each`."""
-
-    def run(world, brain, which, streams, paths, record, work):
-        weights, mine, memory, inputs, outputs, wrong = brain
-        whole = Weights(function, weights, mine, memory, inputs, outputs, wrong)
-        run_each(world, whole, which, streams, paths, record, work)
-
-    return run
+def run(world, brain, which, streams, paths, record, work):
+    """Trials under controllers with weights, to be compiled with their `function`: as of `run_each`."""
+    weights, mine, memory, inputs, outputs, wrong = brain
+    whole = Weights(function, weights, mine, memory, inputs, outputs, wrong)  # noqa: F821
+    run_each(world, whole, which, streams, paths, record, work)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from realitygap.kernels.jit import step
+from realitygap.compiled import step
 from realitygap.kernels.params import EYES, PAIRS, RAYS
 
 U, f32 = np.uint64, np.float32

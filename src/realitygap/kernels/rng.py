@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from realitygap.kernels.jit import helper, step
+from realitygap.compiled import helper, step
 
 _GAMMA = np.uint64(0x9E3779B97F4A7C15)
 _M1 = np.uint64(0xBF58476D1CE4E5B9)

@@ -3,8 +3,8 @@
 One kernel each, so that a fit compiles only what it needs.
 """
 
+from realitygap.compiled import kernel
 from realitygap.kernels.infrared import infrared, receive
-from realitygap.kernels.jit import kernel
 from realitygap.kernels.light import illuminate
 from realitygap.kernels.trial import set_pose
 from realitygap.kernels.wheels import turn_wheel

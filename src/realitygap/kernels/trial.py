@@ -5,10 +5,10 @@ A task's score is computed from what was stored when the trial is over.
 
 import math
 
+from realitygap.compiled import step
 from realitygap.kernels.brain import decide, load
 from realitygap.kernels.contact import ground_speeds, settle
 from realitygap.kernels.infrared import infrared, scale_noise
-from realitygap.kernels.jit import step
 from realitygap.kernels.light import ambient
 from realitygap.kernels.network import LIMIT
 from realitygap.kernels.outline import settle_outline

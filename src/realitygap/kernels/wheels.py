@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from realitygap.kernels.jit import step
+from realitygap.compiled import step
 from realitygap.kernels.params import STEP_S
 from realitygap.kernels.rng import sin_cos
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels.jit import helper
+from realitygap.compiled import step
 from realitygap.kernels.network import ROWS
 from realitygap.kernels.params import F32, F, Networks, Path, Robot, Trial
 from realitygap.kernels.rays import INVERSE, MIRROR
@@ -87,7 +87,7 @@ class Robots(NamedTuple):
     unfed: F
 
 
-@helper
+@step
 def noise_blocks(sensors):
     """Blocks of 16 normal numbers that a step needs for `sensors` readings and the motors."""
     return (sensors + MOTOR_NOISE + 15) // 16

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from realitygap.compiled import compiled, kernel, naming
 from realitygap.errors import UsageError
 from realitygap.kernels import policy
 from realitygap.kernels.network import LIMIT
@@ -133,8 +134,6 @@ def form_of(given: object, inputs: int) -> Form:
 
 def _own(given: Any, name: str, inputs: int) -> Form:
     """A user's function, or class that has it, compiled."""
-    from realitygap.kernels.jit import SHELF
-
     plain: Any = getattr(given, "decide", None) if isinstance(given, type) else given
     plain = getattr(plain, "py_func", plain)  # a user's own @njit
     if not hasattr(plain, "__code__"):
@@ -149,7 +148,7 @@ def _own(given: Any, name: str, inputs: int) -> Form:
             for size in (parts.get("WEIGHTS"), parts.get("MEMORY", 0))
         )
     weights, memory = as_count(weights, f"{name}: WEIGHTS"), as_count(memory, f"{name}: MEMORY", 0)
-    decide = SHELF.compiled(plain, error_model="numpy", boundscheck=True)
+    decide = compiled(plain, boundscheck=True)
     try:
         decide(np.zeros(weights), np.zeros(memory), np.zeros(inputs), np.zeros(2))
     except Exception as error:
@@ -165,8 +164,7 @@ def _own(given: Any, name: str, inputs: int) -> Form:
 @lru_cache(maxsize=16)
 def _compiled(decide: Any, may_allocate: bool) -> Callable[..., None]:
     """Trials under a controller: ours never allocate, which halves their time."""
-    from realitygap.kernels.jit import kernel
-
-    options = {"fastmath": False, "_nrt": True} if may_allocate else {}
-    run: Callable[..., None] = kernel(policy.trials_under(decide), like=decide, **options)
+    flags = {"fastmath": False, "allocates": True} if may_allocate else {}
+    loop, home = naming(policy.run, function=decide), getattr(decide, "py_func", decide)
+    run: Callable[..., None] = kernel(loop, home=home, **flags)
     return run

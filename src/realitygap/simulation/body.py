@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from realitygap.compiled import entry_for
 from realitygap.control.network import NetworkController, as_controller, decode, neurons
 from realitygap.errors import UsageError
 from realitygap.files import must_be
 from realitygap.kernels import batch
-from realitygap.kernels.jit import entry_for
 from realitygap.kernels.params import Path
 from realitygap.kernels.work import new_record, new_robots, new_work
 from realitygap.robots.body import KINDS, Channel, Odometry
@@ -146,14 +146,15 @@ class SimulatedBody:
         free, stream = self.simulation.require_free(pose), as_stream(self.stream)
         self._world, self._commands = self.simulation.world_of(int(stream)), np.zeros((1, 2), np.int64)
         self._robots.stream[0] = stream
-        self._find_entry()
+        if not hasattr(self, "_entry"):
+            self._find_entry()
         self._advance(np.array([[free.x, free.y, free.heading]], float))
         self._pulses = [0.0, 0.0]
         self._odometry = self._wheel_counts()
         self.clock.begin_step()
 
     def _find_entry(self) -> None:
-        """Of the kernel that every step calls: the types of what it is given stay until a reset."""
+        """Of the kernel that every step calls: the types of what it is given stay."""
         given = self._world, self._robots, ONE, NOWHERE, self._commands, self._work
         self._entry = entry_for(batch.advance, *given)
 
@@ -165,7 +166,7 @@ class SimulatedBody:
         self._find_entry()
 
     def _advance(self, starts: Floats) -> None:
-        self._entry((self._world, self._robots, ONE, starts, self._commands, self._work))
+        self._entry(self._world, self._robots, ONE, starts, self._commands, self._work)
 
     def _step(self) -> None:
         self._advance(NOWHERE)

@@ -12,22 +12,16 @@ from functools import cached_property
 from os import PathLike
 from typing import Any, Protocol
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.compiled import routine
 from realitygap.control.genotype import Layout
 from realitygap.control.network import check_networks
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import batch
-from realitygap.kernels.infrared import infrared
-from realitygap.kernels.jit import routine
-from realitygap.kernels.light import ambient
-from realitygap.kernels.network import update_network
 from realitygap.kernels.params import Networks, Path, Robot, Room, Trial, World
-from realitygap.kernels.pointed import met
 from realitygap.kernels.rng import substream, uniform
-from realitygap.kernels.trial import move
 from realitygap.kernels.work import (
     NO_NETWORK,
     NO_RECORD,
@@ -378,20 +372,6 @@ class Simulation:
         none = np.zeros(0, np.int64), np.zeros(0, np.uint64)
         self.run(batch.run_trials, NO_NETWORK, *none, self._paths[:0], self.scratch(NO_NETWORK))
         self.score.over(self._paths[:1], self.room)
-
-    def compile_part(self, name: str) -> None:
-        """Compile a part of the kernels alone: "light", or "near", all else but what encloses them."""
-        robot, arena, work = self.robot, self.arena, self.scratch(NO_NETWORK)
-        sensing = (robot, arena, work, work.readings[:])
-        calls: list[tuple[Any, tuple[object, ...]]] = [(ambient, sensing)]
-        if name == "near":
-            calls = [
-                (infrared, sensing),
-                (move, (robot, arena, work)),
-                (update_network, (NO_NETWORK, 0, work)),
-            ]
-        for part, arguments in calls:
-            part.compile(tuple(met(numba.typeof(one)) for one in arguments))
 
     def steps_of(self, seconds: float) -> int:
         """Of a trial of that length.

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.compiled import routine, step
 from realitygap.control.genotype import FIRST_LINK, LINK_FIELDS
 from realitygap.control.operators import Variation, crosses, offspring, random_genes
 from realitygap.evolution import ALGORITHMS
 from realitygap.evolution.algorithm import NOBODY
 from realitygap.evolution.ga import DistributedGA, Population, select
-from realitygap.kernels.jit import routine, step
 from realitygap.kernels.rng import substream
 from realitygap.streams import OFFSPRING, TRIALS
 from realitygap.study.plan import trial_streams

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels.jit import routine
+from realitygap.compiled import routine
 from realitygap.kernels.rng import substream
 from realitygap.study.materials import Materials
 from realitygap.world.robot import noise_level, noise_name

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from realitygap.errors import StudyInterruptedError
 from realitygap.files import as_path, must_be
-from realitygap.study.ahead import compile_side_by_side
 from realitygap.study.config import StudyConfig
 from realitygap.study.far import Words, home_of, words_for
 from realitygap.study.folder import exists, open_folder, read_materials, take_back
@@ -112,8 +111,6 @@ def _carry_out(
         if not left:
             return
         store.begin_session({**versions(), "engine": workshop.engine})
-        if workshop.engine == "cores":
-            compile_side_by_side(pool)
         workshop.compile()
         keeper.begin(EVOLVING)
         costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from realitygap.errors import TaskError
 from realitygap.kernels.params import Path, Room
-from realitygap.outside import frozen, used
 from realitygap.world.arena import Arena
 
 __all__ = ["CompiledScore", "Score", "compile_score", "compiled_in", "example", "reason", "tried"]
@@ -57,22 +56,13 @@ class CompiledScore:
 
     @cached_property
     def _loop(self) -> Callable[..., None]:
-        score = self.compiled
-
-        def take(paths: Any, room: Any, scores: Any) -> None:
-            for t in range(scores.shape[0]):
-                p = paths[t]
-                scores[t] = score(Path(p[0], p[1], p[2], p[3], p[4], p[5]), room)
-
-        return self.around(take)
+        return self.around(_take)
 
     def around(self, loop: Callable[..., None]) -> Callable[..., None]:
-        """A loop that encloses the compiled score, compiled as the score is."""
-        from realitygap.kernels.jit import SHELF
+        """A loop that calls `score`, compiled with this one."""
+        from realitygap.compiled import compiled, naming
 
-        if self.compiled is self.plain:  # the compiler is off
-            return loop
-        made: Callable[..., None] = SHELF.compiled(loop, like=self.compiled, error_model="numpy")
+        made: Callable[..., None] = compiled(naming(loop, score=self.compiled), home=self.plain)
         return made
 
     def failure(self, error: Exception, path: Path, room: Room) -> TaskError:
@@ -91,6 +81,12 @@ class CompiledScore:
         return TaskError(f"{where}: the score fails with {told}. {cure}")
 
 
+def _take(paths: Any, room: Any, scores: Any) -> None:
+    for t in range(scores.shape[0]):
+        p = paths[t]
+        scores[t] = score(Path(p[0], p[1], p[2], p[3], p[4], p[5]), room)  # type: ignore[name-defined]  # noqa: F821
+
+
 def compile_score(score: Score) -> CompiledScore:
     """`score` compiled by Numba for (Path, Room), or as it is where the compiler is off.
 
@@ -102,6 +98,8 @@ def compile_score(score: Score) -> CompiledScore:
 
 def compiled_in(score: Score) -> tuple[str, ...]:
     """The numbers and arrays that a score uses besides its arguments, as texts: they may have changed."""
+    from realitygap.compiled import frozen
+
     with suppress(OSError, TypeError):
         return frozen(score)
     return ()
@@ -113,23 +111,23 @@ def _compiled(score: Score, told: tuple[str, ...]) -> CompiledScore:
     _refuse_unrepeatable(score, set())
     import numba
 
-    from realitygap.kernels.jit import SHELF
+    from realitygap.compiled import compiled
 
     if numba.config.DISABLE_JIT:
         return CompiledScore(score, score)
-    compiled = SHELF.compiled(score, error_model="numpy", boundscheck=True)
+    made = compiled(score, boundscheck=True)
     types = tuple(numba.typeof(value) for value in example())
     try:
-        compiled.compile(types)
+        made.compile(types)
     except Exception as error:  # Numba's own errors, and those it lets through (a name NumPy lacks)
         raise TaskError(f"{_where(score, error)}: the score cannot be compiled: {reason(error)}") from None
-    returned = compiled.overloads[types].signature.return_type
+    returned = made.overloads[types].signature.return_type
     if returned != numba.float64:
         raise TaskError(
             f"{_where(score)}: score: expected a function that returns a float, it returns "
             f"{_named(returned)}. Return one number from every branch, as float(…)."
         )
-    return CompiledScore(score, compiled)
+    return CompiledScore(score, made)
 
 
 def _refuse_unrepeatable(function: Any, seen: set[Any]) -> None:
@@ -137,6 +135,8 @@ def _refuse_unrepeatable(function: Any, seen: set[Any]) -> None:
 
     Compiled functions that it calls check their indices too from then on.
     """
+    from realitygap.compiled import used
+
     seen.add(function)
     for line, found, name in used(function):
         where = f"{inspect.getfile(function)}, line {line}"

@@ -4,36 +4,28 @@ Those of NumPy and of the C library take other ways on other processors (AVX-512
 bit. These are made of sums, products, quotients and square roots alone, which IEEE 754 rounds one way only,
 in one order. Polynomials of fdlibm (Sun Microsystems 1993): errors of a few units in the last place.
 
-It also says how the twin's inner loops are compiled. What is kept on file is known to be out of date by the
-text of this room. No flag lets the compiler change the order of a sum.
+It also says how the twin's inner loops are compiled: with no licence for the compiler to rewrite arithmetic.
 """
 
 import math
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from realitygap.machine_code import Shelf
+from realitygap.compiled import compiled
+from realitygap.compiled import step as inlined
 
 __all__ = [
     "arctan2", "cos_sin", "hypot", "jit", "normals", "one_arctan2", "one_cos_sin", "one_normal",
     "one_power", "power", "product", "routine", "step",
 ]  # fmt: skip
 
-_SHELF = Shelf(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))))
-
-routine = partial(_SHELF.compiled, error_model="numpy", nogil=True)
-"""For what is called from Python and allocates."""
-
-jit = partial(_SHELF.compiled, error_model="numpy", nogil=True, _nrt=False)
-"""For what allocates nothing: Numba's reference counts cost as much as the work itself."""
-
-step = partial(jit, forceinline=True, form="PART")
-"""For a part of it, inlined: arrays would cost more to hand over than the step itself."""
+routine = partial(compiled, nogil=True)
+jit = partial(compiled, nogil=True, allocates=False)
+step = partial(inlined, fastmath=False)
 
 Array = NDArray[np.float64]
 
