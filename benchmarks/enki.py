@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import argparse
 import statistics
+import tempfile
 import time
 from dataclasses import replace
 
-from realitygap import temporary
 from realitygap.enki.unit import MODELS
 from realitygap.robots.address import Address
 from realitygap.tasks import load_task
@@ -55,7 +55,7 @@ def main() -> None:
 def measured(task: Task, model: str, seconds: float, rounds: int) -> tuple[float, float]:
     """Medians over the rounds, of a drive alone and of one whose track is the camera's."""
     own, camera = [], []
-    with temporary.Folder("bench") as folder:
+    with tempfile.TemporaryDirectory(prefix="realitygap-") as folder:
         robot = Address.parse(f"enki:{model}")
         profile = load_profile(MODELS[model].profile)
         with Rig(task, profile, robot=robot, folder_for_camera=folder) as rig:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
@@ -9,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from realitygap import temporary
 from realitygap.calibration.recorder.record import check_period
 from realitygap.calibration.unit_folder import PARTS
 from realitygap.errors import ConfigError, RealityGapError, StudyError, UsageError
@@ -82,7 +82,7 @@ class Bench:
     def __init__(
         self, kind: type[NoiseExperiment], folder: Path, config: NoiseConfig, files: Mapping[str, bytes]
     ) -> None:
-        self._home = temporary.Folder("noise") if files else None
+        self._home = tempfile.TemporaryDirectory(prefix="realitygap-") if files else None
         if self._home is not None:
             folder = Path(self._home.name)
             for name, content in files.items():

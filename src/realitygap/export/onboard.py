@@ -4,6 +4,7 @@ import hashlib
 import re
 import shutil
 import subprocess
+import tempfile
 from dataclasses import dataclass
 from keyword import iskeyword
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap import __version__, temporary
+from realitygap import __version__
 from realitygap.control.encoding import controller_of, links_into
 from realitygap.control.network import NetworkController
 from realitygap.errors import StudyError, UsageError
@@ -319,7 +320,7 @@ def sizes(source: Path) -> dict[str, int]:
     A compiler that cannot do it (one without its library) counts as not installed.
     """
     found = {}
-    with temporary.Folder("size") as folder:
+    with tempfile.TemporaryDirectory(prefix="realitygap-") as folder:
         for chip, (compiler, *flags) in CHIPS.items():
             size = compiler.removesuffix("gcc") + "size"
             if not (shutil.which(compiler) and shutil.which(size)):

@@ -1,5 +1,6 @@
 """Writes a study's report: `index.html`, every figure as PNG and SVG, every table as CSV."""
 
+import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -9,7 +10,6 @@ from typing import Any
 
 from markupsafe import Markup
 
-from realitygap import temporary
 from realitygap.experiments.reproduction import again
 from realitygap.report import words
 from realitygap.report.calibrated import calibrated_part
@@ -64,7 +64,7 @@ def build_report(
 
 def figures_of(study: Study) -> Figures:
     """All figures of a study's page by name, not yet drawn."""
-    with temporary.Folder("report") as folder:  # for copies of films
+    with tempfile.TemporaryDirectory(prefix="realitygap-") as folder:  # for copies of films
         return _gathered(study, parts_of(study), Path(folder), Figures())[0].figures
 
 

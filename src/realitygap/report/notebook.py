@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import os
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,6 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from realitygap import temporary
 from realitygap.control.network import NetworkController
 from realitygap.errors import StudyError
 from realitygap.files import atomic_write
@@ -136,7 +136,7 @@ def replayed(
 
 
 def shown_calibration(made: Calibration, height: int) -> Shown:
-    with temporary.Folder("page") as folder:
+    with tempfile.TemporaryDirectory(prefix="realitygap-") as folder:
         page = write_calibration_page(made, Path(folder) / "page.html")
         return Shown(page.read_text("utf-8"), height)
 

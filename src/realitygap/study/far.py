@@ -1,9 +1,9 @@
 """A study whose folder cannot be seen: rebuilt from its files' content, without its evaluations."""
 
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from realitygap import temporary
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import CONFIG, agree, exists
 from realitygap.study.materials import gather, own
@@ -23,7 +23,7 @@ Words = tuple[str, Mapping[str, bytes]]
 class Home(Closing):
     """The folder that a worker reads a study from: its own, or a temporary one that `close` removes."""
 
-    def __init__(self, folder: Path, made: temporary.Folder | None = None) -> None:
+    def __init__(self, folder: Path, made: tempfile.TemporaryDirectory[str] | None = None) -> None:
         self.folder, self._made = folder, made
 
     def close(self) -> None:
@@ -44,7 +44,7 @@ def home_of(words: Words) -> Home:
     if words[0] and exists(place) and Reader(place / DATABASE).sources() == sources:
         agree(place)  # the parent has asked
         return Home(place)
-    made = temporary.Folder("study")
+    made = tempfile.TemporaryDirectory(prefix="realitygap-")
     folder = Path(made.name)
     for name, content in sources.items():
         path = folder / name

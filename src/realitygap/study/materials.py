@@ -4,12 +4,12 @@ A study reads only its own folder once it is created. It can be moved, or the us
 still resumes and replays with the same bits.
 """
 
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from realitygap import temporary
 from realitygap.errors import ConfigError
 from realitygap.study.config import StudyConfig
 from realitygap.study.sources import inside
@@ -139,7 +139,7 @@ def _refuse_repetition(pairs: list[tuple[str, float]]) -> None:
 
 def _task_files(task: Task) -> dict[str, bytes]:
     """A user's task file and its arena's: relative path and content."""
-    with temporary.Folder("task") as name:
+    with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
         folder = Path(name)
         copy_task(task, folder)
         found = [path for path in sorted(folder.rglob("*")) if path.is_file()]

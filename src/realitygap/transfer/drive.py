@@ -1,13 +1,13 @@
 """Runs any controller on any body at a task: the track, and the task's score."""
 
 import sys
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any, cast
 
-from realitygap import temporary
 from realitygap.control.genotype import Layout
 from realitygap.control.network import as_controller, named_controller
 from realitygap.errors import UsageError
@@ -162,7 +162,7 @@ def pairs(
         raise UsageError(f"{folder} already holds trials (start-1 …). Choose another --out, or remove it.")
     task, profile, scale = simulation.task, simulation.profile, 1.0 if twin_noise is None else twin_noise
     with (
-        temporary.Folder("camera") as cameras,
+        tempfile.TemporaryDirectory(prefix="realitygap-") as cameras,
         Rig(task, profile, robot=robot, twin_noise=scale, folder_for_camera=cameras) as rig,
     ):
         check_fit(rig.body, profile, task.kinds)

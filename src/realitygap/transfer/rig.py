@@ -8,13 +8,13 @@ switched off and on again, in one process for all trials.
 """
 
 import math
+import tempfile
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from realitygap import temporary
 from realitygap.errors import RealityGapError, UsageError
 from realitygap.film.marker import Marker
 from realitygap.kernels.rng import substream
@@ -95,7 +95,7 @@ class Rig(Closing):
             made = self.trial(controller, stream, pose, length)
             track = made.known(self.task, self.profile) if made.poses else made.counted(pose, self.profile)
             return track, made.recording
-        with temporary.Folder("sealed") as folder:
+        with tempfile.TemporaryDirectory(prefix="realitygap-") as folder:
             sealed = Path(folder) / "sealed.csv"
             recording = self.trial(controller, stream, pose, length, sealed=sealed).recording
             track = self.watcher.track(self.states(sealed, length), stream)

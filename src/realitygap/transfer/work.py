@@ -1,5 +1,6 @@
 """Makes the trials of a transfer: in a pool's workers, with progress; on a person's robot by hand."""
 
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -7,7 +8,6 @@ from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
-from realitygap import temporary
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Genes
 from realitygap.robots.body import abandon
@@ -85,7 +85,10 @@ class Bench:
             left -= cost
             tell(cost)
 
-        with temporary.Folder("trial") as name, blamed(self._shown / one.folder, one.robot):
+        with (
+            tempfile.TemporaryDirectory(prefix="realitygap-") as name,
+            blamed(self._shown / one.folder, one.robot),
+        ):
             try:
                 self._stage.by_itself(one, genes, Path(name), share)
             except BaseException:

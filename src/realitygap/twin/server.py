@@ -19,13 +19,13 @@ import select
 import signal
 import socket
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Self
 
-from realitygap import temporary
 from realitygap.errors import RealityGapError, UsageError
 from realitygap.files import naming_errors
 from realitygap.robots.khepera.protocol import KHEPERA
@@ -95,7 +95,7 @@ class Server:
         self._buffers: dict[socket.socket, bytes] = {}
 
     def __enter__(self) -> Self:
-        self._folder = temporary.Folder("twin")
+        self._folder = tempfile.TemporaryDirectory(prefix="realitygap-")
         self.channel = os.path.join(self._folder.name, "clock")
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(self.channel)

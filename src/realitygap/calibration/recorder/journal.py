@@ -128,7 +128,7 @@ def alone(folder: Path) -> Iterator[None]:
     Raises:
         RecordingError: another process holds it, or it is a study's.
     """
-    import fcntl  # where a system has none, `temporary` has said so
+    import fcntl  # where a system has none, `files` has said so
 
     if (folder / STUDY).exists():
         raise RecordingError(f"{folder}: holds a study ({STUDY}). Choose another folder.")

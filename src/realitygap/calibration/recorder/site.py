@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import math
+import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.errors import UsageError
@@ -58,7 +58,9 @@ class OwnSite(Closing):
                 self._camera = stack.enter_context(
                     FloorCamera(room, unit=body.unit, noise=body.noise, seed=seed, marker=marker)
                 )
-                self._film = Path(stack.enter_context(temporary.Folder("record"))) / "film.csv"
+                self._film = (
+                    Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="realitygap-"))) / "film.csv"
+                )
                 self._stack = stack.pop_all()
 
     def prepare(self, says: str) -> bool:
