@@ -12,6 +12,7 @@ compile or load more slowly, with the same results.
 
 import builtins
 import dis
+import fcntl
 import gc
 import hashlib
 import inspect
@@ -34,14 +35,6 @@ import numba.core.options
 import numpy as np
 from llvmlite.binding import get_host_cpu_features
 from numba.extending import overload, register_jitable
-
-try:
-    import fcntl
-except ModuleNotFoundError as missing:
-    raise OSError(
-        f"realitygap needs Linux or macOS (there is no module {missing.name!r} here). "
-        "On Windows install it in WSL."
-    ) from None
 
 __all__ = [
     "compiled", "entry_for", "folder", "frozen", "helper", "kernel", "naming", "routine", "step", "used",
