@@ -9,7 +9,7 @@ import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -60,15 +60,15 @@ class Node:
         return self._now
 
     def sleep_until(self, time_s: float) -> None:
-        self._take()
+        self.take()
         while self._now < time_s:
             self._now = min(time_s, self._now + 0.01)
             self.set("motor.left.speed", self.get("motor.left.target"))
             self.set("motor.right.speed", self.get("motor.right.target"))
             self.moves(self.get("motor.left.target"), self.get("motor.right.target"))
 
-    def read(self, fd: int, *, until: float, lines: int) -> bytes:
-        self._take()
+    def read(self, until: float) -> bytes:
+        self.take()
         if self._coming and self._coming[0][0] <= until:
             due, data = self._coming.popleft()
             self.sleep_until(due)
@@ -76,25 +76,16 @@ class Node:
         self.sleep_until(until)
         return b""
 
-    def forget(self, fd: int) -> None:
-        self._take()
+    def forget(self) -> None:
+        self.take()
         self._coming = deque(one for one in self._coming if one[0] > self._now)
-
-    def wrote(self, count: int) -> None:
-        self._take()
-
-    def settle(self) -> None:
-        pass
-
-    def undisturbed(self) -> AbstractContextManager[None]:
-        return nullcontext()
 
     def close(self) -> None:
         self._theirs.close()
 
     # what it does
 
-    def _take(self) -> None:
+    def take(self) -> None:
         try:
             data = self._theirs.recv(65536)
         except (BlockingIOError, OSError):
@@ -131,11 +122,28 @@ class Node:
             self._coming = deque(sorted(self._coming, key=lambda one: one[0]))
 
 
+class NodeLine(AsebaLine):
+    """A line whose clock is its node: nothing is ever late."""
+
+    clock: Node  # type: ignore[assignment]
+
+    def _read(self, until: float, lines: int) -> bytes:
+        return self.clock.read(until)
+
+    def _write(self, data: bytes) -> None:
+        super()._write(data)
+        self.clock.take()
+
+    def forget(self) -> None:
+        self._heard = b""
+        self.clock.forget()
+
+
 @contextmanager
 def at_a_node(node: Node) -> Iterator[ThymioBody]:
     """A body on a node's line."""
     with closing(node), closing(node.line):
-        body = ThymioBody(AsebaLine(node.line, "memory", node))  # type: ignore[arg-type]
+        body = ThymioBody(NodeLine(node.line, "memory", node))  # type: ignore[arg-type]
         try:
             yield body
         finally:

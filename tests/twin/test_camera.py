@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 import realitygap.twin.render as render
 from realitygap.errors import ConfigError
 from realitygap.track import Track
-from realitygap.twin.camera import (
+from realitygap.twin.camera import OverheadCamera, Plate
+from realitygap.twin.lens import (
     DISK_HEIGHT,
     FRONT_AHEAD,
     FRONT_RADIUS,
     HEIGHT,
     MIDDLE_RADIUS,
     WIDTH,
-    OverheadCamera,
-    Plate,
     hang_camera,
 )
 from realitygap.twin.unit import check_arena, draw_unit

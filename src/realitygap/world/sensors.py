@@ -206,7 +206,13 @@ class ProximitySensor(Sensor):
 def looks(
     place: Floats, facing: Floats, reach: Floats, a: Floats, b: Floats, offset: Floats
 ) -> dict[str, Any]:
-    """Those of the kernels' constants of proximity sensors that follow from a reach."""
+    """Those of the kernels' constants of proximity sensors that follow from a reach.
+
+    Args:
+        place, facing: [P, 2] in the robot's frame, cm; unit vectors.
+        reach: [P] cm.
+        a, b, offset: [P] constants of the law.
+    """
     return {
         "reach": reach,
         "rows": side_by_side(*place.T, *facing.T, reach, a, b, offset),
