@@ -387,7 +387,7 @@ def test_a_real_thymio_is_judged_by_the_shipped_profile(thymio):
         ("front.csv", "1cm,5,5,5\n", "sensor's number"),
         ("sensor02_x.csv", "near,5,5,5\n", "line 1: expected a distance"),
         ("sensor02_x.csv", "0,5cm;5;5;5\n", "line 1: expected values separated by commas, got semicolons"),
-        ("sensor02_x.csv", "1cm,5,5,x\n", "line 1: expected more than 2 readings"),
+        ("sensor02_x.csv", "1cm,5,5,x\n", "line 1: expected .* more than 2 readings"),
         ("sensor02_x.csv", "", "empty"),
     ],
 )

@@ -379,7 +379,7 @@ def test_a_recording_under_a_marker_is_readable(tmp_path):
 
 def test_a_person_is_guided_and_may_stop(bench: Bench, tmp_path):
     """Each place is told, one may be left out, "q" or the end of the input stops; --resume goes on."""
-    twin = bench.twin(clock="real")
+    twin = bench.twin()
     words = [*WORDS, "--robot", f"serial:{twin.device}", "--out", tmp_path / "a"]
     code, said, told = run(*words, answers="\n\ns\nwhat\n\nq\n")
     assert code == 0 and "--resume continues" in said
@@ -394,7 +394,7 @@ def test_a_person_is_guided_and_may_stop(bench: Bench, tmp_path):
 
 def test_a_person_measures_where_the_wheels_led(bench: Bench):
     """Start and end of a filmed trial are asked for, nonsense again; the robot stands after it."""
-    twin = bench.twin(clock="real")
+    twin = bench.twin()
     khepera = bench.khepera(twin.device)
     answers = iter(["", "ten", "10 20 90", "10, 22.5, 91", "q"])
     site = PersonSite(lambda says: next(answers))

@@ -15,7 +15,7 @@ from tests.robots.conftest import Bench
 
 def at(twin):
     """Options for a twin behind its line."""
-    return ["--robot", f"serial:{twin.device}", "--clock-channel", twin.channel]
+    return ["--robot", f"serial:{twin.device}"]
 
 
 def test_a_check_tells_all_as_json_and_moves_nothing_unasked(bench: Bench) -> None:
@@ -25,8 +25,6 @@ def test_a_check_tells_all_as_json_and_moves_nothing_unasked(bench: Bench) -> No
         "check",
         "--robot",
         f"serial:{twin.device}",
-        "--clock-channel",
-        twin.channel,
         "--seconds",
         "1",
         "--json",
@@ -55,8 +53,6 @@ def test_a_check_refuses_the_profile_of_another_robot(bench: Bench) -> None:
         "check",
         "--robot",
         f"serial:{twin.device}",
-        "--clock-channel",
-        twin.channel,
         "--yes",
         "--profile",
         "thymio",
@@ -69,7 +65,7 @@ def test_a_check_refuses_the_profile_of_another_robot(bench: Bench) -> None:
 
 def test_a_check_of_nobody_says_what_to_look_at(bench: Bench) -> None:
     """A device on which nobody answers."""
-    pump = bench.pump(bench.twin(clock="real"))
+    pump = bench.pump(bench.twin())
     pump.silent = True
     result = CliRunner().invoke(robot, ["check", "--robot", f"serial:{pump.device}"])
     assert isinstance(result.exception, LineError)
