@@ -100,9 +100,7 @@ def test_a_broken_profile_is_refused_by_file(refused, tmp_path):
     assert "mine.toml" in refused(*PROBE, "--profile", file)
 
 
-@pytest.mark.parametrize(
-    "words", [SIMULATE, ("drive", *SIMULATE[1:4]), ("evolve", "avoidance", "--evaluations", 9)]
-)
+@pytest.mark.parametrize("words", [SIMULATE, ("evolve", "avoidance", "--evaluations", 9)])
 @pytest.mark.parametrize(
     ("sensors", "told"),
     [(20, "expected at most 16 for a network, got all 20 proximity"), (0, "has no proximity sensors")],
