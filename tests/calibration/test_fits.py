@@ -252,7 +252,7 @@ def test_a_body_that_is_not_said_is_that_of_the_base(recorded, tmp_path):
     assert any("body_radius_cm: not said; 3.5 cm are taken" in warning for warning in made.warnings)
     told = judge(load_recording(tmp_path / "not"), base).warnings
     assert any("3.5 cm are taken" in warning for warning in told)
-    with pytest.raises(CalibrationError, match=r"expected one robot, got 2\.75 cm in .*said and 3\.5 cm in"):
+    with pytest.raises(CalibrationError, match=r"expected one robot, got 2\.75 in .*said and 3\.5 in"):
         calibrate([load_recording(tmp_path / name) for name in ("said", "not")], base)
 
 

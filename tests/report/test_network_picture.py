@@ -27,7 +27,7 @@ def test_neurons_do_not_overlap_and_stay_on_the_robot(seed: int, hidden: float) 
     """Whatever the genotype, with a picture large enough for it."""
     wiring = read_wiring(random_genotype(seed, hidden=hidden))
     unit = 0.92 if len(wiring.hidden) <= 3 else 0.73 if len(wiring.hidden) <= 7 else 0.5
-    places = place_neurons(wiring, ROBOT, ROBOT.proximity_place, range(8), unit)
+    places = place_neurons(wiring, ROBOT, ROBOT.proximity.place, range(8), unit)
     spots = np.array(list(places.values()))
     gaps = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1)) + 9 * np.eye(len(spots))
     assert gaps.min() > 0.6 * unit
@@ -37,8 +37,8 @@ def test_neurons_do_not_overlap_and_stay_on_the_robot(seed: int, hidden: float) 
 def test_sensors_stand_at_their_places_and_motors_at_their_wheels() -> None:
     """The robot looks up: what is ahead is drawn above, what is left is drawn left."""
     wiring = read_wiring(random_genotype(1, hidden=0))
-    places = place_neurons(wiring, ROBOT, ROBOT.proximity_place, range(8), 0.92)
-    for sensor, (forward, left) in enumerate(ROBOT.proximity_place):
+    places = place_neurons(wiring, ROBOT, ROBOT.proximity.place, range(8), 0.92)
+    for sensor, (forward, left) in enumerate(ROBOT.proximity.place):
         assert places[sensor] == pytest.approx([-left, forward])
     assert places[8][0] < -1 < 1 < places[9][0]
 
@@ -46,7 +46,9 @@ def test_sensors_stand_at_their_places_and_motors_at_their_wheels() -> None:
 @pytest.mark.parametrize("unit", [0.92, 0.5])
 def test_a_motor_stands_clear_of_sensors_over_its_wheel(unit: float) -> None:
     """A sensor in a wheel's place does not lie over its motor's number; the motors stay on their sides."""
-    beside = np.array([[-0.28 * unit, left * (ROBOT.track / 2 - 0.3 - 0.42 * unit)] for left in (1, -1)])
+    beside = np.array(
+        [[-0.28 * unit, left * (ROBOT.wheels.track / 2 - 0.3 - 0.42 * unit)] for left in (1, -1)]
+    )
     wiring = read_wiring(random_genotype(1, hidden=0))
     places = place_neurons(wiring, ROBOT, beside, [0, 1, *[-1] * 6], unit)
     assert places[0] == pytest.approx([-beside[0, 1], beside[0, 0]])
@@ -85,7 +87,7 @@ def test_a_delay_is_told_in_the_robots_own_time(period: float, delay: str) -> No
 def test_every_link_has_a_curve_and_a_place_for_its_number() -> None:
     """Self-links and parallel links included."""
     wiring = read_wiring(random_genotype(3, hidden=0.7))
-    places = place_neurons(wiring, ROBOT, ROBOT.proximity_place, range(8), 0.73)
+    places = place_neurons(wiring, ROBOT, ROBOT.proximity.place, range(8), 0.73)
     curves = bend_links(wiring, places, dict.fromkeys(places, 0.26), 0.73)
     spots = label_places(curves, np.array(list(places.values())), np.full(len(places), 0.26), 0.73)
     assert len(curves) == len(spots) == len(wiring.links) > 10
@@ -128,6 +130,6 @@ def test_networks_of_other_sizes_can_be_drawn() -> None:
     names = [text for text in figure.axes[0].texts if text.get_text()[0] not in "θ+−"]
     assert [text.get_text() for text in names[:6]] == ["2", "5", "7", "–", "L", "R"]
     for text, sensor in zip(names, (2, 5, 7), strict=False):
-        forward, left = ROBOT.proximity_place[sensor]
+        forward, left = ROBOT.proximity.place[sensor]
         assert text.get_position() == pytest.approx((-left, forward))
     assert np.hypot(*names[3].get_position()) > ROBOT.radius

@@ -25,10 +25,11 @@ def test_factors_fill_the_spread_and_nothing_else():
     """Over many trials each factor is uniform in 1 ± 0.2 and no two are alike; other constants stay."""
     robot = PAPER.to_kernel()
     made = [drawn(robot, stream, 0.2) for stream in range(400)]
-    parts = ("proximity_a", "ambient_gain", "speed_per_unit", "track")
-    factors = np.array(
-        [np.hstack([getattr(one, part) / getattr(robot, part) for part in parts]) for one in made]
-    )
+
+    def constants(one):
+        return np.hstack([one.proximity.a, one.ambient.gain, one.wheels.speed_per_unit, one.wheels.track])
+
+    factors = np.array([constants(one) / constants(robot) for one in made])
     assert ((factors > 0.8) & (factors < 1.2)).all() and factors.shape == (400, 19)
     assert (abs(factors.mean(0) - 1) < 0.03).all() and (abs(factors.std(0) - 0.4 / 12**0.5) < 0.01).all()
     assert abs(np.corrcoef(factors.T) - np.eye(19)).max() < 0.25
@@ -74,7 +75,7 @@ def test_the_wheels_may_have_a_share_of_their_own():
     """Sensors are drawn as without it, wheels and track within theirs; names and files tell it."""
     robot = load_profile("paper").to_kernel()
     both, apart = drawn(robot, 5, 0.4), drawn(robot, 5, 0.4, 0.02)
-    assert np.array_equal(both.proximity_a, apart.proximity_a)
+    assert np.array_equal(both.proximity.a, apart.proximity.a)
     factor = both.wheels.speed_per_unit / robot.wheels.speed_per_unit - 1
     assert np.allclose(apart.wheels.speed_per_unit / robot.wheels.speed_per_unit - 1, factor / 20)
     task = load_task("avoidance").under(0.4, 0.02)

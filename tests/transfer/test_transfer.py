@@ -308,7 +308,7 @@ def test_a_transfer_can_be_lived_once_more(made, finished):
     replays = Replays(load_study(finished.folder))
     for one in made:
         genes, simulated, situated = replays.of(one.folder)
-        assert np.array_equal(genes, finished.run(one.run).champion)
+        assert np.array_equal(genes.genes, finished.run(one.run).champion)
         assert np.abs(np.append(simulated.x, simulated.end.x) - one.simulated.x).max() < 1e-5
         assert len(situated.t) == len(simulated.t) == round(10 * SECONDS)
 

@@ -94,7 +94,7 @@ def test_kernel_arrays_have_one_type(paper):
             single = name.endswith(("_fan", "_rows"))
             assert value.dtype == (np.float32 if single else np.float64) and value.flags.c_contiguous, name
             assert value.ndim == getattr(full, name).ndim, name
-    assert none.proximity_rows.shape == (0, 8, EYES)
+    assert none.proximity.rows.shape == (0, 8, EYES)
 
 
 def test_reach(paper):

@@ -48,7 +48,7 @@ of the last 10 ms."""
 
 
 class Wheel:
-    """One wheel's encoder, targets and controller: ``state` is a row of `NUMBERS`, zeros at first."""
+    """One wheel's encoder, targets and controller: `state` is a row of NUMBERS, zeros at first."""
 
     def __init__(self, volt: float, state: Any) -> None:
         self._state = state
