@@ -13,6 +13,8 @@ from realitygap.kernels.types import EYES
 from realitygap.world.robot import Body, Profile, largest_pole, load_profile, profile_names
 from realitygap.world.sensors import UNLIT
 
+PARTS = ("wheels", "proximity", "ambient", "light", "noise")
+
 
 @pytest.fixture(scope="module")
 def paper() -> Profile:
@@ -86,14 +88,14 @@ def test_kernel_arrays_have_one_type(paper):
         paper, infrared=replace(paper.infrared, sensors=()), ambient=replace(paper.ambient, sensors=())
     )
     full, none = paper.to_kernel(), blind.to_kernel()
-    assert full.proximity_table == none.proximity_table == ()
-    for name in set(full._fields) - {"proximity_table"}:
-        for value in (getattr(full, name), getattr(none, name)):
-            if isinstance(value, float):
+    assert full.proximity.table == none.proximity.table == ()
+    parts = [(full, none), *((getattr(full, p), getattr(none, p)) for p in PARTS)]
+    for name, one, other in ((name, *both) for both in parts for name in both[0]._fields):
+        for value in (getattr(one, name), getattr(other, name)):
+            if isinstance(value, float | tuple):
                 continue
-            single = name.endswith(("_fan", "_rows"))
-            assert value.dtype == (np.float32 if single else np.float64) and value.flags.c_contiguous, name
-            assert value.ndim == getattr(full, name).ndim, name
+            assert value.dtype == (np.float32 if name in ("fan", "rows") else np.float64), name
+            assert value.flags.c_contiguous and value.ndim == getattr(one, name).ndim, name
     assert none.proximity.rows.shape == (0, 8, EYES)
 
 
@@ -238,15 +240,19 @@ def test_no_constant_goes_by_its_place(monkeypatch):
     """With the fields of the kernels' robot the other way round, each name still has its constant."""
     profile = load_profile("khepera")
     before = profile.to_kernel()
-    monkeypatch.setattr(types, "Robot", namedtuple("Robot", types.Robot._fields[::-1]))
+    for name in ("Robot", "Wheels", "Noise"):
+        monkeypatch.setattr(types, name, namedtuple(name, getattr(types, name)._fields[::-1]))
     after = profile.to_kernel()
     assert before._fields[::-1] == after._fields
-    for key in before._fields:
-        np.testing.assert_array_equal(getattr(before, key), getattr(after, key), err_msg=key)
+    for part in PARTS:
+        one, other = getattr(before, part), getattr(after, part)
+        for key in one._fields:
+            np.testing.assert_array_equal(getattr(one, key), getattr(other, key), err_msg=key)
     noise, wheels = profile.noise, profile.wheels
-    assert (before.noise_wheel, before.noise_friction) == (noise.wheel, noise.friction)
-    assert (before.kp, before.kd, before.friction) == (wheels.kp, wheels.kd, wheels.friction_cm_s2)
-    assert (before.ambient_low, before.ambient_high) == profile.ambient.bands
+    assert (before.noise.wheel, before.noise.friction) == (noise.wheel, noise.friction)
+    own = before.wheels
+    assert (own.kp, own.kd, own.friction) == (wheels.kp, wheels.kd, wheels.friction_cm_s2)
+    assert (before.ambient.low, before.ambient.high) == profile.ambient.bands
 
 
 SQUARE = "outline_cm = [[-2, -2], [3, -2], [3, 2], [-2, 2]]"
