@@ -42,9 +42,8 @@ def turn_wheel(robot, wheel, target, drag, slip):
         wheel[SPEED] = 0.0
         wheel[CHANGE] = 0.0
         return 0.0
-    change = (
-        robot.wheels.kp * proportional + robot.wheels.ki * integral + robot.wheels.kd * wheel[CHANGE]
-    ) / robot.wheels.divisor
+    pid = robot.wheels
+    change = (pid.kp * proportional + pid.ki * integral + pid.kd * wheel[CHANGE]) / pid.divisor
     wheel[CHANGE] = change
     speed = speed + change - take_up_play(robot, wheel, target)
     wheel[SPEED] = speed + slip * speed
