@@ -64,7 +64,8 @@ def fan_weights(lobe: Sequence[float]) -> list[float]:
 
 def side_by_side(*columns: Iterable[float]) -> F32:
     """Blocks [n, constants, 8] of constants of sensors; the last sensor is repeated to a whole block."""
-    rows = np.array([list(column) for column in columns], np.float32)
+    with np.errstate(over="ignore"):  # beyond all measure: a trial then says so
+        rows = np.array([list(column) for column in columns], np.float32)
     rows = np.concatenate([rows, np.repeat(rows[:, -1:], -rows.shape[1] % EYES, axis=1)], axis=1)
     return np.ascontiguousarray(np.moveaxis(rows.reshape(len(rows), -1, EYES), 0, 1))
 
