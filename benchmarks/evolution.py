@@ -1,6 +1,6 @@
 """Is evolution better than chance? The distributed algorithm beside three others, same budget.
 
-    python benchmarks/evolution.py --out evolution-studies --write docs/evolution.md
+    python benchmarks/evolution.py --out evolution-studies --write docs/benchmarks.md
 
 Makes one study for each algorithm and budget (both tasks, observed noise), resumes whatever is
 already in the folder, and writes the table between the two marks in the page.
@@ -57,7 +57,7 @@ def table(evaluations: int, task: str, results: dict[str, dict[str, np.ndarray]]
     runs = len(results["torus"]["stored"])
     lines = [
         f"**{TASKS[task][0]}, {evaluations} evaluations** ({runs} runs each)", "",
-        "| algorithm | stored fitness of the fittest | fittest, retested | retested champion |",
+        "| algorithm | best during evolution | the same, retested | champion |",
         "|---|---|---|---|",
     ]  # fmt: skip
     for name, (title, _) in ALGORITHMS.items():

@@ -1,6 +1,6 @@
 """Three optimisers on both tasks at the same budget, their finds retested: a table and a figure.
 
-    python benchmarks/optimisers.py --out /tmp/optimisers --write docs/optimisers.md
+    python benchmarks/optimisers.py --out optimisers --write docs/benchmarks.md
 
 CMA-ES (pycma) and MAP-Elites (pyribs) look for the weights of a feed-forward network, the paper's
 algorithm for its own genotypes, with its own evaluations (`run_study`). What a run found is kept in --out:
@@ -131,7 +131,7 @@ def table(evaluations: int, task: str, made: dict[str, np.ndarray]) -> list[str]
     runs = len(made["paper"])
     lines = [
         f"**{TASKS[task][0]}, {evaluations} evaluations** ({runs} runs each)", "",
-        "| | stored fitness of the fittest | fittest, retested | champion | champion, less the paper's |",
+        "| | best during evolution | the same, retested | champion | champion, less the paper's |",
         "|---|---|---|---|---|",
     ]  # fmt: skip
     for name, rows in made.items():

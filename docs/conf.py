@@ -58,9 +58,30 @@ SHOWN = {
     "index": "README.md",
 }
 """Pages of the site that show a file from beside `docs`; of README.md only the head is on the front page."""
+MOVED = {
+    "down-load": "robots",
+    "enki": "robots",
+    "evolution": "benchmarks",
+    "gymnasium": "how-to-own-parts",
+    "how-to": "how-to-evolve",
+    "licences": "machines",
+    "live": "how-to-evolve",
+    "measure-or-randomise": "noise",
+    "noise-level": "noise",
+    "noise-level-2": "noise",
+    "noise-level-2-results": "noise",
+    "notebook": "notebooks",
+    "optimisers": "how-to-own-parts",
+    "readings": "differences",
+    "realities": "how-to-robots",
+    "tables-and-logs": "how-to-look",
+    "thymio": "robots",
+    "twin": "robots",
+}
+"""Pages that are gone, and where their links lead."""
 SOURCE = Path(realitygap.__file__).parent
 LEFT_OUT = {"__init__", "cli", "kernels", "lazy"}
-"""Rooms without a page in the reference: the command line, compiled code, the package's own."""
+"""Packages without a page in the reference: the command line, compiled code, the package's own."""
 
 
 def show(app: Sphinx, page: str, source: list[str]) -> None:
@@ -77,16 +98,18 @@ def show(app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def write_reference(app: Sphinx) -> None:
-    """A page for each room, whose text autodoc takes from the docstrings, and one that lists them."""
-    rooms: dict[str, list[str]] = {}
+    """A page for each package, whose text autodoc takes from the docstrings, and one that lists them."""
+    packages: dict[str, list[str]] = {}
     for file in sorted(SOURCE.rglob("*.py")):
         words = file.relative_to(SOURCE).with_suffix("").parts
         if words[0] not in LEFT_OUT and words[-1] != "__main__":
-            rooms.setdefault(words[0], []).append(".".join(("realitygap", *words)).removesuffix(".__init__"))
+            packages.setdefault(words[0], []).append(
+                ".".join(("realitygap", *words)).removesuffix(".__init__")
+            )
     public = [getattr(realitygap, name) for name in sorted(realitygap.__all__) if name != "__version__"]
     folder = Path(app.srcdir, "reference")
     folder.mkdir(exist_ok=True)
-    pages = {room: "\n".join(map(_module, modules)) for room, modules in rooms.items()}
+    pages = {package: "\n".join(map(_module, modules)) for package, modules in packages.items()}
     pages["index"] = f"""{_heading("Reference")}
 All of it is made from the docstrings. What a program usually needs can be taken from ``realitygap`` itself:
 
@@ -94,16 +117,16 @@ All of it is made from the docstrings. What a program usually needs can be taken
 
    {_lines(f"~{value.__module__}.{value.__qualname__}" for value in public)}
 
-Every public name stands on the page of its room:
+Packages:
 
 .. autosummary::
 
-   {_lines(f"realitygap.{room}" for room in sorted(rooms))}
+   {_lines(f"realitygap.{package}" for package in sorted(packages))}
 
 .. toctree::
    :hidden:
 
-   {_lines(sorted(rooms))}
+   {_lines(sorted(packages))}
 """
     for name, text in pages.items():
         file = folder / f"{name}.rst"
@@ -144,6 +167,13 @@ def google(app: Sphinx, what: str, name: str, value: object, options: Any, lines
     lines[:] = GoogleDocstring(lines, config, app, what, name, value, options).lines()
 
 
+def redirect(app: Sphinx, exception: Exception | None) -> None:
+    """Old addresses lead to the pages that took over."""
+    for old, new in MOVED.items() if exception is None and app.builder.format == "html" else ():
+        text = f'<!doctype html><title>Moved</title><meta http-equiv="refresh" content="0; url={new}.html">'
+        Path(app.outdir, f"{old}.html").write_text(f'{text}<a href="{new}.html">Moved here</a>', "utf-8")
+
+
 def exact(app: Sphinx, page: document) -> None:
     """A type in a signature is meant by its whole name, not as whatever ends in it."""
     for node in page.findall(pending_xref):
@@ -158,4 +188,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-skip-member", at_home)
     app.connect("autodoc-process-docstring", google)
     app.connect("doctree-read", exact)
+    app.connect("build-finished", redirect)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

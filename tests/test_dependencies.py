@@ -48,8 +48,8 @@ def test_every_import_is_declared():
 
 
 def test_licences_of_all_dependencies_are_named():
-    """`docs/licences.md` has a line for every package that an installation brings at first hand."""
-    named = (ROOT / "docs" / "licences.md").read_text("utf-8").lower()
+    """`docs/machines.md` has a line for every package that an installation brings at first hand."""
+    named = (ROOT / "docs" / "machines.md").read_text("utf-8").lower()
     for text in asked_for():
         name = re.split(r"[<>=\[; ]", text)[0].lower()
         assert f"| {name} |" in named, name

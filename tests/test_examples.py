@@ -259,7 +259,7 @@ def test_the_how_tos_network_drives_any_robot(tmp_path, monkeypatch):
     """What the how-to shows runs as it stands, and is given speeds in cm/s."""
     config = StudyConfig.single("avoidance", runs=1, evaluations=64, fresh_trials=2, retest_trials=2)
     study = run_study(tmp_path / "out" / "reproduce", config.with_settings(["task.seconds=2"]), workers=1)
-    text = (EXAMPLES.parent / "docs" / "how-to.md").read_text("utf-8")
+    text = (EXAMPLES.parent / "docs" / "how-to-own-parts.md").read_text("utf-8")
     shown = next(
         block for block in re.findall(r"```python\n(.*?)```", text, re.S) if "study.controller" in block
     )
@@ -269,7 +269,7 @@ def test_the_how_tos_network_drives_any_robot(tmp_path, monkeypatch):
         "set_speeds": lambda left, right: speeds.append((left, right)),
     }
     monkeypatch.chdir(tmp_path)
-    exec(compile(shown, "how-to.md", "exec"), yours)
+    exec(compile(shown, "how-to-own-parts.md", "exec"), yours)
     assert len(speeds) == 20 + 1 and speeds[-1] == (0.0, 0.0)
     units = {speed / 0.8 for pair in speeds for speed in pair}
     assert len(units) > 1 and all(-10 <= unit <= 10 and unit == round(unit) for unit in units)

@@ -1,4 +1,4 @@
-"""The scripts that no other test runs (benchmarks, figures of the docs, the hostile machine) keep up with the code."""  # noqa: E501
+"""The scripts that no other test runs (benchmarks, the docs, the hostile machine) keep up with the code."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from tests.mutations import MUTATIONS
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ("benchmarks", "docs", "docs/figures", "tests/hostile")
+FOLDERS = ("benchmarks", "docs", "tests/hostile")
 SCRIPTS = [*(file for folder in FOLDERS for file in sorted((ROOT / folder).glob("*.py"))),
            *(ROOT / "tests" / f"{name}.py" for name in ("mutate", "same_everywhere"))]  # fmt: skip
 

@@ -120,7 +120,7 @@ for run in study.runs:
     print(f"{run.noise_name:<22}" + "  ".join(f"{mean:.2f}" for mean in tests))
 
 # %% [markdown]
-# Three runs a level settle nothing; [larger studies](../noise.md) ask with forty and more. To do the same
+# Three runs a level are too few to conclude anything; [larger studies](../noise.md) ask with forty and more. To do the same
 # from the command line, with a page to click through: `realitygap evolve obstacle-avoidance --noise zero
-# --noise observed --runs 3 --evaluations 400`. [How to](../how-to.md#use-it-from-python) shows what else you
+# --noise observed --runs 3 --evaluations 400`. [How to](../how-to-look.md#from-python) shows what else you
 # can do with a finished study in Python.

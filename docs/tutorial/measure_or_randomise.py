@@ -210,5 +210,5 @@ for pair in (
 
 # %% [markdown]
 # An interval that contains 0 shows no difference; it does not show that there is none. Before you apply any
-# of this to your robot, measure it with [`realitygap calibrate`](../how-to.md#calibrate-to-a-robot), which
+# of this to your robot, measure it with [`realitygap calibrate`](../how-to-robots.md#calibrate), which
 # reports how well its constants are known and how far off the model is, and ask the question there.

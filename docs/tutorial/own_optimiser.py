@@ -12,7 +12,7 @@
 #
 # `Problem` gives a task to any optimiser of vectors: an array of solutions in, fitness and measures of
 # behaviour out, on all cores in the compiled loop. Here the optimiser is an evolution strategy of a dozen
-# lines; pycma, pyribs and SciPy are used [in the same way](../optimisers.md).
+# lines; pycma, pyribs and SciPy are used [in the same way](../how-to-own-parts.md#an-optimiser).
 
 # %%
 import matplotlib.pyplot as plt
@@ -72,7 +72,7 @@ for fitness, sd in zip(again.fitness, again.info["sd"], strict=True):
 
 # %% [markdown]
 # `again.measures` says how they drive: the mean speed of the wheels, and how much faster the right one
-# turned, as shares of the top speed. These span an archive of behaviours ([MAP-Elites](../optimisers.md)).
+# turned, as shares of the top speed. These span an archive of behaviours ([MAP-Elites](../how-to-own-parts.md#an-optimiser)).
 
 # %%
 print(np.round(again.measures, 2))

@@ -140,5 +140,5 @@ panels_figure(
 # realitygap transfer study --robot examples/own_robot.py:FiveEyes --starts 4
 # ```
 #
-# [How to](../how-to.md#a-robot-of-your-own) lists what else a body may have, and names the contract test that
+# [How to](../how-to-own-parts.md#a-robot) lists what else a body may have, and names the contract test that
 # yours should pass.

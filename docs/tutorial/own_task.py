@@ -92,4 +92,4 @@ panels_figure(Scene.of(task, robot), drives)
 # %% [markdown]
 # Evolution often finds a behaviour that the author of the score did not intend: it takes the score literally.
 # `realitygap evolve circles.py` does the same from the command line. An arena of your own is a [TOML
-# file](../how-to.md#build-an-arena-of-your-own).
+# file](../how-to-own-parts.md#an-arena).

@@ -16,13 +16,10 @@ ROOT = FILE.parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 QUOTED = {
     "README.md": (),
-    "docs/enki.md": ("enki-khepera",),
-    "docs/how-to.md": ("twin",),
+    "docs/differences.md": ("twin", "stranger", "enki-khepera", "enki-epuck", "enki-thymio2"),
+    "docs/how-to-robots.md": ("twin",),
     "docs/noise.md": (),
-    "docs/readings.md": (),
-    "docs/realities.md": ("twin", "enki-khepera", "enki-epuck", "enki-thymio2"),
-    "docs/thymio.md": (),
-    "docs/twin.md": ("twin", "stranger"),
+    "docs/robots.md": ("twin", "stranger", "enki-khepera", "enki-epuck", "enki-thymio2"),
 }
 """Pages that say how far a model errs, and the simulated robots whose figures they give."""
 RATIO = re.compile(r"(?<![\d.,−+/-])3\.[3-9]\d?(?!\d|\.\d| %)")

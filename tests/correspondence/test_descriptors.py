@@ -89,7 +89,7 @@ def test_a_transfers_body_is_its_studys(tmp_path, folder):
 
 def test_the_docs_count_the_descriptors_and_name_their_catalogue():
     """Its number is that of a room without a lamp; the constants that it names are in its module."""
-    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to-look.md").read_text(encoding="utf-8")
     listed, module = re.findall(r"in the units of (`[^()]*`) in `(realitygap[\w.]+)`", page)[0]
     assert all(hasattr(import_module(module), name) for name in re.findall(r"`(\w+)`", listed))
     made = describe_all([drive((4, 3, 20))], load_task("avoidance").arena)

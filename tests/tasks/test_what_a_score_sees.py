@@ -9,7 +9,7 @@ from realitygap import Genotype, Simulation, Task, load_task
 from realitygap.kernels.types import Path, Room
 from realitygap.study.config import StudyConfig
 
-HOW_TO = File(__file__).resolve().parents[2] / "docs" / "how-to.md"
+HOW_TO = File(__file__).resolve().parents[2] / "docs" / "how-to-own-parts.md"
 
 
 def listed(what: str) -> dict[str, str]:

@@ -56,7 +56,7 @@ def test_the_papers_constants(paper):
 
 
 def test_the_papers_wheels_settle(paper):
-    """The law as read has its largest pole at 0.804 (docs/readings.md)."""
+    """The law as read has its largest pole at 0.804 (docs/differences.md)."""
     wheels = paper.wheels
     assert largest_pole(wheels.kp, wheels.ki, wheels.kd, wheels.divisor) == pytest.approx(0.8037, abs=1e-4)
 

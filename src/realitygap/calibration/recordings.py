@@ -1,6 +1,6 @@
 """Recordings for a calibration: a robot's readings at known places, and drives of its wheels.
 
-`load_recording` reads a folder (recording.toml and a table: docs/formats.md), a `.sam` table of the Khepera
+`load_recording` reads a folder (recording.toml and a table), a `.sam` table of the Khepera
 community, or a Thymio's series before a wall.
 
 distance_cm: from the body's edge, a disc's or a polygon's, to a wall along its normal, to a round object's

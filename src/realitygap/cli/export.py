@@ -61,7 +61,7 @@ def export(
     """Write STUDY as tables, a trial of one RUN as a log, or its controller as source.
 
     With --format parquet or csv: the whole study for pandas, R, DuckDB or a spreadsheet.
-    docs/tables-and-logs.md describes each column.
+    The documentation's page How to look at results describes each column.
 
     With --format rerun or mcap: one trial of RUN on a robot, the simulated robot beside the situated one
     on one time line, for Rerun's viewer or Foxglove: arena, rays, readings, network, film. --individual,

@@ -2,7 +2,8 @@
 
 These differences are physical and fixed: what a person can just notice when watching two films side by side.
 They were chosen from the size and speed of a Khepera (5.8 cm, up to 8 cm/s); changes after a look at
-exemplars are listed in docs/correspondence.md. They never depend on the compared sets.
+exemplars are listed with the validation of the score (studies/correspondence). They never depend on the
+compared sets.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """A study as tables, for pandas, R, DuckDB or a spreadsheet: Parquet, CSV or data frames.
 
-docs/tables-and-logs.md says what each column is.
+The page How to look at results says what each column is.
 """
 
 from collections.abc import Sequence

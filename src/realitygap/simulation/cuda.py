@@ -35,7 +35,7 @@ MOST_BYTES = 1 << 31
 TOO_NEW = "2.5.0"
 """The first NumPy without what numba-cuda 0.30 imports of it."""
 INSTALL = 'Install it: pip install "realitygap[cuda]".'
-CURE = "Leave out --engine, which takes the processor's cores, or see docs/machines.md."
+CURE = "Leave out --engine, which takes the processor's cores."
 _ONE_AT_A_TIME = RLock()
 """Launches. A simulated one puts a stand-in for `cuda` into this module meanwhile."""
 

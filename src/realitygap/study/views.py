@@ -1,8 +1,7 @@
 """The most common questions about a study, as views over its tables: `runs`, `evaluations`, `tests`.
 
 A database contains them, for other tools; `Study.query` creates them for its own connection.
-docs/tables-and-logs.md describes each column. Arrays are unpacked in plain SQL, or, five times as fast, by
-two functions that a connection may define.
+Arrays are unpacked in plain SQL, or, five times as fast, by two functions that a connection may define.
 """
 
 import json

@@ -10,7 +10,7 @@ __all__ = ["avoidance", "light", "light_seeking", "obstacle_avoidance"]
 
 
 def avoidance(path: Path, room: Room) -> float:
-    """F = V·(1 − √D), equation 2, on ground speeds (docs/readings.md).
+    """F = V·(1 − √D), equation 2, on ground speeds (the paper's: wheel speeds).
 
     V is the signed mean speed of both wheels over the top speed, not below 0; D is the absolute
     mean of the signed differences between the wheels over twice the top speed, not above 1.
