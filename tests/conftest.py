@@ -65,6 +65,14 @@ def state_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield home
 
 
+@pytest.fixture(scope="session", autouse=True)
+def patient_guard() -> Iterator[None]:
+    """A robot's guard may take its time to answer: tests share their processors, and none fails on that."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("realitygap.robots.guard.UNGUARDED_S", 5.0)
+        yield
+
+
 FIGURE = '<svg width="72pt" viewBox="0 0 72 72" xmlns="http://www.w3.org/2000/svg"></svg>'
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from contextlib import ExitStack, closing
 
+from realitygap.robots import guard
 from realitygap.robots.address import Address
 from realitygap.robots.khepera.body import Khepera, KheperaBody
 from realitygap.robots.loop import drive
@@ -15,6 +16,7 @@ from tests.robots.controllers import Constant, bands
 
 def main(device: str, folder: str) -> None:
     """Drive for a minute; say so after the first steps."""
+    guard.UNGUARDED_S = 5.0  # as in conftest.py
 
     class Talking(Constant):
         def decide(self, inputs: object) -> object:

@@ -30,8 +30,9 @@ LEAVE_S = 2.0
 SILENCE_S = 0.4
 TICK_S = 0.05
 """A silence is seen a tick late at most, and ends within half a second."""
-UNGUARDED_S, STEP_S = 0.3, 0.1
-"""The driver stops the robot when the guard has echoed nothing for so long; it beats once a step and more."""
+UNGUARDED_S, STEP_S, START_S = 0.3, 0.1, 10.0
+"""The driver stops the robot when the guard has echoed nothing for so long; it beats once a step and more.
+A drive begins once the guard has echoed its first word, which on a busy computer takes a while."""
 
 DRIVES, STANDS, LEAVES, STOPPED = b"+", b"-", b".", b"!"
 """The driver's words, and the guard's beside the echo of the first."""
@@ -69,11 +70,19 @@ class Guard:
             )
 
     def watch(self) -> None:
-        """From now on the wheels may turn: a silence stops them."""
+        """From now on the wheels may turn: a silence stops them.
+
+        Raises:
+            FrozenError: nobody watches.
+        """
         if self._last is None and self._process is not None:
             self._heard()  # what was said after the last drive
-            self._last = self._echoed = _now()
             self._say(DRIVES)
+            if not select.select([self._socket], [], [], START_S)[0]:  # it is just being started, say
+                raise FrozenError(
+                    f"the guard's process has not answered for {START_S:g} s; nothing is driven"
+                )
+            self._last = self._echoed = _now()
 
     def beat(self) -> None:
         """This process is alive; call it before each word to the robot.
