@@ -404,7 +404,7 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
     rows, _ = drive_trial(KheperaBody(khepera), trial)
     seen = site.poses(trial)
     assert [row[-2:] for row in rows] == [("7", "straight")] * 2
-    assert int(rows[1][3]) > 20 and khepera.speeds() == (0, 0)
+    assert int(rows[1][3]) > 0 and khepera.speeds() == (0, 0)
     assert seen[0].heading == pytest.approx(math.pi / 2) and (seen[1].x, seen[1].y) == (10, 22.5)
     with pytest.raises(StoppedByUserError):
         site.go(trial)
