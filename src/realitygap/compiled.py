@@ -293,7 +293,7 @@ def _is_whole(file: Path) -> bool:
     return data[-32:] == _digest(file.name, data[:-32])
 
 
-_COMPILES = re.compile(r"^@(step|helper|kernel|routine|jit|part)\b", re.MULTILINE)
+_COMPILES = re.compile(rf"^from {__package__}\S*compiled import", re.MULTILINE)
 _IMPORT = re.compile(rf"^from ({__package__}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 
 

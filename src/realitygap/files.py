@@ -20,14 +20,6 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-try:
-    import fcntl  # noqa: F401
-except ModuleNotFoundError as missing:
-    raise OSError(
-        f"realitygap needs Linux or macOS (there is no module {missing.name!r} here). "
-        "On Windows install it in WSL."
-    ) from None
-
 __all__ = [
     "LARGEST_TABLE", "Table", "as_path", "atomic_path", "atomic_write", "move_whole", "must_be",
     "naming_errors", "parse_toml", "read_json", "read_table", "read_text", "read_toml", "refuse_separator",

@@ -29,6 +29,7 @@ LONGEST = 1300
 """Most characters of a message."""
 
 _FULL = {errno.ENOSPC, errno.EDQUOT}
+_OF_POSIX = ("fcntl", "pty", "termios", "tty")
 _NOT_MENDABLE = {errno.EIO, errno.ENOMEM, errno.EBADF, errno.EINVAL}
 _OF_A_PATH = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
 
@@ -122,6 +123,9 @@ def _describe(failure: Exception) -> tuple[str, int]:
         return f"error: {failure.format_message()}", 2
     if isinstance(failure, click.Abort):
         return "stopped", STOPPED
+    if isinstance(failure, ModuleNotFoundError) and failure.name in _OF_POSIX:
+        here = f"there is no module {failure.name!r} here"
+        return f"error: realitygap needs Linux or macOS ({here}). On Windows install it in WSL.", 2
     if isinstance(failure, OSError):
         what = failure.strerror or str(failure) or type(failure).__name__
         where = f": {failure.filename}" if failure.filename else ""

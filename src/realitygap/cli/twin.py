@@ -49,7 +49,6 @@ def serve(
     """
     import signal
 
-    from realitygap import files  # noqa: F401  what the system lacks is told there
     from realitygap.twin.body import TwinBody
     from realitygap.twin.firmware import Firmware
     from realitygap.twin.serve import Server
