@@ -18,7 +18,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from realitygap.calibration.misfit import LIMITS
+from realitygap.calibration.noise import LIMITS
 from realitygap.calibration.unit_folder import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.experiment import RESULTS
