@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap.calibration.forward import scene_of
+from realitygap.calibration.model import scene_of
 from realitygap.calibration.recorder import camera
 from realitygap.calibration.recorder import record as recorder
 from realitygap.calibration.recorder.acts import drive_trial

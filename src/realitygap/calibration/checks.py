@@ -126,8 +126,8 @@ def refuse_nonsense(data: Readings, model: Floats) -> None:
     where = ", ".join(one.source for one in data.recordings)
     raise CalibrationError(
         f"{where}: the fitted law explains only {max(0.0, explained):.0%} of how the readings change: "
-        "this is no recording of such an object, or its distances (cm from the body's edge) and bearings (degrees) "
-        f"are not those of its rows. The furthest off is {places[row]}: s{live[sensor]} is "
+        "this is no recording of such an object, or its distances (cm from the body's edge) and bearings "
+        f"(degrees) are not those of its rows. The furthest off is {places[row]}: s{live[sensor]} is "
         f"{counts[row, sensor]:.0f}, by the law {model[row, live[sensor]]:.0f}."
     )
 

@@ -41,6 +41,7 @@ SIGMAS = 1.96
 """Intervals hold 95 %."""
 ALIKE, BLIND = 0.95, 1e-5
 """Correlation from which two constants count as inseparable."""
+FEW = 3
 SCAN = 17
 """Steps of a scan of directions."""
 COMMON_EVERY, AFAR = 3, 0.5
@@ -62,7 +63,6 @@ class Parameter:
         tie: deviation of a prior on the mean over sensors, about its start; None: no prior.
         step: of the difference.
         jump: the first step of a random search, where readings jump; 0 where they do not.
-        whole: whether its bounds are all that there is, so that ending there says nothing against the fit.
     """
 
     key: str
@@ -73,7 +73,6 @@ class Parameter:
     tie: float | None = None
     step: float = 1e-3
     jump: float = 0.0
-    whole: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,8 +146,7 @@ def fit(
     found = least_squares(
         packed.residuals, inside, jac=packed.jacobian, bounds=packed.bounds, x_scale="jac",
         loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5 if intervals else 1e-4, ftol=1e-6, gtol=1e-8,
-        max_nfev=steps if intervals else min(steps, 25), tr_solver="lsmr",
-        tr_options={"maxiter": 4 * len(theta), "atol": 1e-7, "btol": 1e-7},
+        max_nfev=steps if intervals else min(steps, 25), **packed.solver,
     )  # fmt: skip
     values = packed.unpack(found.x)
     made = Fit(values=values, model=packed.readings(found.x), cost=float(found.cost))
@@ -172,6 +170,9 @@ class _Packed:
         self._prior_rows = [row for p, where in self._parts for row in _prior_rows(p, where, sum(sizes))]
         self._starts = self.pack({p.key: p.start for p in parameters})
         self._last: tuple[Floats, Floats] | None = None
+        lsmr = {"maxiter": 4 * sum(sizes), "atol": 1e-7, "btol": 1e-7}
+        few = sum(sizes) < FEW  # with which SciPy's iterative solver fails
+        self.solver: dict[str, Any] = {} if few else {"tr_solver": "lsmr", "tr_options": lsmr}
 
     def pack(self, values: Values) -> Floats:
         whole = [np.broadcast_to(values[p.key], p.start.shape) for p, _ in self._parts]
@@ -207,7 +208,8 @@ class _Packed:
         from scipy.sparse import csr_matrix
 
         held = np.array([row for row, _ in self._prior_rows]).reshape(-1, len(theta))
-        return csr_matrix(np.concatenate([self._columns(theta)[self._data.use], held]))
+        rows = np.concatenate([self._columns(theta)[self._data.use], held])
+        return csr_matrix(rows) if self.solver else rows
 
     def told(self, made: Fit, theta: Floats) -> Fit:
         """The fit with its constants' intervals: a sandwich, bread from the Jacobian and the priors, filled
@@ -232,9 +234,7 @@ class _Packed:
         )  # a constant that changes no reading (of a dead sensor, say) is unknown
         deviation = np.where(moves | np.isfinite(limits), deviation, np.inf)
         low, high = self.bounds
-        whole = np.concatenate([np.full(len(p.start), p.whole) for p, _ in self._parts])
         at_bound = (theta <= low + 1e-6 * (high - low)) | (theta >= high - 1e-6 * (high - low))
-        at_bound &= ~whole
         names = [
             p.key if len(p.start) == 1 else f"{p.key}[{i}]"
             for p, _ in self._parts for i in range(len(p.start))

@@ -58,6 +58,8 @@ POINTS = (STEPS // 4, STEPS // 2, 3 * STEPS // 4)
 """Points of a curve whose intervals are reported."""
 ENOUGH = 60
 """Bearings, with which a search begins."""
+MATT = Parameter(key="matt", start=np.array([0.9]), low=0.0, high=1.0, prior=0.5, step=1e-2)
+"""How Lambertian surfaces are at first; after a stage they are or are not."""
 PLAIN = 1.02
 """A more complex model must be this factor better; otherwise one beam without a range limit is kept."""
 ENDS_CM = tuple(np.geomspace(5.0, 40.0, 18))
@@ -272,12 +274,14 @@ class _Search:
             values = {p.key: p.start for p in self._parameters(())} | {
                 key: np.array([lobe.get(key, 0.0)]) for key in (*SHARES, "range_cm", "aperture_deg")
             }
+            values["matt"] = np.ones(1) if data.straight else MATT.start
             optics = replace(few, lobe=tuple(lobe)).centred(values)
             begun.append(self._stage(optics, values, FIRST))
         kinds = [[one for one in begun if ("share_1" in one[1].lobe) == plain] for plain in (True, False)]
         ends = []
         for kind in kinds:
             for _, optics, values in sorted(kind, key=itemgetter(0))[:1]:
+                values = {**values, "matt": np.round(values["matt"])}  # the one or the other, from here on
                 for share in [*STAGES][1:]:
                     _, optics, values = self._stage(optics, values, share)
                 ends.append(self._finished(replace(first, base=optics.base, lobe=optics.lobe), values))
@@ -314,7 +318,8 @@ class _Search:
         is smallest within `reach` degrees: all edges of all sensors tell it, and no derivative."""
         wide = values["aperture_deg"] + np.linspace(-reach, reach, OPENINGS)[:, None]
         tried = [self._scanned(optics, {**values, "aperture_deg": one}, reach) for one in wide]
-        return self._ended(optics, min(tried, key=lambda one: self._left(optics, one)))
+        left = [self._left(optics, one) for one in tried]
+        return self._ended(optics, tried[int(np.argmin(left))])
 
     def nearer(self, optics: Optics, values: dict[str, Floats], solved: Values) -> dict[str, Floats]:
         """The least-squares values with directions and ray ends readjusted, or the values before: whichever
@@ -337,14 +342,12 @@ class _Search:
                 Parameter(key=_gain_of(int(k)), start=one, low=0.1, high=10.0, prior=GAIN, step=2e-3)
                 for k in np.flatnonzero(data.use.any(axis=0))
             ]
-            fixed = Parameter(key="matt", start=one, low=1.0, high=1.0 + 1e-9)
             look = model.directions(self._sensors)
-            return [*size, *shifts, *gains, *self._lights()] if lobe else [*size, fixed, look]
+            return [*size, *shifts, *gains, *self._lights()] if lobe else [*size, look]
         return [
             model.directions(self._sensors, tie=TIE_DEG if self._turned else None),
             *size,
             Parameter(key="aperture_deg", start=45.0 * one, low=5.0, high=85.0, prior=30.0, step=0.1),
-            Parameter(key="matt", start=one, low=0.0, high=1.0, prior=0.5, step=1e-2, whole=True),
             *(
                 Parameter(key=key, start=0.2 * one, low=lowest, high=4.0, prior=1.0, step=5e-3)
                 for key in lobe if key in SHARES
@@ -411,6 +414,8 @@ class _Search:
         no derivative; `noise` is the assumed accuracy of the readings, counts."""
         data = self._observed(optics, noise)
         free = self._parameters(optics.lobe)
+        if 0 < start["matt"] < 1:
+            free.append(MATT)
         if not self._data.straight and _background_of(optics.scenes[0][0]) in start:
             free += self._lights()
         hang = np.zeros(data.use.shape, bool)

@@ -108,7 +108,7 @@ def _table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
 
 def check_both(own: Any) -> None:
     """Refuse of either part of a profile tables of several lengths, and values above the full scale."""
-    require(0 <= own.matt <= 1, "matt", "0 (as in the paper) to 1", own.matt)
+    require(own.matt in (0.0, 1.0), "matt", "0 (as in the paper) or 1", own.matt)
     for key in ("curve", "noise"):
         lengths = {len(getattr(sensor, key)) for sensor in own.sensors}
         require(len(lengths) <= 1, f"sensors.{key}", "as many values for every sensor", sorted(lengths))
@@ -218,7 +218,7 @@ class Infrared(Value):
     """Proximity (§3.2.3): I = Σ cos^m β (a/(d + offset)² + b), clipped to 0 … top.
 
     Beyond the paper: with `matt` 1 surfaces throw a back by the cosine of the angle under which a ray
-    meets them (Lambert), with a share the mixture. Sensors with a curve read as measured: x = Σ lobe a / ((d + offset)² + width²)
+    meets them (Lambert). Sensors with a curve read as measured: x = Σ lobe a / ((d + offset)² + width²)
     over rays at 0, ¼, ½, ¾ and 1 of `aperture_deg` to either side, none of which sees beyond `range_cm`
     (0: no end), less `overlap` times what the outermost would see of a flat surface at the middle ray's d;
     d + offset counts from 0 on. A curve holds counts at equal steps of √x / (√x + 1/curve_cm) from 0 to 1;
