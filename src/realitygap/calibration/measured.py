@@ -302,7 +302,7 @@ class _Search:
         """By all places, with curves as smooth as places held out have it."""
         seen = replace(optics.seen, noise=self._noise)
         alikes = ALIKES if self._data.straight else (ALIKE,)
-        for _ in range(2):  # smoothness shows only near the right optics
+        for _ in range(3):  # smoothness shows only near the right optics
             seen = smoothness(seen, optics.share(values), self._folds, alikes)[1]
             optics = replace(optics, seen=seen)
             for reach in FINE_DEG:
@@ -325,8 +325,8 @@ class _Search:
         """The least-squares values with directions and ray ends readjusted, or the values before: whichever
         have the smaller residual."""
         found = self._level(self._scanned(optics, solved, FINE_DEG[-1]))
-        tried: tuple[Values, ...] = (values, self._ended(optics, found))
-        return dict(min(tried, key=lambda one: self._left(optics, one)))
+        found = self._ended(optics, found)
+        return found if self._left(optics, found) < self._left(optics, values) else values
 
     def _parameters(self, lobe: Sequence[str]) -> list[Parameter]:
         """The constants that are free with this lobe."""
