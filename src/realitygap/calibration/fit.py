@@ -134,7 +134,7 @@ def fit(
         model: of all rows.
         data: readings, and which of them to use.
         start: values to begin at instead of each parameter's own; others than the parameters' are left out.
-        intervals: whether to estimate intervals; without, the descent ends at coarser steps.
+        intervals: whether to estimate intervals; without, the descent ends earlier.
         steps: at most.
     """
     from scipy.optimize import least_squares
@@ -146,7 +146,7 @@ def fit(
     found = least_squares(
         packed.residuals, inside, jac=packed.jacobian, bounds=packed.bounds, x_scale="jac",
         loss="soft_l1", f_scale=ROBUST_AT, xtol=1e-5 if intervals else 1e-4, ftol=1e-6, gtol=1e-8,
-        max_nfev=steps, **packed.solver,
+        max_nfev=steps if intervals else min(steps, 25), **packed.solver,
     )  # fmt: skip
     values = packed.unpack(found.x)
     made = Fit(values=values, model=packed.readings(found.x), cost=float(found.cost))

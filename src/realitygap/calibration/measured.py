@@ -302,7 +302,7 @@ class _Search:
         """By all places, with curves as smooth as places held out have it."""
         seen = replace(optics.seen, noise=self._noise)
         alikes = ALIKES if self._data.straight else (ALIKE,)
-        for _ in range(3):  # smoothness shows only near the right optics
+        for _ in range(2):  # smoothness shows only near the right optics
             seen = smoothness(seen, optics.share(values), self._folds, alikes)[1]
             optics = replace(optics, seen=seen)
             for reach in FINE_DEG:
