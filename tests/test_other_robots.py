@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.calibrate import calibrate
-from realitygap.calibration.forward import proximity, scene_of
 from realitygap.calibration.judge import judge
+from realitygap.calibration.model import proximity, scene_of
 from realitygap.calibration.recordings import SensorRecording, WheelRecording, load_recording
 from realitygap.control.encoding import Variation
 from realitygap.control.slots import decode

@@ -12,15 +12,12 @@ import numpy as np
 import pytest
 
 from realitygap.calibration import record_edges as recorder
-from realitygap.calibration.curves import SMOOTH
-from realitygap.calibration.forward import proximity, scene_of
 from realitygap.calibration.judge import judge
-from realitygap.calibration.measured import TWO_BEAMS, Measured
+from realitygap.calibration.model import proximity, scene_of
 from realitygap.calibration.plan import Plan
 from realitygap.calibration.record import record
 from realitygap.calibration.record_edges import look_between
 from realitygap.calibration.recordings import SensorRecording, load_recording
-from realitygap.calibration.rows import BESIDE_DEG, Rows, repeated_noise
 from realitygap.calibration.unit import thinned
 from realitygap.robots.address import Address
 from realitygap.world.robot import Profile
@@ -133,37 +130,6 @@ def recordings() -> list[SensorRecording]:
     return made
 
 
-def matched(recordings: list[SensorRecording], robot: Profile, fold: int | None = None):
-    """Directions off the truth, the beams' angle and the range, from values that are nearly right; by what a
-    fold leaves."""
-    rows = Rows(recordings, robot)
-    rows = rows if fold is None else rows.without(rows.fold(fold))
-    fit = Measured(rows, robot, repeated_noise(rows))
-    places = replace(fit._first, lobe=tuple(TWO_BEAMS))
-    places = replace(places, seen=replace(places.seen, noise=5.0, smooth=SMOOTH[1]))
-    law, none = robot.infrared, dict.fromkeys(("share_1", "share_2", "share_3"), np.zeros(1))
-    values = {
-        **none, "share_4": np.array([2 / 3]), "offset_cm": np.array([0.4]), "width_cm": np.array([2.0]),
-        "aperture_deg": np.array([law.aperture_deg]), "range_cm": np.array([law.range_cm]),
-        "direction_deg": np.array([s.direction_deg for s in law.sensors]),
-    }  # fmt: skip
-    found = fit._edges.matched(places, values)
-    true = beams().infrared
-    off = found["direction_deg"] - [s.direction_deg for s in true.sensors]
-    return off, found["aperture_deg"][0] - 15.0, found["range_cm"][0] - 6.0
-
-
-def test_edges_tell_where_rays_look(recordings):
-    """Sensors turned by 0.13 degrees, with beams 0.07 too wide, come out within three thousandths, by
-    what a fold leaves, too; without places between nothing changes."""
-    for fold in (None, 1):
-        off, wide, end = matched(recordings, beams(turn=0.13, wider=0.07), fold)
-        assert np.abs(off).max() < 0.003 and abs(wide) < 0.003 and abs(end) < 0.001
-    plain = [replace(one, edges=None) for one in recordings]
-    off, wide, _ = matched(plain, beams(turn=0.13, wider=0.07))
-    assert off == pytest.approx(0.13) and wide == pytest.approx(0.07)
-
-
 def test_no_error_is_counted_between(recordings):
     """A profile is judged at the places of the grid; with other readings between them no figure differs."""
     one, robot = recordings[1], beams()
@@ -173,18 +139,6 @@ def test_no_error_is_counted_between(recordings):
     assert (
         judge(wrong, robot).per_sensor == judge(replace(one, edges=None), robot).per_sensor == told.per_sensor
     )
-
-
-def test_places_held_out_are_not_told_of_by_those_between(recordings):
-    """None within ten degrees of one, at its distance, is used; all others are."""
-    rows = Rows(recordings, HALF)
-    out = rows.fold(1)
-    for one, edges, there in zip(recordings, rows.without(out).edges, rows.split(out), strict=True):
-        held = np.column_stack([one.distance_cm, one.bearing_deg])[there]
-        for d, b, counts in zip(edges.distance_cm, edges.bearing_deg, edges.counts, strict=True):
-            near = np.abs((held[held[:, 0] == d, 1] - b + 180.0) % 360.0 - 180.0)
-            assert np.isnan(counts).all() == bool((near < BESIDE_DEG).any())
-        assert 0 < np.isnan(edges.counts).mean() < 1
 
 
 def test_a_share_of_the_places_has_none_between(recordings):

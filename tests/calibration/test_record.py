@@ -21,7 +21,7 @@ from click.testing import CliRunner
 
 from realitygap.calibration import floor_camera
 from realitygap.calibration import record as recorder
-from realitygap.calibration.forward import scene_of
+from realitygap.calibration.model import scene_of
 from realitygap.calibration.plan import (
     FLOOR_CM,
     ROOM,

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from realitygap.calibration.checks import dead_sensors
+from realitygap.calibration.readings import dead_sensors
 from realitygap.calibration.recordings import (
     SensorRecording,
     WheelRecording,

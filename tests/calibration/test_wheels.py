@@ -56,7 +56,7 @@ def test_nonsense_of_wheels_is_refused(sound, spoil, words):
 def test_wheels_are_refused_before_anything_is_fitted(sound, recorded, monkeypatch):
     """Not after the minutes that the sensors take."""
     monkeypatch.setattr(
-        "realitygap.calibration.calibrate.fit_infrared", lambda *args, **kwargs: pytest.fail("first")
+        "realitygap.calibration.calibrate.fit_channel", lambda *args, **kwargs: pytest.fail("first")
     )
     with pytest.raises(CalibrationError, match="Are these mm/s"):
         calibrate([recorded(), replace(sound, commands=8.0 * sound.commands)], PAPER)

@@ -10,10 +10,11 @@ from typing import Any, Self
 import numpy as np
 
 from realitygap import lazy
-from realitygap.calibration.channel_fit import UNLIT, ChannelFit, unmeasured
-from realitygap.calibration.channels import fit_infrared, fit_light, ticks
+from realitygap.calibration.channel import UNLIT, ChannelFit, fit_channel, ticks
 from realitygap.calibration.checks import refuse_mixed
 from realitygap.calibration.light import LIGHT_FORMS
+from realitygap.calibration.model import REFLECTANCE
+from realitygap.calibration.noise import unmeasured
 from realitygap.calibration.recordings import (
     FOLLOWED_STEPS,
     Recording,
@@ -23,7 +24,6 @@ from realitygap.calibration.recordings import (
     count_unit,
     tells_heights,
 )
-from realitygap.calibration.rows import REFLECTANCE
 from realitygap.calibration.wheels.fit import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError
 from realitygap.files import must_be
@@ -117,11 +117,10 @@ def calibrate(
         recordings: of any kinds; those of one kind are fitted together.
         base: a profile.
         form: one of FORMS; "auto": "extended" or "measured", whichever has the smaller error on held-out
-            places.
+            places, "measured" only if it is smaller by 2 %.
         light: another form for ambient light.
-        beside: fit ambient light in all other forms too, for comparison.
-        workers: processes for the searches of "measured" and "auto", one a core if None; or a pool. Never
-            changes a bit.
+        beside: fit the sensors in the other forms with a law too, for comparison.
+        workers: processes for the sensors' fits, one a core if None; or a pool. Never changes a bit.
         on_progress: called with the number of fits done and of all fits.
 
     Raises:
@@ -135,7 +134,8 @@ def calibrate(
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     infrared_form, light_form, wheel_form = FORMS[form]
-    total = len(driven) + ticks(near, infrared_form) + ticks(lit, light_form, beside=beside)
+    light_form = light or light_form
+    total = len(driven) + ticks(near, infrared_form, beside=beside) + ticks(lit, light_form, beside=beside)
     done, report = count(), on_progress or (lambda done, total: None)
 
     def tick() -> None:
@@ -145,8 +145,10 @@ def calibrate(
     with one_thread():
         wheels = fit_wheels(driven[0], base, wheel_form, tick=tick) if driven else None  # soonest refused
         with opened(workers) as pool:
-            infrared = fit_infrared(near, base, infrared_form, pool, tick=tick) if near else None
-        ambient = fit_light(lit, base, light or light_form, beside=beside, tick=tick) if lit else None
+            infrared, ambient = (
+                fit_channel(some, base, asked, pool, beside=beside, tick=tick) if some else None
+                for some, asked in ((near, infrared_form), (lit, light_form))
+            )
     made = Calibration(
         profile=base, infrared=infrared, ambient=ambient, wheels=wheels, recordings=tuple(recordings)
     )

@@ -1,44 +1,47 @@
-"""The ambient sensors' fit (§3.2.1, §3.3): the paper's chain, and forms linear in intensity.
+"""The ambient sensors' forms (§3.2.1, §3.3): the paper's chain, forms linear in intensity, and curves.
 
 Gains are fitted as logarithms: they are scales, and a lamp's brightness is unknown by orders of magnitude.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.forms import columns_of, free_directions, free_turns, with_columns
-from realitygap.calibration.forward import (
-    Scene,
-    illumination,
-    light_readings,
-    lit_places,
-    rows_of,
-    work_of,
-)
+from realitygap.calibration import model
+from realitygap.calibration.curves import Curves, Seen, on_curves, smoothness
+from realitygap.calibration.fit import Fit, Outcome, Parameter, Values, fit, mended, scan, search, value_of
+from realitygap.calibration.model import Scenes
+from realitygap.calibration.readings import Readings
 from realitygap.calibration.recordings import count_unit
-from realitygap.calibration.solve import Free, Values, value_of
-from realitygap.kernels.trial import Scratch
-from realitygap.kernels.types import Robot
 from realitygap.values import Floats
-from realitygap.world.robot import Profile
+from realitygap.world.robot import Profile, load_profile
+from realitygap.world.sensors import RAY_NUMBERS, Ambient
 
-__all__ = ["LIGHT_FORMS", "as_bright_as_the_paper", "light_frees", "light_model", "with_light"]
-
-Scenes = Sequence[tuple[str, Scene]]
-
-GAIN = "log_gain"
+__all__ = [
+    "LIGHT_FORMS",
+    "LightModel",
+    "as_bright_as_the_paper",
+    "fit_curves",
+    "fit_light",
+    "parameters",
+    "with_light",
+]
 
 LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 """"paper": the paper's chain with the lamp's brightness free; "individual": with a gain for each sensor;
 "linear": linear between dark and floor with gains and an angular exponent; "extended": also directions, the
-lamp's height and, in a known room, light reflected by walls."""
-
-COMMON = ("floor", "dark", "facing", "lamp_height_cm", "lamp_proud_cm", "reflectance", "exponent", "near_cm")
+lamp's height and, in a known room, light reflected by walls. "measured": curves on the extended's optics."""
+GAIN = "log_gain"
+OF_RESPONSE = (GAIN, "floor", "dark", "floor_shift", "dark_shift")
+"""What changes readings, but not the light that reaches a sensor."""
+COMMON = (
+    "floor", "dark", "facing", "lamp_height_cm", "lamp_narrow", "lamp_proud_cm", "reflectance", "exponent",
+    "near_cm",
+)  # fmt: skip
 NARROWEST, INSIDE_CM = 1.0, 0.01
 """Least difference between floor and dark, counts, and least distance of a sensor from the body's edge."""
 SHIFT_PRIOR = 10.0
@@ -49,81 +52,152 @@ PLACE_CM, PLACE_PRIOR_CM = 0.15, 0.05
 LAMP_JUMP_CM = 0.4
 """The lamp's height changes all rays that pass over the body at once: least squares may end more than a
 centimetre off, and a search with steps of 0.1 cm stayed there."""
+SCANS_DEG, FINE_DEG = (12.0, 3.0), (3.0, 1.0, 0.3)
+"""Ranges to either side of successive scans of directions: from scratch, and from nearly correct values."""
+DRAWS, DRAWS_HELD_OUT = 2000, 500
+"""Evaluations of all places in the search for what jumps; fewer for held-out fits, of which there are four: a
+poorer search errs on the safe side."""
+STEPS = 12
+"""Of a descent, while kinds of light are compared."""
+FIRST_RAYS, FEWEST_RAYS, PROMISING = 30.0, 20, 3
+"""Number of rays while the kind of reflection is chosen, since ten see a shadow in steps of 18°; the least
+number that is tried in a room, and how many numbers are fitted."""
+BEYOND = (
+    "response", "facing", "lamp_height_cm", "lamp_narrow", "lamp_proud_cm", "falloff", "near_cm",
+    "matt", "rays",
+)  # fmt: skip
+"""Keys of [ambient] that the paper does not have; their defaults change nothing."""
 
 
-def light_frees(form: str, profile: Profile, scenes: Scenes, counts: Floats, *, room: bool) -> list[Free]:
-    """The constants that a form leaves free.
+def fit_light(
+    data: Readings, base: Profile, form: str, *, room: bool, intervals: bool = True
+) -> tuple[Outcome, "LightModel"]:
+    """Fit a form with a law to the readings in use.
+
+    Args:
+        data: of ambient light.
+        base: the profile whose values stay where recordings say nothing.
+        form: one of LIGHT_FORMS.
+        room: whether the walls are known, so that reflected light is informative.
+        intervals: whether to estimate intervals; without, the search is shorter.
+
+    Returns:
+        The outcome, and the model at its reflected light.
+    """
+    base = replace(base, ambient=model.without_curves(base.ambient))
+    base = _neutral(base) if form == "paper" else base
+    observed, scenes = data.observed(), model.scenes_of(data.recordings)
+    lit = LightModel(base, scenes, form)
+    free = parameters(form, base, scenes, data.counts, room=room)
+    start: Values = {}
+    steep = room and form == "extended"
+    if steep:
+        lit, free, start = _best_light(data, base, scenes)
+    best = fit(free, lit, observed, start=start, intervals=intervals and not steep)
+    if steep:
+        # What a ray hits jumps, within a tenth of a millimetre, which no derivative sees.
+        draws = DRAWS if intervals else DRAWS_HELD_OUT
+        found = search(free, lit, observed, best.values, draws=draws)
+        best = fit(free, lit, observed, start=found, intervals=intervals)
+    best = mended(best, free, data.dead)
+    made = with_light(lit.base, best.values, form)
+    return Outcome(profile=replace(made, ambient=model.checked(made.ambient)), fit=best), lit
+
+
+def _best_light(
+    data: Readings, base: Profile, scenes: Scenes
+) -> tuple["LightModel", list[Parameter], Values]:
+    """The extended form's best light off walls: as in the paper, or off walls of some height with a lamp as
+    wide as the arena says or narrow; then its number of rays. All of these change in jumps, so they are
+    tried, not fitted."""
+    observed = data.observed()
+
+    def tried(
+        start: Values, scans: Sequence[float], **keys: float
+    ) -> tuple["LightModel", list[Parameter], Fit]:
+        law = replace(base.ambient, **keys)  # type: ignore[arg-type]
+        lit = LightModel(replace(base, ambient=law), scenes, "extended")
+        free = parameters("extended", lit.base, scenes, data.counts, room=True)
+        at: Values = {p.key: p.start for p in free} | dict(start)
+        for reach in scans:
+            near = scan(lit, at, observed, reach)
+            made = fit(free, lit, observed, start=near, intervals=False, steps=STEPS)
+            at = made.values
+        return lit, free, made
+
+    walls = {"falloff": 1.0, "matt": 1.0, "reflectance": base.ambient.reflectance / 30.0}
+    printed = tried({}, SCANS_DEG, falloff=2.0)
+    kinds = [printed, *(tried({}, SCANS_DEG, **walls, lamp_narrow=n, rays=FIRST_RAYS) for n in (0.0, 1.0))]
+    lit, free, best = min(kinds, key=lambda one: one[2].cost)
+    if best is not printed[2]:
+        many = [n for n in RAY_NUMBERS if n >= FEWEST_RAYS]
+        off = [data.rmse(lit.with_rays(n)(best.values)) for n in many]
+        few = [float(many[k]) for k in np.argsort(off, kind="stable")[:PROMISING]]
+        narrow = lit.base.ambient.lamp_narrow
+        kinds = [tried(best.values, FINE_DEG[-1:], **walls, lamp_narrow=narrow, rays=n) for n in few]
+        lit, free, best = min(kinds, key=lambda one: one[2].cost)
+    at: Values = best.values
+    for reach in FINE_DEG:
+        at = fit(free, lit, observed, start=scan(lit, at, observed, reach), intervals=False).values
+    return lit, free, at
+
+
+def parameters(form: str, profile: Profile, scenes: Scenes, counts: Floats, *, room: bool) -> list[Parameter]:
+    """What a form leaves free.
 
     Args:
         form: one of LIGHT_FORMS.
-        profile: where they start.
-        scenes: each recording's rig name and places.
+        profile: where the constants start.
+        scenes: of the recordings.
         counts: [n, S] readings.
         room: whether the walls are known, so that reflected light is informative.
     """
-    linear, unit = form in ("linear", "extended"), count_unit(profile.ambient.top)
+    linear, unit, law = form in ("linear", "extended"), count_unit(profile.ambient.top), profile.ambient
     dark, floor = (np.array([np.median(end)]) for end in (counts.max(axis=0), counts.min(axis=0)))
-    frees = [
-        Free(key="floor", start=floor, low=0.0, high=400.0 * unit, step=0.05 * unit),
-        Free(key="dark", start=dark, low=100.0 * unit, high=1000.0 * unit, step=0.05 * unit),
+    none, one = np.zeros(len(law.sensors)), np.ones(1)
+    free = [
+        Parameter(key="floor", start=floor, low=0.0, high=400.0 * unit, step=0.05 * unit),
+        Parameter(key="dark", start=dark, low=100.0 * unit, high=1000.0 * unit, step=0.05 * unit),
     ]
     if linear:
-        frees += _linear(profile, walls=form == "extended" and room and profile.ambient.falloff == 1.0)
+        shift: dict[str, Any] = {
+            "start": none, "low": -60 * unit, "high": 60 * unit, "prior": SHIFT_PRIOR * unit,
+            "tie": 0.02 * unit, "step": 0.05 * unit,
+        }  # fmt: skip
+        lobe = "lobe" if form == "extended" and room and law.falloff == 1.0 else "facing"
+        free += [
+            Parameter(key="floor_shift", **shift), Parameter(key="dark_shift", **shift),
+            Parameter(key=lobe, start=one, low=0.0, high=10.0, jump=0.01),
+        ]  # fmt: skip
     if form == "extended":
-        frees += _extended(profile, room)
-    start = {**{f.key: f.start for f in frees}, **{name: np.zeros(1) for name, _ in scenes}}
+        free += [
+            model.directions(law.sensors, tie=None if room else 0.02, jump=0.5),
+            Parameter(
+                key="lamp_height_cm", start=3.0 * one, low=0.0, high=50.0, step=0.02, jump=LAMP_JUMP_CM
+            ),
+        ]
+    if form == "extended" and room:
+        begin = law.reflectance if law.falloff == 2.0 else 0.03
+        free.append(Parameter(key="reflectance", start=begin * one, low=0, high=100, step=1e-4, jump=3e-3))
+    if form == "extended" and room and law.falloff == 2.0:
+        free.append(Parameter(key="exponent", start=law.exponent * one, low=0.0, high=10.0))
+    elif form == "extended" and room:
+        place: dict[str, Any] = {"start": none, "low": -PLACE_CM, "high": PLACE_CM, "prior": PLACE_PRIOR_CM}
+        free += [
+            *(Parameter(key=key, step=4e-3, jump=0.04, **place) for key in ("forward_cm", "left_cm")),
+            Parameter(key="near_cm", start=0.5 * one, low=0.0, high=10.0, jump=0.05),
+            Parameter(key="lamp_proud_cm", start=0.3 * one, low=0.0, high=3.0, step=2e-2, jump=0.03),
+        ]
+    start = {**{p.key: p.start for p in free}, **{name: np.zeros(1) for name, _ in scenes}}
     gain = _first_gains(form, with_light(profile, start, form), scenes, counts)
     each = gain if form != "paper" else np.array([np.median(gain)])
-    frees.insert(0, Free(key="log_gain", start=np.log(each), low=-30.0, high=40.0, step=1e-3))
-    return frees + ([] if room else free_turns([name for name, _ in scenes]))
-
-
-def _linear(profile: Profile, *, walls: bool) -> list[Free]:
-    """The free constants of each sensor's own range and lobe, and of reflections if `walls` are known."""
-    unit = count_unit(profile.ambient.top)
-    none, most = np.zeros(len(profile.ambient.sensors)), 60 * unit
-    shifts = [
-        Free(
-            key=key, start=none, low=-most, high=most, prior=SHIFT_PRIOR * unit, tie=0.02 * unit,
-            step=0.05 * unit,
-        )
-        for key in ("floor_shift", "dark_shift")
-    ]  # fmt: skip
-    key = "lobe" if walls else "facing"
-    return [*shifts, Free(key=key, start=np.ones(1), low=0.0, high=10.0, step=1e-3, jump=0.01)]
-
-
-def _extended(profile: Profile, room: bool) -> list[Free]:
-    sensors, law = profile.ambient.sensors, profile.ambient
-    frees = [
-        free_directions(sensors, tie=None if room else 0.02, jump=0.5),
-        Free(key="lamp_height_cm", start=np.array([3.0]), low=0.0, high=50.0, step=0.02, jump=LAMP_JUMP_CM),
-    ]
-    if room:
-        reflectance = law.reflectance if law.falloff == 2.0 else 0.03
-        frees.append(
-            Free(key="reflectance", start=np.array([reflectance]), low=0, high=100, step=1e-4, jump=3e-3)
-        )
-        if law.falloff == 2.0:
-            frees.append(Free(key="exponent", start=np.array([law.exponent]), low=0.0, high=10.0, step=1e-3))
-        else:
-            frees += [
-                Free(
-                    key=key, start=np.zeros(len(sensors)), low=-PLACE_CM, high=PLACE_CM,
-                    prior=PLACE_PRIOR_CM, step=4e-3, jump=0.04,
-                )
-                for key in ("forward_cm", "left_cm")
-            ]  # fmt: skip
-            frees += [
-                Free(key="near_cm", start=np.array([0.5]), low=0.0, high=10.0, step=1e-3, jump=0.05),
-                Free(key="lamp_proud_cm", start=np.array([0.3]), low=0.0, high=3.0, step=2e-2, jump=0.03),
-            ]
-    return frees
+    free.insert(0, Parameter(key=GAIN, start=np.log(each), low=-30.0, high=40.0))
+    return free + ([] if room else model.turns([name for name, _ in scenes]))
 
 
 def _first_gains(form: str, profile: Profile, scenes: Scenes, counts: Floats) -> Floats:
     """Gains [S] with which the model is right at the middle of each sensor's range."""
-    light = np.concatenate([illumination(profile, scene) for _, scene in scenes])
+    light = np.concatenate([model.illumination(profile, scene) for _, scene in scenes])
     floor, dark = profile.ambient.floor, profile.ambient.dark
     out = np.ones(counts.shape[1])
     for k in range(len(out)):
@@ -131,19 +205,19 @@ def _first_gains(form: str, profile: Profile, scenes: Scenes, counts: Floats) ->
         some = (share > 0.1) & (share < 0.9) & (light[:, k] > 0)
         if some.any():
             lit, read = light[some, k], counts[some, k]
-            wanted = (
-                dark - read if form in ("linear", "extended") else 1.0 / np.maximum(read - floor, 1.0) ** 2
-            )
+            linear = form in ("linear", "extended")
+            wanted = dark - read if linear else 1.0 / np.maximum(read - floor, 1.0) ** 2
             out[k] = np.median(wanted / lit)
     return out
 
 
 def with_light(profile: Profile, values: Values, form: str) -> Profile:
+    """The profile with fitted constants in place, within what a profile can hold, but unchecked."""
     law = profile.ambient
     n = len(law.sensors)
-    columns = columns_of(values, ("direction_deg",), law.sensors)
+    columns = model.columns_of(values, ("direction_deg",), law.sensors)
     common = {key: float(values[key][0]) for key in COMMON if key in values}
-    if "dark" in values:  # a profile's bounds, where few places are dark or bright enough
+    if "dark" in values:  # where few places are dark or bright enough
         common["dark"] = min(common["dark"], law.top)
         common["floor"] = min(common["floor"], common["dark"] - NARROWEST)
     if "floor_shift" in values:  # no sensor reads below 0
@@ -152,16 +226,16 @@ def with_light(profile: Profile, values: Values, form: str) -> Profile:
         lowest = np.minimum(np.maximum(values["floor_shift"], -common["floor"]), highest)
         columns["floor_shift"] = np.broadcast_to(lowest, (n,)).tolist()
         columns["dark_shift"] = np.broadcast_to(dark, (n,)).tolist()
-    if "log_gain" in values:
-        columns["gain"] = np.broadcast_to(np.exp(values["log_gain"]), (n,)).tolist()
+    if GAIN in values:
+        columns["gain"] = np.broadcast_to(np.exp(values[GAIN]), (n,)).tolist()
     if "forward_cm" in values:
         columns |= _moved(profile, values)
-    sensors = with_columns(law.sensors, columns)
     if "lobe" in values:  # a wall's light has the same lobe as the lamp's
         common |= dict.fromkeys(("facing", "exponent"), float(values["lobe"][0]))
     response = "linear" if form in ("linear", "extended") else "paper"
-    law = replace(law, sensors=sensors, response=response, **common)  # type: ignore[arg-type]
-    return replace(profile, ambient=law)
+    sensors = model.with_columns(law.sensors, columns)
+    law = model.unchecked(law, sensors=sensors, response=response, **common)
+    return model.unchecked(profile, ambient=law)
 
 
 def _moved(profile: Profile, values: Values) -> dict[str, list[float]]:
@@ -174,66 +248,95 @@ def _moved(profile: Profile, values: Values) -> dict[str, list[float]]:
     return {"x_cm": x_cm, "y_cm": y_cm}
 
 
-def light_model(profile: Profile, values: Values, scenes: Scenes, form: str, memory: LightMemory) -> Floats:
-    """Noise-free readings [n, A] of several recordings, one after another, with each rig's rotation.
+class LightModel:
+    """Noise-free readings [n, A] of several recordings, one after another.
+
+    Rays are cast anew only if something changed that the light depends on: gains, floors and darks do not.
 
     Args:
-        form, profile, scenes: as of `light_frees`.
-        values: of the free constants.
-        memory: of the last illumination, of this profile's forms at these scenes.
-    """
-    gain = np.exp(values[GAIN])
-    made = memory.profile(profile, {key: value for key, value in values.items() if key != GAIN}, form)
-    return light_readings(made, memory.light(made, values), gain)[memory.rows]
-
-
-class LightMemory:
-    """The last illumination at the places of some scenes, which gains, floors and darks do not change; and
-    the last profile, which gains alone do not change.
-
-    All profiles are one robot's but for its light. `rows` [n]: the place of each row of the recordings.
+        base: the robot; all others tried are its but for their light.
+        scenes: of the recordings.
+        form: one of LIGHT_FORMS.
     """
 
-    def __init__(self, scenes: Scenes) -> None:
-        self.rows = rows_of([scene for _, scene in scenes])
-        self._scenes = scenes
-        self._kept: dict[tuple[object, ...], Floats] = {}
-        self._last: tuple[Values, Profile] | None = None
-        self._robot: Robot | None = None
-        self._work: Scratch | None = None
+    def __init__(self, base: Profile, scenes: Scenes, form: str) -> None:
+        self.base, self._scenes, self._form = base, scenes, form
+        self._rows, self._robot = model.rows_of([scene for _, scene in scenes]), base.to_kernel()
+        self._work = model.work_of(self._robot)
+        self._made = lru_cache(maxsize=4)(self._profile)
+        self._lit = lru_cache(maxsize=8)(self._cast)
 
-    def profile(self, base: Profile, values: Values, form: str) -> Profile:
-        last = self._last
-        if last is None or any(not np.array_equal(last[0][key], value) for key, value in values.items()):
-            self._last = last = (
-                {key: value.copy() for key, value in values.items()},
-                with_light(base, values, form),
-            )
-        return last[1]
+    def with_rays(self, number: int) -> "LightModel":
+        """The same with another number of rays for reflected light."""
+        law = replace(self.base.ambient, rays=float(number))
+        return LightModel(replace(self.base, ambient=law), self._scenes, self._form)
 
-    def light(self, profile: Profile, values: Values) -> Floats:
-        """[m, A] illumination of each place, recomputed only if something it depends on has changed."""
-        law = profile.ambient
-        turns = tuple(value_of(values, name) for name, _ in self._scenes)
-        directions = tuple((s.direction_deg, s.x_cm, s.y_cm) for s in law.sensors)
-        lamp = (law.lamp_height_cm, law.lamp_narrow, law.lamp_proud_cm)
-        shape = (law.facing, law.reflectance, law.exponent, law.near_cm, lamp)
-        key = (turns, directions, shape)
-        if key not in self._kept:
-            if len(self._kept) > 16:
-                self._kept.clear()
-            rigs = [(scene, turn) for (_, scene), turn in zip(self._scenes, turns, strict=True)]
-            if self._robot is None:
-                self._robot = profile.to_kernel()
-            ambient, light = law.to_kernel(profile.body.height_cm)
-            robot = self._robot._replace(ambient=ambient, light=light)
-            self._work = self._work or work_of(robot)
-            self._kept[key] = lit_places(robot, rigs, self._work)
-        return self._kept[key]
+    def __call__(self, values: Values) -> Floats:
+        made = self._made(*_key({key: value for key, value in values.items() if key != GAIN}))
+        return model.light_readings(made, self._places(values), np.exp(values[GAIN]))[self._rows]
+
+    def light(self, values: Values) -> Floats:
+        """[n, A] the light that reaches each sensor, times its gain."""
+        return np.asarray(self._places(values)[self._rows] * np.exp(values[GAIN]))
+
+    def _places(self, values: Values) -> Floats:
+        optics = {key: value for key, value in values.items() if key not in OF_RESPONSE}
+        return self._lit(*_key(optics))
+
+    def _profile(self, keys: tuple[str, ...], *values: bytes) -> Profile:
+        return with_light(self.base, _of_key(keys, values), self._form)
+
+    def _cast(self, keys: tuple[str, ...], *values: bytes) -> Floats:
+        """[m, A] illumination of each place."""
+        at = _of_key(keys, values)
+        law = with_light(self.base, at, self._form).ambient
+        rigs = [(scene, value_of(at, name)) for name, scene in self._scenes]
+        ambient, light = law.to_kernel(self.base.body.height_cm)
+        robot = self._robot._replace(ambient=ambient, light=light)
+        return model.lit_places(robot, rigs, self._work)
+
+
+def _key(values: Values) -> tuple[tuple[str, ...], *tuple[bytes, ...]]:
+    """Values as a key of a cache."""
+    return tuple(values), *(np.asarray(value, float).tobytes() for value in values.values())
+
+
+def _of_key(keys: tuple[str, ...], values: Sequence[bytes]) -> dict[str, Floats]:
+    return {key: np.frombuffer(value) for key, value in zip(keys, values, strict=True)}
+
+
+def _neutral(base: Profile) -> Profile:
+    """The base with §3.3 as printed: 1.5 · cos² β for reflected light, and no extensions."""
+    law, paper = base.ambient, load_profile("paper").ambient
+    sensors = tuple(
+        replace(s, floor_shift=0.0, dark_shift=0.0) for s in model.nominal(law.sensors, paper.sensors)
+    )
+    beyond = {key: Ambient.__dataclass_fields__[key].default for key in BEYOND}
+    printed = {"reflectance": paper.reflectance, "exponent": paper.exponent}
+    return replace(base, ambient=replace(law, sensors=sensors, **printed, **beyond))  # type: ignore[arg-type]
+
+
+def fit_curves(data: Readings, extended: Outcome, lit: LightModel) -> Outcome:
+    """The form "measured": a curve for each sensor in place of the straight line between dark and floor.
+
+    Lamp, walls and lobe stay as the extended form has found them.
+    """
+    light = lit.light(extended.fit.values)
+    bright = light[data.use & (light > 0)]
+    knee = float(np.median(bright)) if len(bright) else 1.0
+    share = np.sqrt(light) / (np.sqrt(light) + np.sqrt(knee))
+    seen = Seen(counts=data.top - data.counts, use=data.use, top=data.top, most=data.top, noise=data.noise)
+    curves = Curves(smoothness(seen, share, data.fold_of())[1], share).fitted()
+    falling = np.maximum(data.top - curves, 0.0).round(3).tolist()
+    law = extended.profile.ambient
+    sensors = model.with_columns(law.sensors, {"curve": [tuple(row) for row in falling]})
+    law = model.checked(model.unchecked(law, response="measured", curve_light=knee, sensors=sensors))
+    fitted = replace(extended.fit, model=data.top - on_curves(curves, share))
+    return Outcome(profile=replace(extended.profile, ambient=law), fit=fitted)
 
 
 def as_bright_as_the_paper(profile: Profile) -> Profile:
-    """Gains as if the table's lamp had been the paper's, since an unknown lamp's brightness is not
+    """Gains as if the recordings' lamp had been the paper's, since an unknown lamp's brightness is not
     identifiable.
 
     Ratios between sensors are kept; a common factor makes this profile read half-way between floor and dark
@@ -241,8 +344,8 @@ def as_bright_as_the_paper(profile: Profile) -> Profile:
     """
     law = profile.ambient
     half = (law.dark - law.floor) / 2.0
-    wanted = half**3 if law.response == "linear" else 1.0  # half = gain·A, at A = 1/half²
+    wanted = 1.0 if law.response == "paper" else half**3  # half = gain·A, at A = 1/half²
     gains = np.array([s.gain for s in law.sensors])
-    gains *= wanted / np.exp(np.log(gains).mean())
-    sensors = tuple(replace(s, gain=float(g)) for s, g in zip(law.sensors, gains, strict=True))
-    return replace(profile, ambient=replace(law, sensors=sensors))
+    scale = wanted / np.exp(np.log(gains).mean())
+    sensors = tuple(replace(s, gain=float(s.gain * scale)) for s in law.sensors)
+    return replace(profile, ambient=replace(law, sensors=sensors, curve_light=law.curve_light * scale))

@@ -14,7 +14,7 @@ from realitygap.cli.output import Figure, print_json, table, warn
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.channel_fit import ChannelFit
+    from realitygap.calibration.channel import ChannelFit
     from realitygap.calibration.judge import Judgement
     from realitygap.work.pool import Workers
 

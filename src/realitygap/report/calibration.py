@@ -16,7 +16,7 @@ from realitygap.report.page import Figures, OnProgress, Picture, Steps, Words, w
 
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.channel_fit import ChannelFit
+    from realitygap.calibration.channel import ChannelFit
     from realitygap.calibration.wheels.fit import WheelFit
 
 __all__ = ["REAL", "beside_real", "calibration_figures", "write_calibration_page"]

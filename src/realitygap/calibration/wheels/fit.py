@@ -10,8 +10,8 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.forms import Tick
-from realitygap.calibration.forward import wheel_speeds
+from realitygap.calibration.fit import Tick
+from realitygap.calibration.model import wheel_speeds
 from realitygap.calibration.recordings import PULSES_PER_MM, WheelRecording
 from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd, refuse_wheels
 from realitygap.calibration.wheels.friction import Friction, measure_friction

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS, blind_pairs, bounded, filling
+from realitygap.calibration.fit import SIGMAS, blind_pairs, bounded, filling
 from realitygap.calibration.wheels.odometry import Odometry
 from realitygap.values import Floats
 from realitygap.world.robot import Constant

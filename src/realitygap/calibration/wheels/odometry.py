@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS
+from realitygap.calibration.fit import SIGMAS
 from realitygap.calibration.recordings import WheelRecording
 from realitygap.values import Floats
 from realitygap.world.robot import Constant
