@@ -281,9 +281,9 @@ class _Search:
         ends = []
         for kind in kinds:
             for _, optics, values in sorted(kind, key=itemgetter(0))[:1]:
-                values = {**values, "matt": np.round(values["matt"])}  # the one or the other, from here on
                 for share in [*STAGES][1:]:
                     _, optics, values = self._stage(optics, values, share)
+                values = {**values, "matt": np.round(values["matt"])}  # the one or the other, from here on
                 ends.append(self._finished(replace(first, base=optics.base, lobe=optics.lobe), values))
         _, optics, values = min(ends, key=itemgetter(0))
         return optics, self._lit(optics, values)
