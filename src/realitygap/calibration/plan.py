@@ -7,7 +7,7 @@ read several times, or trials of its wheels.
 import itertools
 import math
 import random
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -195,7 +195,6 @@ class Task:
         begins: what a person prepares.
         facts: what recording.toml says of them.
         arena: the room that poses belong to; None: distances say it all.
-        at: the place at a distance (cm) and a bearing (degrees), where these tell places.
     """
 
     name: str
@@ -206,7 +205,6 @@ class Task:
     begins: str
     facts: Mapping[str, Any] = field(default_factory=dict)
     arena: Arena | None = None
-    at: Callable[[float, float], Place] | None = None
 
 
 def infrared_task(
@@ -260,7 +258,7 @@ def infrared_task(
     if (bearings, tuple(distances_cm)) != (BEARINGS, DISTANCES_CM):
         facts |= {"bearings": bearings, "distances_cm": list(distances_cm)}
     return Task(
-        name=f"infrared-{short}", kind="infrared", key=POLAR, room=room, facts=facts, at=at,
+        name=f"infrared-{short}", kind="infrared", key=POLAR, room=room, facts=facts,
         stops=[at(distance, k * 360.0 / bearings) for distance in distances_cm for k in range(bearings)],
         begins=f"Put up {what}, with nothing else within 20 cm, and keep lamps away.",
     )  # fmt: skip

@@ -19,23 +19,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, tasks_of
-from realitygap.calibration.record_edges import FINE, TWICE, look_between
 from realitygap.calibration.recordings import (
     CHANNELS,
     DRIVE,
-    EDGES,
     FACTS,
     HEIGHTS_CM,
     POSE,
     READINGS,
     STEP_COLUMNS,
     STEPS,
-    UNFINISHED,
     UNITS,
     UNKNOWN,
     WHEEL_COUNTS,
@@ -80,8 +76,8 @@ class StoppedByUserError(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """A finished recording: how many places of the plan are `done`, how many others between them where
-    readings jump, the time it took, and whether the person stopped early."""
+    """A finished recording: how many places of the plan are `done`, the time it took, and whether the person
+    stopped early."""
 
     folder: Path
     name: str
@@ -89,7 +85,6 @@ class Result:
     places: int
     done: int
     seconds: float
-    between: int = 0
     stopped: bool = False
 
     @property
@@ -147,13 +142,9 @@ def record(
 
 def _record(task: Task, folder: Path, plan: Plan, body: Body, site: "Site", report: Progress) -> Result:
     """Bring the robot to each stop that is not done, and write its rows at once."""
-    begun, stopped, between = time.perf_counter(), False, 0
+    begun, stopped = time.perf_counter(), False
     stops = {stop.key: stop for stop in task.stops}
-    fine = (
-        task.kind == "infrared" and isinstance(body, Placing)
-        and plan.grid(body)[0] >= FINE and plan.repeats > 1
-    )  # fmt: skip
-    facts = {**_facts(task, plan, body), **({"between": UNFINISHED} if fine else {})}
+    facts = _facts(task, plan, body)
     if task.kind == "wheels":
         one, table = body.channels[0], STEPS
         lacks = () if body.counts_turns else WHEEL_COUNTS
@@ -168,43 +159,36 @@ def _record(task: Task, folder: Path, plan: Plan, body: Body, site: "Site", repo
             return len(stop.commands) if isinstance(stop, Trial) else -1
         return plan.repeats
 
-    def read(stop: Place | Trial, repeats: int = plan.repeats) -> list[tuple[str, ...]]:
+    def read(stop: Place | Trial) -> list[tuple[str, ...]]:
         if not site.go(stop):
             return []
         if isinstance(stop, Trial):
             rows, poses = drive_trial(body, stop)
             seen = {**poses, **site.poses(stop)}
             return [(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)]
-        return [(*stop.key, str(k), *row) for k, row in enumerate(read_standing(body, one.name, repeats))]
+        return [
+            (*stop.key, str(k), *row) for k, row in enumerate(read_standing(body, one.name, plan.repeats))
+        ]
 
     journal = Journal(folder, facts=facts, table=table, columns=columns, key=task.key, rows=rows_of)
     if task.arena is not None:
         atomic_write(folder / ARENA, task.arena.to_toml())
     left = [stop for key, stop in stops.items() if key not in journal.done]
-    if left or fine:
+    if left:
         attend(body, one.name, turns=task.kind == "wheels")
     try:
         if left and site.prepare(task.begins):
             for stop in left:
                 if rows := read(stop):
                     journal.add(rows)
-                report(task.name, len(journal.done), len(stops) + fine)
-        if fine and task.at is not None and len(journal.done) == len(stops):
-            edges = Journal(
-                folder, facts=facts, table=EDGES, columns=columns, key=task.key, rows=lambda key: TWICE
-            )
-            between = look_between(
-                journal, edges, task.at, partial(read, repeats=TWICE), one.high,
-                lambda done, many: report(task.name, len(stops) + done, len(stops) + many),
-            )  # fmt: skip
-            edges.state("between", between)
+                report(task.name, len(journal.done), len(stops))
     except StoppedByUserError:
         stopped = True
     if not journal.done:  # skipped: an empty table would only hinder a calibration
         journal.discard()
     return Result(
         folder=folder, name=task.name, kind=task.kind, places=len(stops), done=len(journal.done),
-        seconds=time.perf_counter() - begun, between=between, stopped=stopped,
+        seconds=time.perf_counter() - begun, stopped=stopped,
     )  # fmt: skip
 
 
@@ -431,7 +415,7 @@ class Journal:
     Args:
         folder: the recording's.
         facts: for recording.toml, written at the start.
-        table: the table's name; it is made with its first rows if the folder is there already.
+        table: the table's name.
         columns: of the table.
         key: the columns that name a stop.
         rows: how many rows a finished stop has, by its key.
@@ -464,15 +448,10 @@ class Journal:
 
     def add(self, rows: Sequence[Sequence[str]]) -> None:
         """Write all rows of a finished stop."""
-        head = [] if self.path.exists() else [self.columns]
-        text = "".join(",".join(row) + "\n" for row in (*head, *rows))
+        text = "".join(",".join(row) + "\n" for row in rows)
         with naming_errors(self.path), self.path.open("ab", buffering=0) as file:
             file.write(text.encode("utf-8"))
         self.done[self._name(rows[0])] = rows
-
-    def state(self, name: str, fact: Any) -> None:
-        """Put a fact into recording.toml that is known only now."""
-        atomic_write(self.folder / FACTS, to_toml({**self._stated(), name: fact}))
 
     def discard(self) -> None:
         """Remove an empty recording's files, and its folder if nothing else is in it."""
@@ -484,11 +463,8 @@ class Journal:
     def _name(self, row: Sequence[str]) -> tuple[str, ...]:
         return tuple(row[i] for i in self._key)
 
-    def _stated(self) -> dict[str, Any]:
-        return read_toml(self.folder / FACTS, RecordingError, "Begin the recording anew, in another folder.")
-
     def _check(self, facts: Mapping[str, Any]) -> None:
-        there = self._stated()
+        there = read_toml(self.folder / FACTS, RecordingError, "Begin the recording anew, in another folder.")
         for name in SAME:
             if there.get(name) != facts.get(name):
                 begun, asked = (repr(said[name]) if name in said else "the usual" for said in (there, facts))

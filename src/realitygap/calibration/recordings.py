@@ -43,7 +43,7 @@ __all__ = [
     "cylinder_radius", "find_recordings", "load_recording", "tells_heights",
 ]  # fmt: skip
 
-FACTS, READINGS, EDGES, STEPS = "recording.toml", "readings.csv", "edges.csv", "steps.csv"
+FACTS, READINGS, STEPS = "recording.toml", "readings.csv", "steps.csv"
 DRIVE = "drive.toml"
 """The facts of a drive (`realitygap.robots`), which is no recording for a calibration."""
 
@@ -71,8 +71,6 @@ KNOWN = (
 are for the record, the last ones from a Thymio."""
 UNKNOWN = "unknown"
 """A reflectance that is to be fitted."""
-UNFINISHED = "unfinished"
-"""How many places there are between the bearings (`EDGES`), while they are looked for."""
 
 KINDS = ("infrared", "ambient", "wheels")
 CHANNELS = {"infrared": "proximity", "ambient": "ambient"}
@@ -148,7 +146,6 @@ class SensorRecording(Recorded):
         from_sensor: the sensor that faced the wall, from which distances are measured; None: from the body's
             edge.
         speed_cm_s: [n] mean absolute speed of both wheels during each reading; None: they stood.
-        edges: further places, where readings jump: they tell where rays end, and no error is counted there.
         lines: [n] where each row stands, file and line; empty: unknown.
     """
 
@@ -167,7 +164,6 @@ class SensorRecording(Recorded):
     speed_cm_s: Floats | None = None
     reflectance: float = 1.0
     from_sensor: int | None = None
-    edges: "SensorRecording | None" = None
     lines: Sequence[str] = ()
 
     def __post_init__(self) -> None:
@@ -207,17 +203,16 @@ class SensorRecording(Recorded):
                 f"{where}: expected counts from 0 to {top:g}, the full scale of {whose}, got {got:g}. {cure} "
                 f"If it is this one, take a copy of that profile with another {self.kind}.top."
             )
-        edges = None if self.edges is None else self.edges.of_robot(robot)
         if self.from_sensor is not None:
             return self._before(part.sensors[self.from_sensor])
         if self.body_said:
-            return replace(self, edges=edges)
+            return self
         radius_cm = robot.body.radius_cm
         # Measured distances stay; those from a lamp's centre follow from the poses.
         nearer = radius_cm - self.body_radius_cm if self.pose is not None else 0.0
         taken = f"{self.source}: body_radius_cm: not said; {radius_cm:g} cm are taken, as {whose} has"
         return replace(
-            self, body_radius_cm=radius_cm, body_outline_cm=robot.body.outline_cm, edges=edges,
+            self, body_radius_cm=radius_cm, body_outline_cm=robot.body.outline_cm,
             distance_cm=self.distance_cm - nearer, warnings=(*self.warnings, taken),
         )  # fmt: skip
 
@@ -500,11 +495,7 @@ def _read_folder(folder: Path, object: str | None) -> Recording:
         return _read_wheels(folder, facts)
     name = str(object or facts.get("object", "lamp" if kind == "ambient" else None))
     check_object(kind, name, str(where))
-    made, edges = _read_sensors(folder / READINGS, facts, kind, name), folder / EDGES
-    if not edges.exists():
-        return made
-    between = replace(_read_sensors(edges, facts, kind, name), source=str(edges))
-    return replace(made, edges=between, hash=_digest((made.hash + between.hash).encode()))
+    return _read_sensors(folder / READINGS, facts, kind, name)
 
 
 def _drive(folder: Path, facts: Mapping[str, Any]) -> RecordingError:
@@ -543,17 +534,13 @@ def _read_rows(path: Path, facts: Mapping[str, Any]) -> Table:
 
 
 def _unfinished(table: Table, facts: Mapping[str, Any]) -> list[str]:
-    """A warning if there are fewer places than planned, or not all that were looked for between them."""
+    """A warning if there are fewer places than planned."""
     planned = facts.get("places")
     key = ("trial",) if "trial" in table.columns else POSE if "x_cm" in table.columns else POLAR
     done = len(set(zip(*(table.texts(name) for name in key), strict=True)))
-    if isinstance(planned, int) and done < planned:
-        what = f"{done} of {planned} places"
-    elif facts.get("between") == UNFINISHED:
-        what = "places between the bearings, which tell where rays end"
-    else:
+    if not isinstance(planned, int) or done >= planned:
         return []
-    return [f"{table.path}: unfinished: {what}; `realitygap record … --resume` goes on"]
+    return [f"{table.path}: unfinished: {done} of {planned} places; `realitygap record … --resume` goes on"]
 
 
 def _copies(path: Path, rows: Mapping[int, Sequence[str]], cure: str) -> list[str]:

@@ -43,7 +43,7 @@ NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for each plan."""
 MEASURING = ("auto", "measured")
 """Forms whose fit of the proximity sensors takes so long that all workers share it."""
-RECIPE = 7
+RECIPE = 8
 """Increased whenever the same settings would make another profile."""
 FIT = "fit"
 
@@ -317,14 +317,13 @@ class Unit:
 
 
 def thinned(recording: SensorRecording, share: float, seed: int) -> SensorRecording:
-    """The recording with a share of its places, at least one, and none between them; a larger share contains
-    a smaller one."""
+    """The recording with a share of its places, at least one; a larger share contains a smaller one."""
     place = recording.place()
     drawn = np.random.default_rng(seed).permutation(place.max() + 1)
     rows = np.isin(place, drawn[: max(1, round(share * len(drawn)))])
     names = ("distance_cm", "bearing_deg", "repeat", "counts", "pose", "speed_cm_s")
     there = {name: column for name in names if (column := getattr(recording, name)) is not None}
-    return replace(recording, edges=None, lines=(), **{name: column[rows] for name, column in there.items()})
+    return replace(recording, lines=(), **{name: column[rows] for name, column in there.items()})
 
 
 def calibrate_share(
