@@ -24,7 +24,6 @@ CONTACT = ("tests/kernels/test_contact.py",)
 RANDOM = ("tests/kernels/test_rng.py",)
 TRIALS = ("tests/kernels/test_trials.py",)
 FITS = ("tests/calibration/test_fits.py",)
-EDGES = ("tests/calibration/test_edges.py",)
 MISFIT = ("tests/calibration/test_misfit.py",)
 MEASURED = ("tests/calibration/test_measured.py",)
 WHEEL_FITS = ("tests/calibration/test_wheels.py",)
@@ -154,25 +153,17 @@ MUTATIONS = (
     Mutation("calibration/judge.py", "the bias has the sign turned",
              "off = (read - recording.counts)[:, live]", "off = (recording.counts - read)[:, live]",
              MISFIT),
-    Mutation("calibration/channel.py", "a fold's readings are fitted",
+    Mutation("calibration/calibrate.py", "a fold's readings are fitted",
              "self._fitted(self._data.without(out), form", "self._fitted(self._data, form", MEASURED),
     Mutation("calibration/fit.py", "a form with more constants needs no margin",
              "errors[name] * MARGIN < errors[best]", "errors[name] < errors[best]", MEASURED),
-    Mutation("calibration/record_edges.py", "both halves of a gap are looked into",
-             "still = sensors & (np.abs(off) > least)", "still = sensors", EDGES),
-    Mutation("calibration/record_edges.py", "a slope is followed",
-             "& (step > STEEPER * beside)", "", EDGES),
-    Mutation("calibration/record_edges.py", "noise is followed",
-             "max(LEAST * top, SURE * noise)", "LEAST * top", EDGES),
-    Mutation("calibration/record_edges.py", "a place that was read is read again",
-             "mean |= {key", "_ = {key", EDGES),
-    Mutation("calibration/wheels/intervals.py", "steps of one trial are taken for independent",
+    Mutation("calibration/wheels.py", "steps of one trial are taken for independent",
              "spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))",
              "spread = np.diag(bread)", WHEEL_FITS),
-    Mutation("calibration/wheels/odometry.py", "pictures of something else count",
+    Mutation("calibration/odometry.py", "pictures of something else count",
              "seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))\n        if seen",
              "seen = np.ones(len(beyond), bool)\n        if seen", WHEEL_FITS),
-    Mutation("calibration/wheels/odometry.py", "a chord is taken for the way along the arc",
+    Mutation("calibration/odometry.py", "a chord is taken for the way along the arc",
              "chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)", "chord", WHEEL_FITS),
     # tracker
     Mutation("film/disk.py", "the heading is looked back",

@@ -11,8 +11,7 @@ import sys
 import numpy as np
 
 from realitygap.api import load_recordings
-from realitygap.calibration.calibrate import base_of, calibrate
-from realitygap.calibration.channel import ChannelFit
+from realitygap.calibration.calibrate import ChannelFit, base_of, calibrate
 from realitygap.calibration.lookup import replayed, rings
 from realitygap.calibration.noise import Yardstick, misfits
 from realitygap.calibration.readings import Readings

@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.calibration.calibrate import calibrate, joined
-from realitygap.calibration.channel import _agreed
+from realitygap.calibration.calibrate import _agreed, calibrate, joined
 from realitygap.calibration.fit import Fit
 from realitygap.calibration.judge import judge
+from realitygap.calibration.load import load_recording
 from realitygap.calibration.model import scenes_of
 from realitygap.calibration.noise import Sample, lit_noise, sample_noise
+from realitygap.calibration.odometry import measure_odometry
 from realitygap.calibration.readings import Readings
-from realitygap.calibration.recordings import CHANNELS, SensorRecording, load_recording
-from realitygap.calibration.wheels.odometry import measure_odometry
+from realitygap.calibration.recordings import CHANNELS, SensorRecording
 from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
 from realitygap.report.calibration_figures import SHOWN, curves_figure, look_of, maps_figure

@@ -10,10 +10,11 @@ import pytest
 
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
+from realitygap.calibration.load import load_recording
 from realitygap.calibration.lookup import replayed
 from realitygap.calibration.model import scene_of
 from realitygap.calibration.readings import Readings
-from realitygap.calibration.recordings import SensorRecording, load_recording
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.errors import CalibrationError, ConfigError, TaskError
 from realitygap.kernels.infrared import infrared
 from realitygap.simulation.simulation import Simulation

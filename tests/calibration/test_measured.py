@@ -9,17 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.calibration import channel, measured, readings
+from realitygap.calibration import calibrate as calibrating
+from realitygap.calibration import measured, readings
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.curves import Curves, Seen, on_curves
 from realitygap.calibration.fit import choose
-from realitygap.calibration.infrared import fit_infrared
+from realitygap.calibration.forms import fit_infrared
 from realitygap.calibration.judge import judge
+from realitygap.calibration.load import find_recordings, load_recording
 from realitygap.calibration.measured import fit_measured
 from realitygap.calibration.model import lit_readings, proximity, received, scene_of
 from realitygap.calibration.noise import Sample, noise_tables
 from realitygap.calibration.readings import Readings, repeated_noise
-from realitygap.calibration.recordings import SensorRecording, find_recordings, load_recording
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.errors import RecordingError
 from realitygap.world.robot import Profile, load_profile
 from tests.calibration.conftest import places
@@ -64,7 +66,7 @@ def before(
 def fewer_starts(monkeypatch):
     """The quicker: one beam and two, and two folds."""
     monkeypatch.setattr(measured, "LOBES", (measured.LOBES[0], measured.LOBES[2]))
-    for module in (readings, channel):
+    for module in (readings, calibrating):
         monkeypatch.setattr(module, "FOLDS", 2)
 
 
@@ -142,7 +144,7 @@ def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
     assert sum("shift_" in c.key for c in made.fit.constants) == 6
     error = rows.rmse_lit(made.fit.model)
     assert error < 0.02 * base.infrared.top
-    misplaced = channel._misplaced(rows, made.profile, made.fit.values, noise)
+    misplaced = calibrating._misplaced(rows, made.profile, made.fit.values, noise)
     assert 0.5 * error < noise * misplaced < 2.0 * error
 
 
@@ -166,7 +168,7 @@ def test_auto_goes_by_places_held_out(recorded, monkeypatch, base):
         model = data.counts + np.where(data.use, 0.0, 50.0)
         return replace(made, fit=replace(made.fit, model=model))
 
-    monkeypatch.setattr(channel, "fit_measured", too_good)
+    monkeypatch.setattr(calibrating, "fit_measured", too_good)
     fit = calibrate([recorded("wall", repeats=2)], base, form="auto").infrared
     assert fit is not None and fit.by_form["measured"] < fit.by_form["extended"] < 16
     assert fit.form == "extended" and fit.held_out["extended"] < fit.held_out["measured"]
@@ -185,7 +187,7 @@ def test_places_held_out_change_no_fit(form):
     out = next(data.folds())
     for wrong in (0.0, 400.0):
         data.counts[out] = np.abs(data.counts[out] - wrong)
-        tell = channel.Fits(data, HALF, room=False)
+        tell = calibrating.Fits(data, HALF, room=False)
         tell.carry_out((form, 0), lambda told: read.append(told[1][form]))
     assert np.array_equal(*read)
 

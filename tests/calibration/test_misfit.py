@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from realitygap.calibration.channel import _doubts
+from realitygap.calibration.calibrate import _doubts
 from realitygap.calibration.judge import judge
 from realitygap.calibration.noise import Yardstick, misfits
 from realitygap.world.robot import load_profile

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from realitygap.calibration import calibrate as fits
-from realitygap.calibration import light
+from realitygap.calibration import forms as light
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
+from realitygap.calibration.load import load_recording
 from realitygap.calibration.model import illumination, light_readings, scene_of
 from realitygap.calibration.plan import CYLINDER, ambient_task
-from realitygap.calibration.recordings import SensorRecording, load_recording
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.calibration.unit import PARTS, Unit
 from realitygap.files import to_toml
 from realitygap.world.robot import load_profile

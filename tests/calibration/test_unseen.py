@@ -11,9 +11,10 @@ import pytest
 from realitygap.calibration import infrared
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
+from realitygap.calibration.load import find_recordings, load_recording
 from realitygap.calibration.noise import Yardstick, lit_noise, misfits, sample_noise
 from realitygap.calibration.readings import Readings
-from realitygap.calibration.recordings import SensorRecording, find_recordings, load_recording
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.errors import CalibrationError, RecordingError
 from realitygap.world.robot import load_profile
 from tests.calibration.test_recording import FACTS, HEAD, ROW, written

@@ -19,12 +19,6 @@ from numpy.typing import NDArray
 from realitygap.values import Floats
 from realitygap.world.robot import Constant, Profile
 
-__all__ = [
-    "AUTO", "MARGIN", "ROBUST_AT", "SIGMAS", "Fit", "Model", "Observed", "Outcome", "Parameter", "Tick",
-    "Use", "Values", "blind_pairs", "bounded", "choose", "costs", "filling", "fit", "mended", "scan",
-    "search", "value_of",
-]  # fmt: skip
-
 Values = Mapping[str, Floats]
 """The values of parameters by name: [1], or [S] one per sensor."""
 Model = Callable[[Values], Floats]
@@ -262,15 +256,8 @@ def _prior_rows(p: Parameter, where: slice, n: int) -> list[tuple[Floats, bool]]
 def bounded(
     names: Sequence[str], values: Floats, size: Floats, low: Floats, high: Floats, told: Use
 ) -> tuple[Constant, ...]:
-    """Constants with 95 % intervals, cut off at their bounds.
-
-    Args:
-        names: p of them.
-        values: the fitted values [p].
-        size: their standard errors [p].
-        low, high: their bounds [p].
-        told: whether each is identifiable [p].
-    """
+    """Constants with 95 % intervals from standard errors `size` [p], cut off at their bounds; `told`: whether
+    each is identifiable."""
     least, most = np.fmax(low, values - SIGMAS * size), np.fmin(high, values + SIGMAS * size)
     columns = (column.tolist() for column in (values, least, most, told))
     return tuple(
@@ -281,10 +268,7 @@ def bounded(
 
 def filling(scores: Floats, clusters: NDArray[np.int64]) -> Floats:
     """[p, p] the middle ("meat") of a sandwich covariance from scores [n, p]; rows of one cluster [n] have
-    correlated errors.
-
-    Liang and Zeger, "Longitudinal data analysis using generalized linear models" (Biometrika 73, 1986).
-    """
+    correlated errors (Liang and Zeger, Biometrika 73, 1986)."""
     groups = np.unique(clusters, return_inverse=True)[1]
     sums = np.zeros((int(groups.max()) + 1, scores.shape[1]))
     np.add.at(sums, groups, scores)
@@ -354,12 +338,6 @@ def search(
     At the edge of the robot's own shadow a tenth of a millimetre switches a ray on or off, and least squares
     stop at the first such edge. One draw evaluates all places for all sensors at once, and keeps each
     sensor's where it suits that sensor better. A "log_gain" follows each draw by one step of Newton's.
-
-    Args:
-        parameters: all of the form's.
-        model, data: as of `fit`.
-        values: where to begin.
-        draws: evaluations of all places.
     """
     random, sensors = np.random.default_rng(0), data.counts.shape[1]
     own = [p for p in parameters if p.jump and len(p.start) == sensors]
@@ -411,10 +389,7 @@ def _stepped(step: Floats, better: Use) -> Floats:
 
 def choose(errors: Mapping[str, float]) -> str:
     """The form with the smallest error on held-out places; `errors` by form, those with fewer constants
-    first.
-
-    A form with more constants must be better by MARGIN than the best before it.
-    """
+    first: one with more must be better by MARGIN."""
     best, *others = errors
     for name in others:
         best = name if errors[name] * MARGIN < errors[best] else best

@@ -6,13 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration import checks, model
+from realitygap.calibration import model
 from realitygap.calibration import noise as misfit
 from realitygap.calibration.fit import Observed, Parameter, Values, costs, fit, value_of
 from realitygap.calibration.measured import BY_HAND, LIGHT, SHIFT
 from realitygap.calibration.model import Scene, unchecked
 from realitygap.calibration.noise import LIMITS, Misfit, unmeasured
-from realitygap.calibration.readings import dead_sensors, recorded, refuse_silent
+from realitygap.calibration.odometry import measure_odometry, measured_speeds
+from realitygap.calibration.readings import (
+    dead_sensors,
+    recorded,
+    refuse_silent,
+    refuse_slips,
+    refuse_swapped,
+)
 from realitygap.calibration.recordings import (
     FIRST_NOISE,
     FOLLOWED_STEPS,
@@ -21,8 +28,7 @@ from realitygap.calibration.recordings import (
     WheelRecording,
     count_unit,
 )
-from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
-from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds
+from realitygap.calibration.wheels import refuse_few_steps, refuse_odd
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.work.pool import one_thread
@@ -175,12 +181,12 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
     top = profile.channel(recording.kind).top
     said = list(recording.warnings)
     try:
-        checks.refuse_slips([recording], top)
+        refuse_slips([recording], top)
         gone = dead_sensors(recording, top)
         said += [f"{recording.source}: {reason}" for reason in gone.values()]
         refuse_silent([recording], [gone], top)
         dead = gone
-        said += checks.refuse_swapped(recording, profile, dead)
+        refuse_swapped(recording, profile, dead)
     except CalibrationError as error:  # it may name reasons that have been given
         said = [one for one in said if one.removeprefix(f"{recording.source}: ") not in str(error)]
         said.append(str(error))

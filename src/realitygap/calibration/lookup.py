@@ -17,8 +17,6 @@ from realitygap.values import Floats
 from realitygap.world.robot import Profile
 from realitygap.world.sensors import LookUp
 
-__all__ = ["Ring", "beyond", "fit_lookup", "replayed", "rings"]
-
 FEWEST_BEARINGS, FEWEST_DISTANCES = 8, 2
 EVEN_DEG = 0.01
 BEHIND_DEG = 120.0
@@ -69,11 +67,7 @@ class Ring:
 
 
 def rings(data: Readings) -> dict[str, Ring]:
-    """The places of all recordings, by kind of object.
-
-    Raises:
-        CalibrationError: bearings are not at equal steps all round, or there are several radii.
-    """
+    """The places of all recordings, by kind of object."""
     radii = {r.object: r.source for r in data.recordings if r.radius_cm is not None}
     if len(radii) > 1:
         (one, here), (two, there) = list(radii.items())[:2]
@@ -112,11 +106,7 @@ def replayed(data: Readings, use: Use) -> Floats:
 
 
 def fit_lookup(data: Readings, base: Profile, *, intervals: bool = True) -> Outcome:
-    """A table of the rows in use.
-
-    Raises:
-        CalibrationError: the recordings cannot be made into a table.
-    """
+    """A table of the rows in use."""
     for recording in data.recordings:
         if recording.pose is not None or recording.body_outline_cm:
             why = "poses in a room" if recording.pose is not None else "a body with an outline"

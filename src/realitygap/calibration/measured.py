@@ -35,8 +35,6 @@ from realitygap.kernels.types import Robot
 from realitygap.values import Floats
 from realitygap.world.robot import Constant, Profile
 
-__all__ = ["BY_HAND", "LIGHT", "SHIFT", "Optics", "backgrounds", "fit_measured", "in_mean"]
-
 SHARES = ("share_1", "share_2", "share_3", "share_4")
 ONE_BEAM = {"aperture_deg": 60.0, "share_1": 0.28, "share_2": 0.22, "share_3": 0.14, "share_4": 0.06}
 TWO_BEAMS = {"share_4": 0.67}
@@ -128,15 +126,8 @@ def _moved(constant: Constant, values: Values) -> Constant:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optics:
-    """A robot with measured sensors before its curves are known.
-
-    Attributes:
-        base: the robot, with the curves' middle (`curve_cm`).
-        scenes: of the recordings.
-        seen: readings to which curves are fitted.
-        place: [n] the place of each.
-        lobe: the free parts of the lobe.
-    """
+    """A robot with measured sensors before its curves are known: `seen` are the readings that these are
+    fitted to, `place` [n] the place of each, `lobe` the free parts of the lobe."""
 
     base: Profile
     scenes: Scenes
@@ -249,13 +240,7 @@ class Optics:
 
 
 class _Search:
-    """From starts to the best values.
-
-    Args:
-        data: readings and their places.
-        base: the profile to start from.
-        noise: of a reading, counts.
-    """
+    """From starts to the best values; `noise` of a reading, counts."""
 
     def __init__(self, data: Readings, base: Profile, noise: float) -> None:
         self._data, self._sensors, self._noise = data, base.infrared.sensors, noise

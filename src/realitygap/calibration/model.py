@@ -25,13 +25,6 @@ from realitygap.world.arena import WHITEST, Arena, Cylinder, Lamp
 from realitygap.world.robot import MEASURED, Profile
 from realitygap.world.sensors import Ambient, Infrared, Sensor
 
-__all__ = [
-    "REFLECTANCE", "Scene", "Scenes", "checked", "columns_of", "directions", "illumination", "light_readings",
-    "lit_places", "lit_readings", "nominal", "proximity", "received", "reflectances", "rows_of", "scene_of",
-    "scenes_of", "table_at", "turns", "unchecked", "up_curve", "wheel_speeds", "with_columns",
-    "without_curves", "work_of",
-]  # fmt: skip
-
 S = TypeVar("S", bound=Sensor)
 L = TypeVar("L", Ambient, Infrared)
 V = TypeVar("V")
@@ -117,14 +110,8 @@ def scenes_of(recordings: Sequence[SensorRecording]) -> list[tuple[str, Scene]]:
 
 
 def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Floats:
-    """Noise-free proximity readings [n, P] of a recording's rows, counts.
-
-    Args:
-        profile: the robot.
-        scene: the recording's room and places.
-        turn_deg: rotation of the set-up, degrees.
-        away_cm: extra distance of the object, cm.
-    """
+    """Noise-free proximity readings [n, P] of a recording's rows, counts, the set-up turned by `turn_deg`,
+    the object `away_cm` further away."""
     from realitygap.kernels.trial import sweep_infrared
 
     robot = _robot(profile)
@@ -135,10 +122,7 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
 
 def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Scratch | None = None) -> Floats:
     """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes,
-    each with its rig's rotation (degrees) and extra distance (cm).
-
-    `work`: scratch arrays of a robot with as many sensors; None: new ones.
-    """
+    each with its rig's rotation (degrees) and extra distance (cm)."""
     from realitygap.kernels.trial import sweep_received
 
     work, parts = work or work_of(robot), []
@@ -152,13 +136,8 @@ def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Scr
 def lit_readings(
     profile: Profile, scene: Scene, more: Floats | float, turn_deg: float = 0.0, away_cm: float = 0.0
 ) -> Floats:
-    """Readings [n, P] of measured proximity sensors' curves at a recording's rows, ignoring the dead zone,
-    counts.
-
-    Args:
-        profile, scene, turn_deg, away_cm: as of `proximity`.
-        more: light of the room beyond the profile's own, 1/cm², [P] or one for all.
-    """
+    """Readings [n, P] of measured sensors' curves ignoring the dead zone, with `more` light of the room than
+    the profile's own (1/cm², [P] or one for all)."""
     robot, law = _robot(profile), profile.infrared
     light = received(robot, [(scene, turn_deg, away_cm)]) + more * robot.proximity.a
     return table_at([s.curve for s in law.sensors], up_curve(light, law.curve_cm))[scene.row]

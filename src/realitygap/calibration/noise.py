@@ -14,20 +14,9 @@ from numpy.typing import NDArray
 from realitygap.calibration.fit import Use
 from realitygap.calibration.model import Scene, proximity, table_at
 from realitygap.calibration.readings import at_places, places_of
-from realitygap.calibration.recordings import (
-    CHANNELS,
-    FIRST_NOISE,
-    SensorRecording,
-    count_unit,
-)
+from realitygap.calibration.recordings import CHANNELS, FIRST_NOISE, SensorRecording, count_unit
 from realitygap.values import Floats
 from realitygap.world.robot import Profile
-
-__all__ = [
-    "LIMITS", "UNEVEN", "Misfit", "NoiseEstimate", "Sample", "Yardstick", "by_sensor", "dark_noise",
-    "displaced", "explained", "lit_noise", "lit_ratio", "measure_noise", "misfits", "noise_tables",
-    "pooled_noise", "sample_noise", "stated_noise", "unmeasured", "within", "without", "yardstick",
-]  # fmt: skip
 
 CLEAR = 3.0
 """Only readings this many deviations away from the converter's ends are used."""
@@ -177,19 +166,10 @@ def noise_tables(
     sample: Sample, counts: Floats, model: Floats, speed: Floats, top: float, *, kind: str, dead: float = 0.0
 ) -> tuple[Floats, Floats]:
     """Each sensor's deviation at equal steps of the reading [S, KNOTS of the kind], and its rise with
-    speed [S], s/cm.
+    speed [S], s/cm; none where the wheels always stood, or never did.
 
-    A sensor with few values follows the pooled table; there is no rise with speed where the wheels always
-    stood, or never did.
-
-    Args:
-        sample: of noise.
-        counts, model: [n, S] readings, and the model's without noise; in the dark noise is cut off at 0.
-        speed: [m] speed of the wheels, cm/s, at each of the sample's values.
-        top: the converter's highest count.
-        kind: "infrared" or "ambient".
-        dead: counts below which a sensor reads 0; readings above it, at a place that is at its edge, are none
-            of the dark.
+    `counts`, `model` [n, S]: in the dark noise is cut off at 0, and readings above the dead zone are none of
+    it; `speed` [m] of the wheels at each of the sample's values, cm/s.
     """
     known, knots = np.isfinite(sample.z), KNOTS[kind]
     moving = known & (speed > 0)[:, None]
@@ -232,14 +212,8 @@ def _table_of(sample: Sample, use: Use, top: float, knots: int) -> Floats:
 
 
 def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> NoiseEstimate | None:
-    """Noise where readings are neither dark, dead nor saturated; for light, everywhere. None: too few.
-
-    Args:
-        sample: noise and readings.
-        channel: "proximity" or "ambient".
-        top: full scale, counts.
-        dead: counts below which a sensor reads 0.
-    """
+    """Noise of "proximity" where readings are neither dark, dead (below `dead`) nor saturated, of "ambient"
+    everywhere. None: too few."""
     deviation = FIRST_NOISE["infrared"] * count_unit(top)
     use = np.isfinite(sample.z)
     if channel == "proximity":
@@ -253,13 +227,7 @@ def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> No
 
 
 def dark_noise(counts: Floats, model: Floats, place: NDArray[np.int64], top: float) -> NoiseEstimate | None:
-    """Noise of proximity sensors with nothing in range: the spread of their readings there.
-
-    Args:
-        counts, model: [n, S].
-        place: [n] number of each row's place.
-        top: full scale, counts.
-    """
+    """Noise of proximity sensors with nothing in range, [n, S] readings and the model's: their spread."""
     use = (model <= 0) & (counts < 2 * DARK_COUNTS * count_unit(top))
     many = np.maximum(use.sum(axis=0), 1)
     mean = np.where(use, counts, 0.0).sum(axis=0) / many
@@ -333,14 +301,8 @@ class Misfit:
 def measure_noise(
     recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float, dead: float = 0.0
 ) -> list[NoiseEstimate]:
-    """Noise of recordings of one kind, pooled: lit and dark proximity, or ambient.
-
-    Args:
-        recordings: of one kind.
-        models: [n, S] of each, without noise.
-        top: their full scale, counts.
-        dead: counts below which a sensor reads 0.
-    """
+    """Noise of recordings of one kind about the models' readings [n, S] of each, pooled: lit and dark
+    proximity, or ambient."""
     joined = pooled_noise(recordings, models, top)
     if recordings[0].kind == "ambient":
         found = [lit_noise(joined, "ambient", top)]
@@ -354,14 +316,8 @@ def measure_noise(
 def yardstick(
     kind: str, found: Sequence[NoiseEstimate], stated: Mapping[str, float], profile: Profile
 ) -> Yardstick:
-    """The noise to compare errors with: what was measured, else what is stated, else the paper's robot's.
-
-    Args:
-        kind: of the recordings.
-        found: by `measure_noise`.
-        stated: deviations by channel.
-        profile: of the robot.
-    """
+    """The noise to compare errors with: what was measured (`found`), else what is `stated`, else the paper's
+    robot's."""
     channel, part = CHANNELS[kind], profile.channel(kind)
     measured = next((estimate.deviation for estimate in found if estimate.channel == channel), 0.0)
     deviation = measured or stated[channel] or FIRST_NOISE[kind] * count_unit(part.top)
@@ -410,13 +366,7 @@ def by_sensor(sample: Sample, kind: str, top: float, dead: float = 0.0) -> dict[
 
 
 def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> tuple[Misfit, ...]:
-    """Each sensor's misfit, with the noise of a place's mean removed from the model's error.
-
-    Args:
-        counts, model: [n, S] readings, and the model's without noise.
-        place: [n] the number of each row's place.
-        noise: to compare the error with.
-    """
+    """Each sensor's misfit of model and readings [n, S], with the noise of a place's mean removed."""
     off, lit, many = _at_places(counts, model, place, noise)
     size = max(noise.deviation, 1e-9)
     noisy = noise.measured * noise.deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
@@ -481,12 +431,7 @@ def _dark(mean: Floats, deviation: float) -> Floats:
 
 
 def displaced(recording: SensorRecording, profile: Profile, scene: Scene, turn: float) -> Floats:
-    """[n, S] RMS change of readings if their places are a millimetre off, counts; NaN unless set by hand.
-
-    Args:
-        recording, profile, scene: the places, the robot, and the room they are in.
-        turn: of the rig, degrees.
-    """
+    """[n, S] RMS change of readings if their places are a millimetre off, counts; NaN unless set by hand."""
     if recording.by_program or not (scene.bare or recording.from_sensor is not None):
         return np.full(recording.counts.shape, np.nan)
     there, *moved = (proximity(profile, scene, turn, away) for away in (0.0, -PLACED_CM, PLACED_CM))

@@ -13,14 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.recordings import (
-    BODY_RADIUS_CM,
-    CHANNELS,
-    POLAR,
-    POSE,
-    check_object,
-    cylinder_radius,
-)
+from realitygap.calibration.load import POLAR, POSE
+from realitygap.calibration.recordings import BODY_RADIUS_CM, CHANNELS, check_object, cylinder_radius
 from realitygap.errors import RecordingError, UsageError
 from realitygap.robots.body import Body, Filmed, Seen, channel
 from realitygap.values import Pose
@@ -96,11 +90,7 @@ class Plan:
     distances_cm: Sequence[float] | None = None
 
     def grid(self, body: Any) -> tuple[int, tuple[float, ...]]:
-        """Bearings and distances (cm) for this robot's infrared.
-
-        Raises:
-            RecordingError: no robot can be read at them.
-        """
+        """Bearings and distances (cm) for this robot's infrared, or a refusal."""
         bearings, distances = getattr(body, "infrared_grid", (BEARINGS, DISTANCES_CM))
         bearings = bearings if self.bearings is None else self.bearings
         distances = tuple(map(float, distances if self.distances_cm is None else self.distances_cm))
@@ -116,11 +106,7 @@ class Plan:
 
 
 def distances_of(text: str) -> tuple[float, ...]:
-    """Distances as a person types them: "0.5,1,2".
-
-    Raises:
-        RecordingError: names the text that is no such list.
-    """
+    """Distances as a person types them: "0.5,1,2"."""
     try:
         said = tuple(map(float, text.split(",")))
     except ValueError:
@@ -214,18 +200,8 @@ def infrared_task(
     bearings: int = BEARINGS,
     distances_cm: Sequence[float] = DISTANCES_CM,
 ) -> Task:
-    """An object at all bearings, at several distances from the body's edge.
-
-    Args:
-        name: "wall" or "cylinder:RADIUS_CM".
-        body: the robot's.
-        reflectance: of the object's surface; NaN: not known.
-        bearings: their number, evenly spaced, starting straight ahead.
-        distances_cm: from the body's edge, increasing.
-
-    Raises:
-        RecordingError: another object.
-    """
+    """An object, "wall" or "cylinder:RADIUS_CM", at `bearings` evenly spaced from straight ahead on, at
+    several distances (cm) from the body's edge."""
     check_object("infrared", name, "--object")
     radius = cylinder_radius(name)
     if radius is not None and radius > ROOM_CM / 4:
@@ -286,15 +262,8 @@ def ambient_task() -> Task:
 def wheel_trials(
     repeats: int, seed: int, wheels: Wheels | None = None, *, period_s: float = 0.1, followed: bool = False
 ) -> tuple[Trial, ...]:
-    """Speed steps of many sizes, standing starts, straight lines and turns.
-
-    Args:
-        repeats: standing starts of each size.
-        seed: of the random commands and the places.
-        wheels: the profile's, for top command and speed; None: 10 units of about 8 mm/s.
-        period_s: of a step of the robot.
-        followed: whether a camera sees every step, for wheels without counters.
-    """
+    """Speed steps of many sizes, standing starts (`repeats` of each size), straight lines and turns, for the
+    profile's `wheels` (None: 10 units of about 8 mm/s); `followed`: a camera sees every step."""
     draw = random.Random(f"wheels/{seed}")
     scale = 1.0 if wheels is None else wheels.top_command / TOP
     unit_cm_s = UNIT_CM_S if wheels is None else scale * math.fsum(wheels.speed_per_unit_cm_s) / 2
@@ -375,11 +344,7 @@ def camera_places() -> tuple[Pose, ...]:
 
 
 def tasks_of(plan: Plan, body: Body) -> list[Task]:
-    """The recordings of a plan for which the robot has sensors.
-
-    Raises:
-        UsageError: it lacks the requested sensors, or they or its period differ from the base's.
-    """
+    """The recordings of a plan for which the robot has sensors."""
     base, kinds, tasks = plan.base, [one.name for one in body.channels], []
     bearings, distances = plan.grid(body)
     if plan.kind in ("infrared", "all"):
@@ -419,11 +384,7 @@ def _check_sensors(body: Body, base: Profile, kinds: Collection[str]) -> None:
 
 
 def check_period(body: Body, base: Profile) -> None:
-    """Refuse a robot whose step differs from its base's.
-
-    Raises:
-        UsageError: names both periods and the cure.
-    """
+    """Refuse a robot whose step differs from its base's."""
     if base.period_s != body.period_s:
         raise UsageError(
             f"robot: expected a period of {base.period_s:g} s, as the base {base.name!r} has; this one's is "

@@ -1,6 +1,6 @@
 """All readings of one kind of sensor: the rows of several recordings, one after another, and their folds."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +14,6 @@ from realitygap.calibration.recordings import FIRST_NOISE, SensorRecording, coun
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.world.robot import Profile
-
-__all__ = [
-    "ASIDE_DEG", "FOLDS", "Readings", "all_round", "at_places", "dead_sensors", "dead_zone", "means",
-    "places_of", "recorded", "refuse_silent", "repeated_noise", "saturation", "signal",
-]  # fmt: skip
 
 FOLDS, BESIDE_DEG = 4, 10.0
 """Folds of held-out places; and nothing is fitted within this bearing of a held-out place at its distance."""
@@ -35,6 +30,13 @@ second more than its least elsewhere: counts of the paper's robot."""
 SATURATED_SHARE, ASIDE_DEG, FEWEST_LIT = 0.8, 60.0, 40
 PILED = 8
 """Equal readings, being most of those near them, from which on the highest is a sensor's end."""
+DARKEST = 10.0
+"""Ambient readings stay above this however bright the light (counts of the paper's robot): sensors end at
+about 50."""
+MOST_ODD = 3
+"""Sensors that answer to another side than they face, from which on columns or bearings are wrong."""
+FEWEST, EXPLAINED = 3, 0.5
+"""Distances of straight series; and the share of the readings' variation that a fit must explain."""
 
 
 class Readings:
@@ -182,11 +184,8 @@ def dead_sensors(recording: SensorRecording, top: float) -> dict[int, str]:
 def refuse_silent(
     recordings: Sequence[SensorRecording], dead: Sequence[dict[int, str]], top: float
 ) -> dict[int, str]:
-    """Sensors that are `dead` in every one of the recordings of one kind that has them, and why.
-
-    Raises:
-        CalibrationError: most sensors are dead, or few readings lie between dark and saturated.
-    """
+    """Sensors that are `dead` in every one of the recordings of one kind that has them, and why; a refusal if
+    these are most, or few readings lie between dark and saturated."""
     where = ", ".join(recording.source for recording in recordings)
     there = [set(recorded(recording)) for recording in recordings]
     lives = {k for has, gone in zip(there, dead, strict=True) for k in has - gone.keys()}
@@ -273,11 +272,8 @@ def at_places(values: Floats | Use, place: NDArray[np.int64]) -> Floats:
 
 
 def means(counts: Floats, place: NDArray[np.int64], most: Floats | float) -> Floats:
-    """[m, S] reading at each place [n] of `counts` [n, S]: the mean, or the sensor's end where half of its
-    readings are there; NaN where none counts.
-
-    `most`: counts that a sensor does not exceed, [S] or one for all.
-    """
+    """[m, S] reading at each place [n] of `counts` [n, S]: the mean, or the sensor's end (0 or `most`) where
+    half of its readings are there; NaN where none counts."""
     use = np.isfinite(counts)
     many = at_places(use, place)
     mean = at_places(np.where(use, counts, 0.0), place) / np.maximum(many, 1.0)
@@ -313,3 +309,67 @@ def dead_zone(data: Readings) -> float:
     dark = (data.counts[data.use] == 0).mean()
     least = float(lit.min()) if len(lit) else 0.0
     return least if dark > 0.02 and least > GAP * data.top else 0.0
+
+
+def refuse_slips(recordings: Sequence[SensorRecording], top: float) -> None:
+    """Refuse recordings of one kind with another kind's counts, or too few distances."""
+    for recording in recordings if recordings[0].kind == "ambient" else ():
+        ends = ((recording.counts >= top) | (recording.counts < DARKEST * count_unit(top))).mean()
+        if ends > 0.5:
+            raise CalibrationError(
+                f"{recording.source}: {ends:.0%} of the readings lie at the ends 0 and {top:g}, as "
+                "proximity's do, and no ambient light's. Is its kind \"infrared\"?"
+            )
+    if all(recording.from_sensor is not None for recording in recordings):
+        many = len(np.unique(np.concatenate([recording.distance_cm for recording in recordings])))
+        if many < FEWEST:
+            named = ", ".join(recording.source for recording in recordings)
+            raise CalibrationError(
+                f"{named}: expected readings at {FEWEST} distances or more, got {many}: how they fall with "
+                "the distance cannot be told. Record more."
+            )
+
+
+def refuse_swapped(recording: SensorRecording, profile: Profile, dead: Mapping[int, str]) -> None:
+    """Refuse a recording whose sensors answer to another side than they face: columns are swapped, or
+    bearings run the other way round."""
+    if recording.pose is not None or not all_round(recording):  # a room's walls reflect
+        return
+    part = profile.channel(recording.kind)
+    looks = np.array([sensor.direction_deg for sensor in part.sensors])
+    lit = np.clip(signal(recording, part.top), 0.0, 1.0)
+    lit = np.where(lit > 0.1, lit, 0.0)
+    total = lit.T @ np.exp(1j * np.radians(recording.bearing_deg))
+    answers, live = np.degrees(np.angle(total)), np.abs(total) > 0.2 * np.maximum(lit.sum(axis=0), 1e-9)
+    live[list(dead)] = False
+
+    def aside(turned: Floats) -> Use:
+        return np.asarray(live & (np.abs((turned - looks + 180.0) % 360.0 - 180.0) > ASIDE_DEG))
+
+    odd = aside(answers)
+    if odd.sum() >= MOST_ODD:
+        which = ", ".join(f"{k} at {answers[k]:.0f}° (looks to {looks[k]:.0f}°)" for k in np.flatnonzero(odd))
+        swapped = aside(-answers).any()
+        cure = "Are columns swapped?" if swapped else "The bearings seem to run the other way round."
+        raise CalibrationError(
+            f"{recording.source}: sensors answer to another side than they look: {which}. {cure}"
+        )
+
+
+def refuse_nonsense(data: Readings, model: Floats) -> None:
+    """Refuse a fit, with the model's readings [n, S], that explains less than half of the variation."""
+    live = [k for k in range(data.counts.shape[1]) if k not in data.dead]
+    counts = data.live()[:, live]
+    errors = np.nan_to_num(counts - model[:, live]) ** 2
+    explained = 1.0 - errors.sum() / np.nansum((counts - np.nanmean(counts, axis=0)) ** 2)
+    if explained >= EXPLAINED:
+        return
+    row, sensor = np.unravel_index(errors.argmax(), errors.shape)
+    places = [one.at(k) for one in data.recordings for k in range(len(one.counts))]
+    where = ", ".join(one.source for one in data.recordings)
+    raise CalibrationError(
+        f"{where}: the fitted law explains only {max(0.0, explained):.0%} of how the readings change: "
+        "this is no recording of such an object, or its distances (cm from the body's edge) and bearings "
+        f"(degrees) are not those of its rows. The furthest off is {places[row]}: s{live[sensor]} is "
+        f"{counts[row, sensor]:.0f}, by the law {model[row, live[sensor]]:.0f}."
+    )

@@ -9,6 +9,8 @@
 A kill loses the stop that was being recorded at most; `resume` goes on with the next.
 """
 
+from __future__ import annotations
+
 import contextlib
 import hashlib
 import math
@@ -16,18 +18,17 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, tasks_of
-from realitygap.calibration.recordings import (
-    CHANNELS,
+import numpy as np
+
+from realitygap.calibration.load import (
     DRIVE,
     FACTS,
-    HEIGHTS_CM,
     POSE,
     READINGS,
     STEP_COLUMNS,
@@ -36,6 +37,8 @@ from realitygap.calibration.recordings import (
     UNKNOWN,
     WHEEL_COUNTS,
 )
+from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, camera_places, tasks_of
+from realitygap.calibration.recordings import CHANNELS, HEIGHTS_CM
 from realitygap.errors import BaudError, RecordingError, UsageError
 from realitygap.files import atomic_write, naming_errors, read_toml, to_toml
 from realitygap.robots.body import (
@@ -51,8 +54,13 @@ from realitygap.robots.body import (
     odometry_of,
 )
 from realitygap.robots.signals import MOVING, Stopping, heed
+from realitygap.track import read_track
 from realitygap.values import Closing, Command, Pose
 from realitygap.world.robot import load_profile
+
+if TYPE_CHECKING:
+    from realitygap.film.tag import Marker
+    from realitygap.twin.camera import Plate
 
 __all__ = ["Result", "StoppedByUserError", "record"]
 
@@ -62,6 +70,9 @@ Progress = Callable[[str, int, int], None]
 """Called with the recording's name, the places done, and all places."""
 
 ARENA, STUDY = "arena.toml", "study.db"
+STEP_S = 0.1
+FRAMES = 10_000
+"""Frame numbers reserved for each trial: more than its steps."""
 APART_S = 0.3
 """Time between two readings at a place, s, so that slow noise shows too."""
 
@@ -140,7 +151,7 @@ def record(
     return made
 
 
-def _record(task: Task, folder: Path, plan: Plan, body: Body, site: "Site", report: Progress) -> Result:
+def _record(task: Task, folder: Path, plan: Plan, body: Body, site: Site, report: Progress) -> Result:
     """Bring the robot to each stop that is not done, and write its rows at once."""
     begun, stopped = time.perf_counter(), False
     stops = {stop.key: stop for stop in task.stops}
@@ -219,15 +230,8 @@ def _facts(task: Task, plan: Plan, body: Body) -> dict[str, Any]:
 
 
 def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[int, Pose]]:
-    """Drive one trial as a controller would, step by step.
-
-    Returns:
-        Its rows as texts, without poses; and the poses that the robot reported, by step, where a camera
-        looks.
-
-    Raises:
-        BaudError: the line has no room for counters and speeds in a step.
-    """
+    """Drive one trial as a controller would, step by step: its rows as texts, without poses; and the poses
+    that the robot reported, by step, where a camera looks."""
     clock = clock_of(body)
     body.reset()
     rows, poses, looks = [], {}, trial.seen() if isinstance(body, Seen) else ()
@@ -284,14 +288,8 @@ def _pose(pose: Pose | None) -> tuple[str, ...]:
 
 
 class OwnSite(Closing):
-    """A robot that places itself.
-
-    Args:
-        body, room: the robot, and the room in plain numbers (cm).
-        seed: of its noise, together with the stop: none affects the next.
-        camera: whether to use the camera over the floor, if the robot has one.
-        marker: what it wears there, as `load_marker` reads it; None: the disk.
-    """
+    """A robot that places itself; `seed` of its noise, together with the stop: none affects the next;
+    `camera`: whether to use the camera over the floor, if it has one; `marker`: what it wears there."""
 
     def __init__(
         self,
@@ -305,13 +303,8 @@ class OwnSite(Closing):
         self._body, self._room, self._seed = body, room, seed
         self._stack, self._camera = ExitStack(), None
         if camera and isinstance(body, Filmed):
-            from realitygap.calibration.floor_camera import FloorCamera
-            from realitygap.film.tag import load_marker
-
             with ExitStack() as stack:
-                worn = load_marker(marker) if marker else None
-                watching = FloorCamera(room, unit=body.unit, noise=body.noise, seed=seed, marker=worn)
-                self._camera = stack.enter_context(watching)
+                self._camera = stack.enter_context(closing(FloorCamera(room, body, seed, marker)))
                 self._film = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "film.csv"
                 self._stack = stack.pop_all()
 
@@ -336,6 +329,59 @@ class OwnSite(Closing):
 
     def close(self) -> None:
         self._stack.close()
+
+
+class FloorCamera:
+    """The camera over the wheels' floor of a twin, calibrated with frames of the robot at known places.
+
+    Its pictures go through the tracker like any film's; the twin's true poses only draw them.
+    """
+
+    def __init__(self, room: Mapping[str, Any], body: Filmed, seed: int, worn: str | None) -> None:
+        from realitygap.film.calibrate import KnownFrame, calibrate_camera
+        from realitygap.film.tag import load_marker
+        from realitygap.twin.camera import OverheadCamera
+
+        self._marker = load_marker(worn) if worn else load_marker()
+        self._camera = OverheadCamera(
+            room, unit=body.unit, noise=body.noise, seed=seed, plate=plate_of(self._marker), grey=True
+        )
+        try:
+            frames = [
+                KnownFrame(name=str(k), picture=self._camera.frame(pose, k), pose=pose)
+                for k, pose in enumerate(camera_places())
+            ]
+            self._model = calibrate_camera(frames, self._marker).camera
+        except BaseException:
+            self._camera.close()
+            raise
+
+    def poses(self, film: Path, steps: Sequence[int], trial: int) -> dict[int, Pose]:
+        """Tracked poses at steps (100 ms) of a trial's film, without those at which the robot is lost."""
+        from realitygap.film.tracker import Tracker
+
+        truth, tracker = read_track(film, seen_by="truth"), Tracker(self._model, self._marker)
+        seen: dict[int, Pose] = {}
+        for step in steps:
+            row = int(np.searchsorted(truth.t, truth.t[0] + STEP_S * step + 1e-6, side="right")) - 1
+            pose = Pose(x=truth.x[row], y=truth.y[row], heading=truth.heading[row])
+            found = tracker.see(self._camera.frame(pose, FRAMES * (trial + 1) + step))
+            if found is not None:
+                seen[step] = found[0]
+        return seen
+
+    def close(self) -> None:
+        self._camera.close()
+
+
+def plate_of(marker: Marker | None) -> Plate | None:
+    """How a twin's camera draws a tag on the robot; None: it wears the disk."""
+    from realitygap.film.tag import Tag
+    from realitygap.twin.camera import Plate
+
+    if not isinstance(marker, Tag):
+        return None
+    return Plate(marker.cells, marker.points / 100, marker.height_cm / 100)
 
 
 class PersonSite(Closing):
@@ -410,19 +456,8 @@ def _site(body: Body, ask: Ask | None, task: Task, plan: Plan) -> Site:
 
 
 class Journal:
-    """One recording's folder; `done` has the rows of the stops that are finished, by their keys.
-
-    Args:
-        folder: the recording's.
-        facts: for recording.toml, written at the start.
-        table: the table's name.
-        columns: of the table.
-        key: the columns that name a stop.
-        rows: how many rows a finished stop has, by its key.
-
-    Raises:
-        RecordingError: the folder holds another recording.
-    """
+    """One recording's folder; `done` has the rows of the stops that are finished, by their keys (columns
+    `key`); `rows` says how many rows a finished stop has, by its key."""
 
     def __init__(
         self,
@@ -495,11 +530,7 @@ class Journal:
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """A folder to record into, for one process at a time; an empty one is removed at the end.
-
-    Raises:
-        RecordingError: another process holds it, or it is a study's.
-    """
+    """A folder to record into, for one process at a time; an empty one is removed at the end."""
     import fcntl
 
     if (folder / STUDY).exists():

@@ -1,6 +1,7 @@
-"""The ambient sensors' forms (§3.2.1, §3.3): the paper's chain, forms linear in intensity, and curves.
+"""The forms with a printed law (§3.2.1, §3.2.3, §3.3): the paper's first, then its extensions.
 
-Gains are fitted as logarithms: they are scales, and a lamp's brightness is unknown by orders of magnitude.
+A form is a list of free constants and a model from their values to readings. Gains of light are fitted as
+logarithms: they are scales, and a lamp's brightness is unknown by orders of magnitude.
 """
 
 import math
@@ -13,23 +14,151 @@ import numpy as np
 
 from realitygap.calibration import model
 from realitygap.calibration.curves import Curves, Seen, on_curves, smoothness
-from realitygap.calibration.fit import Fit, Outcome, Parameter, Values, fit, mended, scan, search, value_of
+from realitygap.calibration.fit import (
+    ROBUST_AT,
+    Fit,
+    Outcome,
+    Parameter,
+    Values,
+    fit,
+    mended,
+    scan,
+    search,
+    value_of,
+)
 from realitygap.calibration.model import Scenes
 from realitygap.calibration.readings import Readings
 from realitygap.calibration.recordings import count_unit
 from realitygap.values import Floats
-from realitygap.world.robot import Profile, load_profile
+from realitygap.world.robot import Constant, Profile, load_profile
 from realitygap.world.sensors import RAY_NUMBERS, Ambient
 
-__all__ = [
-    "LIGHT_FORMS",
-    "LightModel",
-    "as_bright_as_the_paper",
-    "fit_curves",
-    "fit_light",
-    "parameters",
-    "with_light",
-]
+# Proximity
+
+INFRARED_FORMS = ("paper", "individual", "extended")
+""""paper": common a and b; "individual": a and b for each sensor; "extended": also directions, distance
+offset, exponent of the cosine, and how Lambertian surfaces are. There is also "measured": measured.py."""
+NEAREST_CM = 1e-3
+"""Smallest distance of a sensor's own where the body touches."""
+NEUTRAL = {"offset_cm": np.zeros(1), "exponent": np.ones(1)}
+TRIAL_STEPS = 8
+"""Of a descent from each start; the best goes on."""
+AGAINST, DECIDED = -1.5, 2.0
+"""Standard errors: surfaces are taken as Lambertian unless readings contradict it by this much; from DECIDED
+on the choice counts as identified. Walls alone say little about it, a cylinder decides it."""
+
+
+def fit_infrared(data: Readings, base: Profile, form: str, *, intervals: bool = True) -> Outcome:
+    """Fit a printed form to the readings in use.
+
+    The extended form is fitted to Lambertian surfaces and to others, since an exponent of that cosine, fitted
+    to walls, is unstable; "matt" is among its constants.
+    """
+    if form != "extended":
+        base = _printed_infrared(base) if form == "paper" else base
+        return _from_starts(data, base, form, [{}], intervals=intervals)
+    # A sensor whose readings become 0 on the way has no gradient back: a simpler form's end has all.
+    starts: list[Values] = [
+        {},
+        {**NEUTRAL, **fit_infrared(data, base, "individual", intervals=False).fit.values},
+    ]
+    law, tried = base.infrared, []
+    for share in (1.0, 0.0):
+        lawful = replace(base, infrared=replace(law, matt=share))
+        tried.append(_from_starts(data, lawful, form, starts, intervals=False))
+        starts = [tried[0].fit.values]
+    matt, glossy = tried
+    for_matt = preference(data, matt.fit, over=glossy.fit)
+    best = glossy if for_matt <= AGAINST else matt
+    if not intervals:
+        return best
+    best = _from_starts(data, best.profile, form, [best.fit.values], intervals=True)
+    share, told = best.profile.infrared.matt, abs(for_matt) >= DECIDED
+    ends = (share, share) if told else (0.0, 1.0)
+    surface = Constant(key="matt", value=share, low=ends[0], high=ends[1], told=told)
+    return replace(best, fit=replace(best.fit, constants=(*best.fit.constants, surface)))
+
+
+def _from_starts(
+    data: Readings, base: Profile, form: str, starts: Sequence[Values], *, intervals: bool
+) -> Outcome:
+    """The fit from the most promising of some starts."""
+    scenes = model.scenes_of(data.recordings)
+    free = infrared_parameters(form, base, [] if data.straight else [name for name, _ in scenes])
+    free += model.reflectances(scenes)
+
+    def readings(values: Values) -> Floats:
+        made = with_infrared(base, values)
+        return np.concatenate(
+            [model.proximity(made, scene.tried(values), value_of(values, rig)) for rig, scene in scenes]
+        )
+
+    observed, start = data.observed(), starts[0]
+    if len(starts) > 1:
+        tried = [
+            fit(free, readings, observed, start=one, intervals=False, steps=TRIAL_STEPS) for one in starts
+        ]
+        start = min(tried, key=lambda one: one.cost).values
+    best = mended(fit(free, readings, observed, start=start, intervals=intervals), free, data.dead)
+    made = with_infrared(base, best.values)
+    return Outcome(profile=replace(made, infrared=model.checked(made.infrared)), fit=best)
+
+
+def preference(data: Readings, one: Fit, *, over: Fit) -> float:
+    """Evidence for one fit over another with as many constants, in standard errors.
+
+    Vuong's statistic (1989) with a standard error robust against errors shared by neighbouring places.
+    """
+    left = [
+        np.sqrt(1.0 + (np.where(data.use, made.model - data.counts, 0.0) / data.noise / ROBUST_AT) ** 2)
+        for made in (one, over)
+    ]
+    gain = np.bincount(np.unique(data.block, return_inverse=True)[1], (left[1] - left[0]).sum(axis=1))
+    return float(gain.sum() / max(np.sqrt((gain**2).sum()), 1e-12))
+
+
+def infrared_parameters(form: str, profile: Profile, rigs: Sequence[str]) -> list[Parameter]:
+    """What a form leaves free, starting from a profile; each rig has its own rotation.
+
+    Without rigs every sensor faced a wall straight on, so directions are not identifiable and not free.
+    """
+    sensors = profile.infrared.sensors
+    each, unit = 1 if form == "paper" else len(sensors), count_unit(profile.infrared.top)
+    a = np.full(each, 1200.0 if form != "extended" else 900.0) * unit
+    b = np.full(each, -50.0) * unit
+    free = [
+        Parameter(key="a", start=a, low=1.0 * unit, high=1e5 * unit, step=2.0 * unit),
+        Parameter(key="b", start=b, low=-5e3 * unit, high=-0.01 * unit, step=0.1 * unit),
+    ]
+    if form == "extended":
+        free += [
+            *([model.directions(sensors)] if rigs else []),
+            Parameter(key="offset_cm", start=np.array([0.3]), low=-0.2, high=2.0, step=2e-3),
+            Parameter(key="exponent", start=np.array([2.0]), low=0.0, high=8.0, step=1e-2),
+        ]
+    return free + model.turns(rigs)
+
+
+def with_infrared(profile: Profile, values: Values) -> Profile:
+    """The profile with fitted constants in place, within what a profile can hold, but unchecked."""
+    law = profile.infrared
+    columns = model.columns_of(values, ("a", "b", "direction_deg", "offset_cm"), law.sensors)
+    if "offset_cm" in columns:  # no distance reaches 0
+        depth = [profile.body.radius_cm - math.hypot(s.x_cm, s.y_cm) - NEAREST_CM for s in law.sensors]
+        columns["offset_cm"] = [max(off, -d) for off, d in zip(columns["offset_cm"], depth, strict=True)]
+    common = {key: float(values[key][0]) for key in ("exponent",) if key in values}
+    sensors = model.with_columns(law.sensors, columns)
+    return model.unchecked(profile, infrared=model.unchecked(law, sensors=sensors, **common))
+
+
+def _printed_infrared(base: Profile) -> Profile:
+    """The base with §3.2.3 as printed: cos β, distances unchanged, sensors at their nominal directions."""
+    law, paper = base.infrared, load_profile("paper").infrared
+    sensors = tuple(replace(s, offset_cm=0.0) for s in model.nominal(law.sensors, paper.sensors))
+    return replace(base, infrared=replace(law, exponent=paper.exponent, matt=0.0, sensors=sensors))
+
+
+# Ambient light
 
 LIGHT_FORMS = ("paper", "individual", "linear", "extended")
 """"paper": the paper's chain with the lamp's brightness free; "individual": with a gain for each sensor;
@@ -72,23 +201,13 @@ BEYOND = (
 def fit_light(
     data: Readings, base: Profile, form: str, *, room: bool, intervals: bool = True
 ) -> tuple[Outcome, "LightModel"]:
-    """Fit a form with a law to the readings in use.
-
-    Args:
-        data: of ambient light.
-        base: the profile whose values stay where recordings say nothing.
-        form: one of LIGHT_FORMS.
-        room: whether the walls are known, so that reflected light is informative.
-        intervals: whether to estimate intervals; without, the search is shorter.
-
-    Returns:
-        The outcome, and the model at its reflected light.
-    """
+    """Fit a form of light with a law to the readings in use; also the model at its reflected light. `room`:
+    whether the walls are known, so that reflected light is informative."""
     base = replace(base, ambient=model.without_curves(base.ambient))
-    base = _neutral(base) if form == "paper" else base
+    base = _printed_light(base) if form == "paper" else base
     observed, scenes = data.observed(), model.scenes_of(data.recordings)
     lit = LightModel(base, scenes, form)
-    free = parameters(form, base, scenes, data.counts, room=room)
+    free = light_parameters(form, base, scenes, data.counts, room=room)
     start: Values = {}
     steep = room and form == "extended"
     if steep:
@@ -117,7 +236,7 @@ def _best_light(
     ) -> tuple["LightModel", list[Parameter], Fit]:
         law = replace(base.ambient, **keys)  # type: ignore[arg-type]
         lit = LightModel(replace(base, ambient=law), scenes, "extended")
-        free = parameters("extended", lit.base, scenes, data.counts, room=True)
+        free = light_parameters("extended", lit.base, scenes, data.counts, room=True)
         at: Values = {p.key: p.start for p in free} | dict(start)
         for reach in scans:
             near = scan(lit, at, observed, reach)
@@ -142,16 +261,10 @@ def _best_light(
     return lit, free, at
 
 
-def parameters(form: str, profile: Profile, scenes: Scenes, counts: Floats, *, room: bool) -> list[Parameter]:
-    """What a form leaves free.
-
-    Args:
-        form: one of LIGHT_FORMS.
-        profile: where the constants start.
-        scenes: of the recordings.
-        counts: [n, S] readings.
-        room: whether the walls are known, so that reflected light is informative.
-    """
+def light_parameters(
+    form: str, profile: Profile, scenes: Scenes, counts: Floats, *, room: bool
+) -> list[Parameter]:
+    """What a form leaves free; `counts` [n, S] give the first floor, dark and gains."""
     linear, unit, law = form in ("linear", "extended"), count_unit(profile.ambient.top), profile.ambient
     dark, floor = (np.array([np.median(end)]) for end in (counts.max(axis=0), counts.min(axis=0)))
     none, one = np.zeros(len(law.sensors)), np.ones(1)
@@ -252,11 +365,6 @@ class LightModel:
     """Noise-free readings [n, A] of several recordings, one after another.
 
     Rays are cast anew only if something changed that the light depends on: gains, floors and darks do not.
-
-    Args:
-        base: the robot; all others tried are its but for their light.
-        scenes: of the recordings.
-        form: one of LIGHT_FORMS.
     """
 
     def __init__(self, base: Profile, scenes: Scenes, form: str) -> None:
@@ -305,7 +413,7 @@ def _of_key(keys: tuple[str, ...], values: Sequence[bytes]) -> dict[str, Floats]
     return {key: np.frombuffer(value) for key, value in zip(keys, values, strict=True)}
 
 
-def _neutral(base: Profile) -> Profile:
+def _printed_light(base: Profile) -> Profile:
     """The base with §3.3 as printed: 1.5 · cos² β for reflected light, and no extensions."""
     law, paper = base.ambient, load_profile("paper").ambient
     sensors = tuple(
@@ -337,11 +445,7 @@ def fit_curves(data: Readings, extended: Outcome, lit: LightModel) -> Outcome:
 
 def as_bright_as_the_paper(profile: Profile) -> Profile:
     """Gains as if the recordings' lamp had been the paper's, since an unknown lamp's brightness is not
-    identifiable.
-
-    Ratios between sensors are kept; a common factor makes this profile read half-way between floor and dark
-    at the light where the paper's does.
-    """
+    identifiable: this profile reads half-way between floor and dark at the light where the paper's does."""
     law = profile.ambient
     half = (law.dark - law.floor) / 2.0
     wanted = 1.0 if law.response == "paper" else half**3  # half = gain·A, at A = 1/half²

@@ -1,27 +1,25 @@
 """The wheels' fit (§3.2.2): gains and speed per unit from the counters, lengths from a camera.
 
 Counters show how a wheel follows its command, in pulses; pulses per millimetre, the track and slip can only
-be seen from outside.
+be seen from outside (odometry.py).
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.fit import Tick
+from realitygap.calibration.fit import SIGMAS, Tick, blind_pairs, bounded, filling
 from realitygap.calibration.model import wheel_speeds
+from realitygap.calibration.odometry import Odometry, enough_pictures, measure_odometry, measured_speeds
 from realitygap.calibration.recordings import PULSES_PER_MM, WheelRecording
-from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd, refuse_wheels
-from realitygap.calibration.wheels.friction import Friction, measure_friction
-from realitygap.calibration.wheels.intervals import at_bound, intervals, with_lengths
-from realitygap.calibration.wheels.odometry import Odometry, measure_odometry, measured_speeds
 from realitygap.errors import CalibrationError
+from realitygap.kernels.types import STEP_S
 from realitygap.values import Floats
 from realitygap.world.robot import Constant, Profile, largest_pole
-
-__all__ = ["WHEEL_FORMS", "WheelFit", "doubts", "fit_wheels"]
 
 WHEEL_FORMS = ("printed", "refitted")
 """"printed": the paper's gains; "refitted": free gains, a lag, and play on reversal. Both fit the speed per
@@ -42,6 +40,15 @@ ROUGH = 1.15
 """Factor between fitted and base speeds beyond which the unit of commands is doubted."""
 FIRST_STEPS = 2
 """Number of steps affected by a wheel's first start in a trial, since its previous direction is unknown."""
+
+
+class Friction(NamedTuple):
+    """`|I|` that frees a resting wheel (cm/s²): between `low` and `high` by the standing starts."""
+
+    value: float
+    low: float
+    high: float
+    starts: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,17 +82,7 @@ class WheelFit:
 
 
 def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tick = lambda: None) -> WheelFit:
-    """Fit a profile's wheels to a recording.
-
-    Args:
-        recording: of a drive.
-        base: the profile whose values stay where the recording says nothing.
-        form: which constants are free.
-        tick: called after each fit.
-
-    Raises:
-        CalibrationError: the recording is too short, or impossible for such a robot.
-    """
+    """Fit a profile's wheels to a recording; constants that it says nothing of stay the base's."""
     assumed = recording.counted and not (recording.pulses_said or base.provenance.pulses_per_mm)
     recording = recording.of_robot(base)
     odometry = measure_odometry(recording, base.wheels.track_cm)
@@ -214,7 +211,7 @@ def _fit(
     ]  # fmt: skip
     found = min(tried, key=attrgetter("cost"))
     trial = np.broadcast_to(recording.trial[:, None], use.shape)[use]
-    told = intervals(keys, found.x, (low, high), residuals, trial, robust_at=ROBUST_AT)
+    told = intervals(keys, found.x, (low, high), residuals, trial)
     return _with(base, dict(zip(keys, found.x.tolist(), strict=True))), *told
 
 
@@ -268,3 +265,239 @@ def _steady(recording: WheelRecording, measured: Floats) -> list[float]:
             use = (command != 0) & np.isfinite(measured[:, w])
         out.append(float((measured[use, w] * command[use]).sum() / (command[use] ** 2).sum()))
     return out
+
+
+# Static friction, from the delay at standing starts
+
+MOVING_SHARE = 0.1
+"""A wheel has started when it exceeds this share of the commanded speed."""
+
+
+def measure_friction(recording: WheelRecording, measured: Floats) -> Friction | None:
+    """The range of thresholds that explains the wheels' delays at standing starts, from speeds [n, 2], cm/s.
+
+    A wheel that rests under a command of speed v adds v/0.1 s to I each step: if it starts in its
+    n-th step, the threshold lies between n − 1 and n times that.
+    """
+    lows, highs = [], []
+    for rows in recording.trials():
+        for w in range(2):
+            command, speed = recording.commands[rows, w], measured[rows, w]
+            for k in np.flatnonzero((command != 0) & (np.concatenate([[0.0], command[:-1]]) == 0)):
+                rested = k == 0 or (k >= 5 and np.all(command[k - 5 : k] == 0) and abs(speed[k - 1]) < 0.05)
+                going = speed[k : k + 5]
+                if not rested or len(going) < 5 or not np.all(command[k : k + 5] == command[k]):
+                    continue
+                final = abs(going[-1])
+                moved = np.flatnonzero(np.abs(going) > MOVING_SHARE * max(final, 0.2))
+                if final > 0.2 and len(moved):
+                    lows.append(moved[0] * final / STEP_S)
+                    highs.append((moved[0] + 1) * final / STEP_S)
+    if not lows:
+        return None
+    low, high = float(np.quantile(lows, 0.75)), float(np.quantile(highs, 0.25))
+    value = 0.0 if low == 0 else (low + high) / 2
+    return Friction(value, min(low, high), max(low, high), len(lows))
+
+
+# Intervals, and which constants the counters cannot separate
+
+ASSUMED = 0.02
+"""Relative uncertainty of pulses per mm where they were not measured: sources say 12 or 12.5."""
+LENGTHS = {"speed_left": (0,), "speed_right": (1,), "play_cm": (0, 1)}
+"""Constants in cm, and the wheels whose cm per pulse they depend on."""
+STEP = 1e-4
+"""Step of the derivatives: this share of a value, or of a hundredth of its range."""
+FEWEST_TRIALS, ROWS = 10, 20
+"""With fewer trials the rows are grouped by this many (2 s)."""
+
+
+def intervals(
+    names: Sequence[str],
+    theta: Floats,
+    bounds: tuple[Floats, Floats],
+    residuals: Callable[[Floats], Floats],
+    trial: NDArray[np.int64],
+) -> tuple[tuple[Constant, ...], tuple[tuple[str, str, float], ...]]:
+    """Constants with 95 % intervals, and pairs that the residuals cannot separate.
+
+    Steps of one trial [n] have correlated errors: the covariance is the sandwich clustered by trials (Liang
+    and Zeger 1986), at least that of independent steps. A constant without effect gets its whole range; one
+    whose interval ends at a bound is not identifiable (not `told`).
+    """
+    low, high = bounds
+    off = residuals(theta)
+    z = (off / ROBUST_AT) ** 2
+    columns = _columns(theta, bounds, residuals, off) * (high - low)
+    curvature = columns.T @ (columns * (1.0 + z)[:, None] ** -1.5)  # soft L1's second derivative
+    variance = max(float((off**2 / np.sqrt(1.0 + z)).sum()) / max(len(off) - len(theta), 1), 1e-300)
+    # Without information all values within the bounds are equally likely: no division by zero.
+    bread = np.linalg.inv(curvature / variance + np.eye(len(theta)))
+    scores = columns * (off / np.sqrt(1.0 + z) / variance)[:, None]
+    inner = filling(scores, _groups(trial)) + np.eye(len(theta))
+    spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))
+    deviation = np.sqrt(spread) * (high - low)
+    told = (low < theta - SIGMAS * deviation) & (theta + SIGMAS * deviation < high)
+    return bounded(names, theta, deviation, low, high, told), blind_pairs(names, curvature)
+
+
+def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tuple[Constant, ...]:
+    """Constants in cm with the uncertainty of the pulses' length added; not identifiable where that length is
+    assumed."""
+    shares = (ASSUMED, ASSUMED)
+    if odometry is not None:
+        lengths = {c.key: (c.high - c.low) / 2 / SIGMAS / c.value for c in odometry.constants}
+        shares = (lengths.get("cm_per_pulse_left", 0.0), lengths.get("cm_per_pulse_right", 0.0))
+    out = []
+    for c in constants:
+        share = max((shares[w] for w in LENGTHS.get(c.key, ())), default=0.0)
+        below, above = (np.hypot(end - c.value, SIGMAS * share * c.value) for end in (c.low, c.high))
+        wide = replace(
+            c, low=max(float(c.value - below), 0.0), high=float(c.value + above),
+            told=c.told and (odometry is not None or c.key not in LENGTHS),
+        )  # fmt: skip
+        out.append(wide)
+    return tuple(out)
+
+
+def at_bound(value: float, low: float, high: float) -> bool:
+    """Whether a fitted value is at one of its bounds."""
+    span = 1e-4 * (high - low)
+    return not low + span < value < high - span
+
+
+def _groups(trial: NDArray[np.int64]) -> NDArray[np.int64]:
+    """[n] numbers of rows with correlated errors: a trial's, or a piece's where trials are few."""
+    numbers = np.unique(trial, return_inverse=True)[1]
+    if int(numbers.max(initial=0)) + 1 < FEWEST_TRIALS:
+        numbers = np.unique(numbers * len(trial) + np.arange(len(trial)) // ROWS, return_inverse=True)[1]
+    return np.asarray(numbers)
+
+
+def _columns(
+    theta: Floats, bounds: tuple[Floats, Floats], residuals: Callable[[Floats], Floats], off: Floats
+) -> Floats:
+    """[n, p] derivatives within the bounds; of both directions the smaller one, since unstable gains may be
+    near."""
+    low, high = bounds
+    out = np.empty((len(off), len(theta)))
+    for i, value in enumerate(theta):
+        step = STEP * max(abs(value), 0.01 * (high[i] - low[i]))
+        ways = []
+        for to in (value + step, value - step):
+            if low[i] <= to <= high[i]:
+                moved = theta.copy()
+                moved[i] = to
+                ways.append((residuals(moved) - off) / (to - value))
+        out[:, i] = min(ways, key=np.linalg.norm)
+    return out
+
+
+# What no such wheels can have made
+
+SIDES = ("left", "right")
+FEWEST_STEPS = 30
+AGAINST, OTHERS = -0.3, 0.2
+"""Cosine of pulses and commands below which a counter runs against its command; and the advantage of the
+other wheel's command from which on columns count as swapped."""
+PULSES_SHARE = (0.5, 25.0 / 12.0)
+"""Range of pulses per mm by camera, as a share of the value known in advance."""
+TRACK_SHARE = 0.3
+EXPLAINED = 0.5
+
+
+def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profile) -> None:
+    """Refuse a recording that no robot like the base can have made, using the camera's data."""
+    _refuse_still(recording)
+    _refuse_counters(recording)
+    if odometry is not None:
+        _refuse_lengths(recording, odometry, base)
+    elif enough_pictures(recording, base.wheels.track_cm):
+        raise CalibrationError(
+            f"{recording.source}: the camera's poses fit no wheels with these counters or commands. Are x_cm "
+            "and y_cm in cm, heading_deg in degrees, and commands in units of --base? Without these three "
+            "columns counters alone are used."
+        )
+
+
+def _refuse_still(recording: WheelRecording) -> None:
+    for w, side in enumerate(SIDES):
+        if not (recording.commands[:, w] != 0).any():
+            raise CalibrationError(f"{recording.source}: the {side} wheel was never told to move.")
+        if np.ptp(recording.counters[:, w]) == 0:
+            raise CalibrationError(f"{recording.source}: counter_{side} never changes: it looks dead.")
+
+
+def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
+    """Refuse a recording with too few speeds [n, 2]."""
+    known = int(np.isfinite(measured).sum()) // 2
+    if known < FEWEST_STEPS:
+        apart = np.diff(recording.t_s)[np.diff(recording.trial) == 0]
+        rows = f"rows are {np.median(apart):.3g} s apart" if len(apart) else "its trials have one row each"
+        raise CalibrationError(
+            f"{recording.source}: expected {FEWEST_STEPS} steps of {recording.period_s:g} s or more, in a "
+            f"trial each, got {known}: {rows}. Record more, or give the robot's period_s in --base."
+        )
+
+
+def _refuse_counters(recording: WheelRecording) -> None:
+    if not recording.counted:
+        return
+    within = np.diff(recording.trial) == 0
+    told, pulses = recording.commands[:-1][within], np.diff(recording.counters, axis=0)[within]
+    size = np.linalg.norm(told, axis=0)[:, None] * np.linalg.norm(pulses, axis=0)
+    alike = told.T @ pulses / np.maximum(size, 1e-12)
+    if alike[0, 1] > alike[1, 1] + OTHERS and alike[1, 0] > alike[0, 0] + OTHERS:
+        raise CalibrationError(
+            f"{recording.source}: counter_left follows command_right and counter_right command_left. "
+            "Are columns swapped?"
+        )
+    for w, side in enumerate(SIDES):
+        if alike[w, w] < AGAINST:
+            raise CalibrationError(
+                f"{recording.source}: counter_{side} runs against command_{side}. Turn its sign round."
+            )
+
+
+def _refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile) -> None:
+    """Refuse impossible pulses per mm (without counters: speeds per unit) and tracks."""
+    cure = "Are x_cm and y_cm in cm, heading_deg in degrees, and counters in pulses?"
+    low, high = (share * recording.pulses_per_mm for share in PULSES_SHARE)
+    for side, length in zip(SIDES, odometry.cm_per_pulse, strict=True):
+        pulses = 0.1 / length if length else np.inf
+        if low <= pulses <= high:
+            continue
+        expected, got = f"{low:g} to {high:g} pulses per mm", pulses
+        if recording.from_commands:
+            expected, got = f"{0.1 / high:.3g} to {0.1 / low:.3g} cm/s a unit", length
+            cure = f"Are commands in units of profile {base.name!r}, x_cm and y_cm in cm?"
+        raise CalibrationError(
+            f"{recording.source}: {side} wheel: expected {expected} by the camera, got {got:.3g}. {cure}"
+        )
+    least, most = ((1 + sign * TRACK_SHARE) * base.wheels.track_cm for sign in (-1, 1))
+    if not least <= odometry.track_cm <= most:
+        raise CalibrationError(
+            f"{recording.source}: track: expected {least:.1f} to {most:.1f} cm, as profile {base.name!r} has "
+            f"{base.wheels.track_cm:g} cm, got {odometry.track_cm:.3g} cm by the camera. {cure}"
+        )
+
+
+def refuse_wheels(
+    recording: WheelRecording, measured: Floats, model: Floats, bounded: dict[str, float]
+) -> None:
+    """Refuse a fit that explains less than half of the variation of the speeds [n, 2], or whose speeds per
+    unit ended at their bounds (`bounded`, cm/s)."""
+    for w, side in enumerate(SIDES):
+        known = np.isfinite(measured[:, w])
+        off = ((model - measured)[known, w] ** 2).sum()
+        share = 1.0 - off / max(float((measured[known, w] ** 2).sum()), 1e-12)
+        if share < EXPLAINED:
+            raise CalibrationError(
+                f"{recording.source}: the fitted law explains only {max(0.0, share):.0%} of how the {side} "
+                "wheel turned: these counters or poses do not belong to these commands."
+            )
+    for key, value in bounded.items():
+        raise CalibrationError(
+            f"{recording.source}: {key}: {value:g} cm/s per unit, the utmost that is tried: no wheel of this "
+            "robot. Are commands in its units, as --base has them, and counters in pulses?"
+        )
