@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from realitygap.calibration.load import find_recordings, load_recording
 from realitygap.calibration.readings import dead_sensors
-from realitygap.calibration.recordings import SensorRecording, WheelRecording, cylinder_radius
+from realitygap.calibration.recordings import SensorRecording, WheelRecording
 from realitygap.errors import RecordingError
 from realitygap.world.arena import load_arena
 from tests.calibration.written import save_recording
@@ -61,30 +61,6 @@ def test_readings_come_back_equal(tmp_path):
     assert (back.source, len(back.hash), back.warnings) == (str(tmp_path / "r"), 64, ())
 
 
-def test_lines_that_begin_with_a_hash_are_comments(tmp_path):
-    """Before the names of the columns and between rows; nothing of them is read."""
-    plain = load_recording(written(tmp_path / "plain", HEAD, ROW, ROW))
-    told = load_recording(written(tmp_path / "told", "# bench; Monday", HEAD, ROW, "# moved, again", ROW))
-    assert isinstance(plain, SensorRecording) and isinstance(told, SensorRecording)
-    assert np.array_equal(plain.counts, told.counts)
-
-
-def test_columns_may_be_named_in_capitals(tmp_path):
-    """As some programs write them; a name that stands there twice is still refused."""
-    told = load_recording(written(tmp_path / "r", HEAD.upper().replace("S3", "s3"), ROW, ROW))
-    assert isinstance(told, SensorRecording) and told.counts[1].tolist() == [*range(10, 90, 10)]
-    with pytest.raises(RecordingError, match="the column 's3' stands there twice"):
-        load_recording(written(tmp_path / "r", HEAD.replace("s2", "S3"), ROW))
-
-
-def test_copied_rows_are_pointed_out(tmp_path):
-    """Of a table pasted twice the noise is too small; readings that are equal have a number each."""
-    rows = [ROW, ROW.replace("80", "81"), ROW.replace("30,0", "30,1")]
-    assert load_recording(written(tmp_path / "r", HEAD, *rows)).warnings == ()
-    (told,) = load_recording(written(tmp_path / "r", HEAD, *rows, *rows)).warnings
-    assert "readings.csv, line 5: a copy of line 2 (such rows: 3): copies make the noise" in told
-
-
 def test_a_robot_that_backed_off_drove(tmp_path):
     """Its wheels' speed is below 0 in the table; for the noise that rises with speed its size counts."""
     back = load_recording(written(tmp_path / "r", f"{HEAD},speed_cm_s", f"{ROW},-3.5", f"{ROW},3"))
@@ -106,15 +82,6 @@ def test_poses_come_with_their_arena(tmp_path):
     assert isinstance(back, SensorRecording) and back.arena == arena and back.pose is not None
     assert np.allclose(back.pose, pose)
     assert np.allclose(back.distance_cm, [47.25, 7.25]) and np.allclose(back.bearing_deg, [-90, 0])
-
-
-def test_arrays_of_other_shapes_are_refused():
-    """In Python, too: counts in a list, a place that is none."""
-    made = infrared(4)
-    pose = np.full((4, 3), np.nan)
-    for change in ({"counts": made.counts.tolist()}, {"pose": pose, "arena": load_arena("light-seeking")}):
-        with pytest.raises(RecordingError, match=r"expected 4 rows of counts \[n, S\], places, and finite"):
-            replace(made, **change)
 
 
 @given(st.lists(st.tuples(st.integers(-10, 10), st.integers(-9999, 9999)), min_size=1, max_size=30))
@@ -252,12 +219,6 @@ def test_a_recording_says_who_placed_the_robot(tmp_path):
         assert isinstance(made, SensorRecording) and made.by_program == made.exact == by_program
 
 
-def test_an_object_given_in_the_call_wins(tmp_path):
-    """A mislabelled recording can be read as what it is."""
-    made = load_recording(written(tmp_path / "r", HEAD, ROW, facts='kind = "infrared"'), object="wall")
-    assert isinstance(made, SensorRecording) and made.object == "wall"
-
-
 def test_steps_of_a_wrong_kind_or_order_are_refused(tmp_path):
     """With the line."""
     head = "t_s,command_left,command_right,counter_left,counter_right,speed_left,speed_right,trial,kind"
@@ -296,14 +257,6 @@ def test_dead_sensors_are_pointed_out(tmp_path):
     assert "sensor 5 hardly changes" in dead[5]
 
 
-def test_a_folder_one_level_up_is_told_which_to_give(tmp_path):
-    """Recordings in a folder's folders are named, not denied."""
-    (tmp_path / "robots" / "unit-7").mkdir(parents=True)
-    written(tmp_path / "robots" / "unit-7" / "wall", HEAD, ROW)
-    with pytest.raises(RecordingError, match=r"robots: holds no recording, but .*give .*unit-7\."):
-        find_recordings(tmp_path / "robots")
-
-
 def test_several_recordings_in_a_folder_are_found(tmp_path):
     """A folder of recordings means all of them; none is an error."""
     for name in ("b", "a"):
@@ -313,9 +266,3 @@ def test_several_recordings_in_a_folder_are_found(tmp_path):
     assert find_recordings("wall.sam") == (Path("wall.sam"),)
     with pytest.raises(RecordingError, match="there is no such recording"):
         find_recordings(tmp_path / "c")
-
-
-@pytest.mark.parametrize(("name", "radius"), [("wall", None), ("cylinder:4", 4), ("cylinder:x", None)])
-def test_a_cylinder_says_its_radius(name, radius):
-    """In cm, after the colon."""
-    assert cylinder_radius(name) == radius
