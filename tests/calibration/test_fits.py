@@ -13,16 +13,13 @@ from realitygap.calibration.fit import Fit
 from realitygap.calibration.judge import judge
 from realitygap.calibration.load import load_recording
 from realitygap.calibration.model import scenes_of
-from realitygap.calibration.noise import Sample, lit_noise, sample_noise
-from realitygap.calibration.odometry import measure_odometry
+from realitygap.calibration.noise import lit_noise, sample_noise
 from realitygap.calibration.readings import Readings
-from realitygap.calibration.recordings import CHANNELS, SensorRecording
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.errors import CalibrationError
 from realitygap.report.calibration import write_calibration_page
 from realitygap.world.robot import Constant, load_profile
 from tests.calibration.tables import DIRTY, TURN_DEG
-from tests.calibration.written import save_recording
-from tests.kernels.test_measured import measured
 
 PAPER = load_profile("paper")
 
@@ -56,15 +53,6 @@ def test_the_extended_form_finds_the_robot(robot, recorded):
     assert fit.fit.values["turn_1_deg"][0] == pytest.approx(-1.0, abs=0.4)
     assert max(m.ratio for m in fit.sensors) < 0.5
     assert max(fit.by_form, key=fit.by_form.__getitem__) == "paper"
-
-
-def test_a_form_with_a_law_takes_no_curves_from_its_base(recorded):
-    """The paper's form from a base with measured sensors is that from the paper's own, light included."""
-    base, found = measured(PAPER, np.random.default_rng(3)), [recorded("wall"), recorded("lamp", noise=4.5)]
-    here, there = (calibrate(found, one, form="paper").profile for one in (base, PAPER))
-    assert here.infrared == there.infrared and here.ambient == there.ambient
-    made = calibrate(found[1:], base, form="measured").profile
-    assert made.ambient.measured and made.ambient != base.ambient and made.infrared == base.infrared
 
 
 @pytest.mark.parametrize("matt", [0.0, 1.0])
@@ -147,15 +135,6 @@ def test_tails_are_those_of_one_reading(repeats):
     assert estimate.heavy and estimate.kurtosis == pytest.approx(1.8, abs=0.6)
 
 
-def test_an_interval_of_noise_at_few_places_holds_no_zero():
-    """Three of twelve places are lit, and there the noise is 200 counts: it is not 0 because a drawn sample
-    has none of the three."""
-    level, place = np.repeat([2000.0] * 3 + [3.0] * 9, 20)[:, None], np.repeat(np.arange(12), 20)
-    z = 200.0 * np.random.default_rng(5).normal(size=level.shape)
-    estimate = lit_noise(Sample(z=z, level=level, group=place), "proximity", 4095.0)
-    assert 100.0 < estimate.low < estimate.deviation < estimate.high < 400.0
-
-
 def test_noise_that_was_not_measured_is_said(unrepeated, tmp_path):
     """One reading at each place, bearings far apart: the base's deviation is taken, and called assumed."""
     made = unrepeated
@@ -201,20 +180,6 @@ def test_heights_are_taken_as_they_are_stated(recorded):
         calibrate([tall, other], PAPER, light="linear", beside=False)
 
 
-def test_a_body_that_is_not_said_is_that_of_the_base(recorded, tmp_path):
-    """And a warning tells so; a recording that says another is of another robot."""
-    save_recording(tmp_path / "said", recorded("wall", repeats=1))
-    save_recording(tmp_path / "not", replace(recorded("wall", repeats=1, seed=5), body_said=False))
-    base = replace(PAPER, body=replace(PAPER.body, radius_cm=3.5))
-    made = calibrate([load_recording(tmp_path / "not")], base, form="paper")
-    assert made.profile.body.radius_cm == 3.5
-    assert any("body_radius_cm: not said; 3.5 cm are taken" in warning for warning in made.warnings)
-    told = judge(load_recording(tmp_path / "not"), base).warnings
-    assert any("3.5 cm are taken" in warning for warning in told)
-    with pytest.raises(CalibrationError, match=r"expected one robot, got 2\.75 in .*said and 3\.5 in"):
-        calibrate([load_recording(tmp_path / name) for name in ("said", "not")], base)
-
-
 def test_the_papers_form_is_the_papers_with_any_base(unrepeated, recorded, driven):
     """What a base was fitted to beyond the paper does not come into the form that is called the paper's."""
     base = load_profile("khepera")
@@ -247,21 +212,6 @@ def test_wheels_come_back(driven):
     assert wheels.play_cm == pytest.approx(0.08, rel=0.1)
     assert made.profile.noise.wheel == pytest.approx(0.06, rel=0.15)
     assert made.wheels.rmse["refitted"] < 0.05 < made.wheels.rmse["printed"]
-
-
-def test_slip_is_that_of_one_step(driven):
-    """Slip that hangs together over steps is measured over one, where a camera saw each."""
-    made = driven(slip=0.06, each=True, keep=0.5, speed_per_unit_cm_s=(0.84, 0.83))
-    every, rare = measure_odometry(made, 5.3), measure_odometry(_seldom(made), 5.3)
-    assert every is not None and every.slip == pytest.approx(0.06, rel=0.1)
-    assert rare is not None and rare.slip > 0.075
-
-
-def _seldom(made):
-    """The same, seen at every fifth step only."""
-    pose = made.pose.copy()
-    pose[np.arange(len(pose)) % 5 != 0] = np.nan
-    return replace(made, pose=pose)
 
 
 def test_a_dead_sensor_is_named_and_mended(recorded):
@@ -356,19 +306,6 @@ def test_noise_that_differs_from_sensor_to_sensor_is_said_and_kept(recorded, lou
     kept = np.array([sensor.noise for sensor in made.profile.infrared.sensors])
     assert kept.shape == ((8, 9) if said else (8, 0))
     assert np.median(kept[:, 2:7] / size[:, None], axis=1) == pytest.approx(1.0, abs=0.3) if said else True
-
-
-@pytest.mark.parametrize("kind", ["infrared", "ambient"])
-def test_noise_that_is_measured_replaces_a_bases_tables(recorded, kind):
-    """A base may have noise by the reading without curves; in the fitted profile it would drown the figure
-    that was measured."""
-    law = PAPER.channel(kind)
-    tables = tuple(replace(s, noise=(90.0,) * 9, noise_rise=0.1) for s in law.sensors)
-    base = replace(PAPER, **{kind: replace(law, sensors=tables)})
-    object, noise = ("wall", 21.0) if kind == "infrared" else ("lamp", 4.5)
-    made = calibrate([recorded(object, noise=noise)], base, form="individual")
-    assert {(s.noise, s.noise_rise) for s in made.profile.channel(kind).sensors} == {((), 0.0)}
-    assert getattr(made.profile.noise, CHANNELS[kind]) == pytest.approx(noise, rel=0.1)
 
 
 def test_a_place_that_errs_alone_is_told_from_errors_everywhere(recorded, robot):

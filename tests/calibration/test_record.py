@@ -12,7 +12,6 @@ import sys
 import time
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,7 +26,6 @@ from realitygap.calibration.plan import (
     ROOM,
     Plan,
     Trial,
-    ambient_task,
     infrared_task,
     wheel_trials,
 )
@@ -102,14 +100,6 @@ def test_a_polygons_distances_count_from_its_outline(tmp_path, name, outline):
         room = Arena(name="room", size_cm=tuple(size), cylinders=round_ones)
         gaps = [clearance(room, outline, pose) for pose in poses]
         assert gaps == pytest.approx(distance.tolist(), abs=1e-9)
-
-
-def test_ambient_places_are_free_and_look_all_round():
-    """All over the arena, at headings that differ from place to place."""
-    plan = ambient_task()
-    assert plan.arena is not None
-    assert all(plan.arena.obstacle_at(p.pose.x, p.pose.y, 2.9) is None for p in plan.stops)
-    assert len({p.where[2] for p in plan.stops}) > 20
 
 
 def test_the_wheels_plan_has_every_kind_and_stays_on_the_floor():
@@ -305,24 +295,6 @@ def test_the_camera_sees_where_a_twin_was(tmp_path, marker):
     assert [float(row[0]) for row in rows] == pytest.approx([k / 10 for k in range(15)])
 
 
-def test_a_recording_under_a_marker_is_readable(tmp_path):
-    """What `record --marker` writes, a calibration takes; it is not resumed under another."""
-
-    def enough(name: str, done: int, total: int) -> None:
-        raise KeyboardInterrupt
-
-    wanted = Plan(kind="wheels", marker="aruco:4x4_50:7")
-    with closing(Address.parse("twin:2").open()) as body, contextlib.suppress(KeyboardInterrupt):
-        record(wanted, tmp_path, body, on_progress=enough)
-    assert load_recording(tmp_path).facts["marker"] == "aruco:4x4_50:7"
-    other = replace(wanted, marker="aruco:4x4_50:8")
-    with (
-        closing(Address.parse("twin:2").open()) as body,
-        pytest.raises(RecordingError, match="marker: this recording was begun with 'aruco:4x4_50:7', not"),
-    ):
-        record(other, tmp_path, body, resume=True)
-
-
 def test_a_person_is_guided_and_may_stop(bench: Bench, tmp_path):
     """Each place is told, one may be left out, "q" or the end of the input stops; --resume goes on."""
     twin = bench.twin()
@@ -389,17 +361,6 @@ def test_a_robot_is_refused_with_the_base_of_another(tmp_path, plan, base, said)
         asked(tmp_path, wanted=Plan(kind=plan, base=load_profile(base)))
 
 
-@pytest.mark.parametrize(("said", "written"), [(0.5, 0.5), (math.nan, "unknown"), (1.0, None)])
-def test_a_recording_says_what_its_surface_throws_back(tmp_path, said, written):
-    """The object's reflectance stands in recording.toml, and in the room of a stand-in where it is known."""
-    wanted = Plan(kind="infrared", object="cylinder:3", reflectance=said, repeats=1)
-    asked(tmp_path, "", "", "q", wanted=wanted)
-    assert load_recording(tmp_path).facts.get("reflectance") == written
-    assert load_recording(tmp_path).reflectance == pytest.approx(said, nan_ok=True)
-    rooms = [infrared_task(name, reflectance=said).room.get("reflectance") for name in ("wall", "cylinder:3")]
-    assert rooms == ([[0.5], [1.0, 0.5]] if said == 0.5 else [None, None])
-
-
 def test_a_part_that_is_left_out_is_not_recorded(tmp_path):
     """Nobody who says so at "clear a level floor" sees the robot move; no empty table stays behind."""
     says, made = asked(tmp_path / "a", "s", "s", "s", "s")
@@ -407,31 +368,3 @@ def test_a_part_that_is_left_out_is_not_recorded(tmp_path):
     assert [one.done for one in made] == [0] * 4 and not list(tmp_path.glob("a/*/recording.toml"))
     says, made = asked(tmp_path / "a", "s", "s", "s", "q", resume=True)
     assert made[-1].name == "wheels" and made[-1].stopped
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (
-            ("--robot", "ant", "--plan", "all"),
-            "twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT",
-        ),
-        (("--robot", "twin:", "--plan", "all"), "whole number"),
-        (("--robot", "twin", "--plan", "sonar"), "sonar"),
-        (("--robot", "twin", "--plan", "wheels", "--object", "wall"), "--object"),
-        (("--robot", "twin", "--plan", "infrared", "--object", "box"), "cylinder:RADIUS_CM"),
-        (("--robot", "twin", "--plan", "all", "--reflectance", "0.5"), "expected --object beside it"),
-        (("--robot", "twin", "--plan", "all", "--object", "wall", "--reflectance", "0"), "0.01 or more"),
-        (
-            ("--robot", "twin", "--plan", "all", "--object", "wall", "--reflectance", "unknown"),
-            "twin:1 is simulated with",
-        ),
-        (("--robot", "serial:/dev/null/x", "--plan", "all"), "cannot be opened"),
-        (("--robot", "serial:/dev/x", "--plan", "all", "--twin-noise", "2"), "--twin-noise"),
-    ],
-)
-def test_wrong_words_are_refused(tmp_path: Path, words, says):
-    """One line, exit code 2, nothing written."""
-    code, said, error = run("record", *words, "--out", tmp_path / "a")
-    assert (code, said) == (2, "") and says in error and error.count("\n") == 1
-    assert not (tmp_path / "a").exists()

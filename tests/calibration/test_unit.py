@@ -71,13 +71,6 @@ def test_what_is_there_is_not_made_again(tmp_path, jobs):
     assert jobs == ["fit", "wheels", "fit", "fit"]
 
 
-def test_other_work_is_done_meanwhile(tmp_path, jobs):
-    """What else is to be done is given to the workers first, and not again for a profile that is there."""
-    for _ in range(2):
-        calibrated_unit(tmp_path / "unit", **SETTINGS, meanwhile=[lambda: jobs.append("other")])
-    assert jobs[0] == "other" and jobs.count("other") == 1 and jobs.count("fit") == 3
-
-
 def test_all_workers_share_a_long_fit(tmp_path, jobs):
     """In the measured form the sensors' two parts are recorded side by side, and fitted last, by the pool."""
     parts = ["infrared-wall", "infrared-cylinder"]
@@ -93,13 +86,6 @@ def test_another_units_folder_is_refused(tmp_path, jobs, change):
     calibrated_unit(tmp_path / "unit", **SETTINGS)
     with pytest.raises(CalibrationError, match=r"unit\.toml: .*expected .*got .*another folder"):
         calibrated_unit(tmp_path / "unit", **{**SETTINGS, **change})
-
-
-def test_a_folder_of_something_else_is_refused(tmp_path):
-    """Nothing in it is touched."""
-    (tmp_path / "recordings").mkdir()
-    with pytest.raises(CalibrationError, match="holds something else"):
-        calibrated_unit(tmp_path, **SETTINGS)
 
 
 def test_what_goes_wrong_in_a_job_is_told(tmp_path):

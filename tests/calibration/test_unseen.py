@@ -97,7 +97,7 @@ def test_a_robot_without_light_sensors_gets_the_cure(tmp_path):
     """The profile e-puck has no [ambient]: a recording of light needs a copy of it that has one."""
     facts = FACTS.replace("infrared", "ambient").replace("wall", "lamp")
     read = load_recording(written(tmp_path / "r", HEAD, ROW, facts=facts))
-    with pytest.raises(RecordingError, match=r"Give --base a copy of it with an \[ambient\] of its own"):
+    with pytest.raises(RecordingError, match=r"or a copy with an \[ambient\] of its own"):
         calibrate([read], load_profile("e-puck"))
 
 

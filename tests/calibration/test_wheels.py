@@ -155,7 +155,7 @@ def test_constants_that_do_the_same_are_named():
     x, noise, trial = random.normal(size=600), random.normal(size=600), np.arange(600) // 30
 
     def residuals(theta):
-        return (theta[0] + 2.0 * theta[1] - 3.0) * x + (theta[3] - 1.0) + noise
+        return 0.01 * ((theta[0] + 2.0 * theta[1] - 3.0) * x + (theta[3] - 1.0) + noise)
 
     theta, bounds = np.array([1.0, 1.0, 4.0, 1.0]), (np.zeros(4), np.full(4, 10.0))
     constants, alike = intervals(["p", "q", "r", "s"], theta, bounds, residuals, trial)
@@ -168,14 +168,7 @@ def test_steps_of_a_trial_err_together():
     """An error that a whole trial shares widens the interval as a mean of trials has it."""
     random = np.random.default_rng(0)
     trial = np.arange(1200) // 30
-    off = random.normal(size=40)[trial] + 0.1 * random.normal(size=1200)
-    fit = intervals(
-        ["p"],
-        np.array([5.0]),
-        (np.zeros(1), np.full(1, 10.0)),
-        lambda p: off + p[0] - 5,
-        trial,
-        robust_at=50.0,
-    )
-    (one,), _ = fit
+    off = 0.01 * random.normal(size=40)[trial] + 0.001 * random.normal(size=1200)
+    bounds = np.zeros(1), np.full(1, 10.0)
+    (one,), _ = intervals(["p"], np.array([5.0]), bounds, lambda p: off + p[0] - 5, trial)
     assert (one.high - one.low) / 2 == pytest.approx(1.96 * off.std() / 40**0.5, rel=0.1)
