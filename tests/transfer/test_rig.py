@@ -13,7 +13,7 @@ from realitygap.control.genotype import Layout, braitenberg
 from realitygap.control.network import NetworkController
 from realitygap.errors import ConfigError, UsageError
 from realitygap.film.marker import Tag
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.tasks import load_task
 from realitygap.track import Track
 from realitygap.transfer.paths import score

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap.control.genotype import Genes, Layout
 from realitygap.control.network import NetworkController
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.track import Track, Trajectory
 from realitygap.values import Floats
 from realitygap.world.robot import TOP_INPUT, Profile

@@ -8,7 +8,7 @@ import numpy as np
 
 from realitygap.control.genotype import Genes
 from realitygap.errors import UsageError
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.track import Trajectory

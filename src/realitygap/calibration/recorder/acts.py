@@ -2,8 +2,8 @@
 
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.errors import BaudError
-from realitygap.robots.body import Body, Seen, clock_of, known_pose, odometry_of
-from realitygap.robots.signals import MOVING, Stopping, heed
+from realitygap.robots.body import Body
+from realitygap.robots.drive import MOVING, StopOnSignal, raise_pending
 from realitygap.values import Command, Pose
 
 __all__ = ["drive_trial", "read_standing"]
@@ -22,25 +22,25 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
     Raises:
         BaudError: the line has no room for counters and speeds in a step.
     """
-    clock = clock_of(body)
+    clock = body.clock
     body.reset()
-    rows, poses, looks = [], {}, trial.seen() if isinstance(body, Seen) else ()
+    rows, poses, looks = [], {}, trial.seen() if body.knows_pose else ()
     start = due = clock.now()
-    with Stopping(() if clock.waits else MOVING) as stopping:
+    with StopOnSignal(() if clock.waits else MOVING) as stopping:
         try:
             for k, command in enumerate(trial.commands):
                 clock.sleep_until(due)
                 now = clock.now()
                 body.sense()
-                counters, speeds = odometry_of(body)
+                counters, speeds = body.odometry
                 if body.counts_turns and (counters is None or speeds is None):
                     raise BaudError(
                         "robot: expected counters and speeds at each step, got only one of them. A line "
                         "needs 38400 baud or more; a body of your own gives Odometry(counters=…, speeds=…)."
                     )
-                if k in looks and isinstance(body, Seen):
-                    poses[k] = known_pose(body)
-                heed()
+                if k in looks and body.knows_pose:
+                    poses[k] = body.known_pose()
+                raise_pending()
                 body.act(Command(left=command[0], right=command[1]))
                 turned = (*(counters or ()), *(speeds or ())) if body.counts_turns else ()
                 numbers = (*command, *turned, trial.number)
@@ -54,15 +54,15 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
 
 def read_standing(body: Body, kind: str, repeats: int) -> list[list[str]]:
     """Repeated readings [repeats][sensors] of a standing robot, as texts."""
-    clock = clock_of(body)
+    clock = body.clock
     readings = []
     for _ in range(repeats):
         clock.sleep_until(clock.now() + APART_S)
         asked = clock.now()
         read = body.sense()
-        while getattr(body, "read_at", asked) < asked:  # a missing answer is not a reading
+        while body.read_at is not None and body.read_at < asked:  # a missing answer is not a reading
             read = body.sense()
-        heed()
+        raise_pending()
         counts = read.proximity if kind == "proximity" else read.ambient
         readings.append([f"{count:.10g}" for count in counts.tolist()])
     return readings

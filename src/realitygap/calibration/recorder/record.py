@@ -27,7 +27,7 @@ from realitygap.calibration.recordings.files import EDGES, POSE, STEP_COLUMNS, U
 from realitygap.calibration.recordings.recording import CHANNELS
 from realitygap.errors import UsageError
 from realitygap.files import atomic_write
-from realitygap.robots.body import Body, Filmed, Placing, Seen, attend, channel, facts_of
+from realitygap.robots.body import Body
 from realitygap.values import Pose
 from realitygap.world.robot import Profile, load_profile
 
@@ -77,7 +77,7 @@ class Wanted:
     def grid(self, body: Body) -> Grid:
         """Where an object stands for this robot's infrared."""
         usual = Grid()
-        bearings, distances = getattr(body, "infrared_grid", (usual.bearings, usual.distances_cm))
+        bearings, distances = body.infrared_grid or (usual.bearings, usual.distances_cm)
         return Grid(
             bearings=bearings if self.bearings is None else self.bearings,
             distances_cm=distances if self.distances_cm is None else self.distances_cm,
@@ -128,7 +128,7 @@ def record(
             records there.
         UsageError: the robot lacks the sensors, or they differ from those of `base`.
     """
-    if wanted.base is None and "base" in (own := facts_of(body)):
+    if wanted.base is None and "base" in (own := body.description()):
         wanted = replace(wanted, base=load_profile(own["base"]))
     parts = parts_for(wanted, body)
     places = [Path(folder) / part.name if len(parts) > 1 else Path(folder) for part in parts]
@@ -162,7 +162,7 @@ def parts_for(wanted: Wanted, body: Body) -> list[Part]:
     if base is not None:
         _check_sensors(body, base, {part.channel for part in parts})
         check_period(body, base)
-    followed = not body.counts_turns and isinstance(body, Seen | Filmed)
+    followed = not body.counts_turns and (body.knows_pose or body.is_filmed)
     if wanted.plan == "wheels" or (wanted.plan == "all" and (body.counts_turns or followed)):
         wheels = base.wheels if base else None
         plan = wheel_plan(wanted.repeats, wanted.seed, wheels, period_s=body.period_s, followed=followed)
@@ -196,7 +196,7 @@ def check_period(body: Body, base: Profile) -> None:
 
 
 def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> Part:
-    one = channel(body, CHANNELS[plan.kind])
+    one = body.channel(CHANNELS[plan.kind])
     own = {"kind": plan.kind, "object": plan.object, **plan.facts, **stated_shape(wanted.base, one)}
     if plan.reflectance != 1.0:
         own["reflectance"] = plan.reflectance if math.isfinite(plan.reflectance) else UNKNOWN
@@ -214,7 +214,7 @@ def _sensors(plan: SensorPlan, wanted: Wanted, body: Body) -> Part:
         columns=(*plan.columns, "repeat", *(f"s{i}" for i in range(one.sensors))), key=plan.columns,
         stops={place.key: place for place in plan.places}, rows=lambda key: wanted.repeats,
         read=read, arena=plan.arena, at=plan.at,
-        fine=isinstance(body, Placing) and wanted.grid(body).bearings >= FINE and wanted.repeats > 1,
+        fine=body.places_itself and wanted.grid(body).bearings >= FINE and wanted.repeats > 1,
     )  # fmt: skip
 
 
@@ -245,7 +245,7 @@ def _recorded(part: Part, folder: Path, wanted: Wanted, body: Body, site: Site, 
         atomic_write(folder / ARENA, part.arena.to_toml())
     left = [stop for key, stop in part.stops.items() if key not in journal.done]
     if left or part.fine:
-        attend(body, part.channel, turns=kind == "wheels")
+        body.attend(part.channel, turns=kind == "wheels")
     try:
         if left and site.prepare(part.begins):
             for stop in left:
@@ -258,7 +258,7 @@ def _recorded(part: Part, folder: Path, wanted: Wanted, body: Body, site: Site, 
             )
             read = partial(part.read, site, repeats=TWICE)
             between = look_between(
-                journal, edges, part.at, read, channel(body, part.channel).high,
+                journal, edges, part.at, read, body.channel(part.channel).high,
                 lambda done, many: report(part.name, len(part.stops) + done, len(part.stops) + many),
             )  # fmt: skip
             edges.state("between", between)
@@ -274,7 +274,7 @@ def _recorded(part: Part, folder: Path, wanted: Wanted, body: Body, site: Site, 
 
 def _facts(part: Part, wanted: Wanted, body: Body) -> dict[str, Any]:
     """The content of recording.toml."""
-    known = dict(facts_of(body))
+    known = dict(body.description())
     units = UNITS.format(known.pop("units", OWN_UNITS))
     if part.name == "wheels" and wanted.marker is not None:
         known["marker"] = wanted.marker

@@ -14,7 +14,7 @@ from realitygap import temporary
 from realitygap.calibration.recorder.plans import Place
 from realitygap.calibration.recorder.wheel_plans import Trial
 from realitygap.errors import UsageError
-from realitygap.robots.body import Body, Filmed, Placing
+from realitygap.robots.body import Body
 from realitygap.values import Closing, Pose
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class OwnSite(Closing):
 
     def __init__(
         self,
-        body: Placing,
+        body: Body,
         room: Mapping[str, Any],
         *,
         seed: int,
@@ -51,12 +51,18 @@ class OwnSite(Closing):
         self._body, self._room, self._seed = body, room, seed
         self._camera = None
         self._stack = ExitStack()
-        if camera and isinstance(body, Filmed):
+        if camera and body.is_filmed:
             from realitygap.calibration.recorder.camera import FloorCamera
 
             with ExitStack() as stack:
                 self._camera = stack.enter_context(
-                    FloorCamera(room, unit=body.unit, noise=body.noise, seed=seed, marker=marker)
+                    FloorCamera(
+                        room,
+                        unit=body.facts["unit"],
+                        noise=body.facts["twin_noise"],
+                        seed=seed,
+                        marker=marker,
+                    )
                 )
                 self._film = Path(stack.enter_context(temporary.Folder("record"))) / "film.csv"
                 self._stack = stack.pop_all()
@@ -72,13 +78,13 @@ class OwnSite(Closing):
     def begin(self, trial: Trial) -> bool:
         """Place the robot, and film it from now on."""
         self._put(str(trial.number), trial.pose)
-        if self._camera is not None and trial.filmed and isinstance(self._body, Filmed):
+        if self._camera is not None and trial.filmed and self._body.is_filmed:
             self._body.film(self._film)
         return True
 
     def end(self, trial: Trial) -> Mapping[int, Pose]:
         """The poses that the camera saw, by step."""
-        if self._camera is None or not trial.filmed or not isinstance(self._body, Filmed):
+        if self._camera is None or not trial.filmed or not self._body.is_filmed:
             return {}
         self._body.film(None)
         return self._camera.poses(self._film, trial.seen(), trial.number)
@@ -164,7 +170,7 @@ def site_of(
     Raises:
         UsageError: nobody can place the robot, or a marker is given for a robot without a camera.
     """
-    if isinstance(body, Placing):
+    if body.places_itself:
         from realitygap.film.marker import load_marker
 
         own = int.from_bytes(hashlib.sha256(f"{seed}/{part}".encode()).digest()[:7])
