@@ -91,7 +91,8 @@ def test_an_algorithm_of_ones_own_evolves_and_resumes(tmp_path, monkeypatch, set
     shown = run("show", tmp_path / "moved", "1")
     assert "realitygap genotype 1" in shown
     lived = json.loads(run("replay", tmp_path / "moved", "1", "--json", "--pose", "25", "25", "90"))
-    again = genotype_of(half.encoding("obstacle-avoidance"), half.runs[0].champion)
+    genotype = genotype_of(half.encoding("obstacle-avoidance"), half.runs[0].champion)
+    again = genotype.controller()
     decided = [again.decide(fed) for fed in lived["inputs"]]
     assert [[one.left, one.right] for one in decided] == lived["commands"]
 

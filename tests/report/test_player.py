@@ -67,13 +67,13 @@ def test_a_situated_drive_is_the_recording(played: Study) -> None:
 def test_commands_in_a_robots_own_units_are_shown_as_the_networks(played: Study) -> None:
     """Whether its top command is 10 or 30: the same, with the network's neurons, on the page and in a log."""
     run, (pair, *_) = played.runs[0], pairs_of(played, parts_of(played))["obstacle-avoidance"]
-    genes, kept, task = individual(run), Recording.from_folder(pair.folder), played.task(run.task)
+    genotype, kept, task = individual(run), Recording.from_folder(pair.folder), played.task(run.task)
     other = replace(played.profile, wheels=replace(played.profile.wheels, top_command=30.0))
     shown, logged = [], []
     for profile, recorded in ((played.profile, kept), (other, replace(kept, commands=3 * kept.commands))):
-        cast = player._Cast(task=task, genes=genes, slots=range(10), profile=profile)
-        shown.append(cast.drive("a robot", "0.5", pair.situated, recorded, genes))
-        side = trial._side("situated", pair.situated, recorded, (genes, [*range(10)]), (task, profile))
+        cast = player._Cast(task=task, genotype=genotype, slots=range(10), profile=profile)
+        shown.append(cast.drive("a robot", "0.5", pair.situated, recorded, genotype))
+        side = trial._side("situated", pair.situated, recorded, (genotype, [*range(10)]), (task, profile))
         logged.append({name: values.tolist() for name, values in side.inside.items()})
     assert shown[0] == shown[1] and shown[1]["outputs"] is not None
     assert logged[0] == logged[1] and {"commands", "outputs"} <= logged[1].keys()

@@ -202,9 +202,9 @@ def test_other_robots():
         profile = random_profile(random)
         for task, part in ((AVOIDANCE, profile.infrared), (SEEKING, profile.ambient)):
             sensors = tuple(range(len(part.sensors)))
-            random = Variation(inputs=len(sensors), slots=len(sensors) + 10)
+            size = Variation(inputs=len(sensors), slots=len(sensors) + 10)
             simulation = Simulation(replace(task, sensors=sensors, seconds=2.0), profile, 1)
-            trajectory, score = simulation.trajectory(networks(1, random)[1], stream=1)
+            trajectory, score = simulation.trajectory(networks(1, size)[1], stream=1)
             assert trajectory.proximity.shape == (20, len(profile.infrared.sensors))
             assert trajectory.ambient.shape == (20, len(profile.ambient.sensors))
             assert trajectory.inputs.shape == (20, len(sensors)) and math.isfinite(score)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from realitygap.errors import TaskError
-from realitygap.tasks import TASKS, Task, load_task
+from realitygap.tasks import TASKS, Start, Task, load_task
 from realitygap.world.arena import Cylinder, load_arena
 from realitygap.world.robot import load_profile
 from realitygap.world.sensors import UNLIT
@@ -71,6 +71,10 @@ def test_unknown_task():
         ({"score": 3}, "score: expected a function, got 3"),
         ({"arena": "moon"}, "unknown arena 'moon'"),
         ({"start": (1, 2)}, "start: expected a Start"),
+        (
+            {"start": Start(x_cm=15, y_cm=15)},
+            r"start: expected a free place .* overlaps the cylinder at \(15, 15\)",
+        ),
     ],
 )
 def test_wrong_values_are_refused_by_name(avoidance, change, told):

@@ -138,7 +138,13 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> None:
 
 
 def check_state(state: State, cells: int, fitness: NDArray[np.float64], one: Genes) -> None:
-    """Refuse a state without `cells` individuals like `one`, or of an algorithm that minimises fitness [n].
+    """Refuse a state that cannot be tested or stored, or of an algorithm that minimises.
+
+    Args:
+        state: what the algorithm answered.
+        cells: how many individuals it must hold.
+        fitness: what it was told, [n].
+        one: genes of one individual.
 
     Raises:
         UsageError: says what was expected of the algorithm and what came.

@@ -288,3 +288,8 @@ class Task:
         as_count(self.trials, "trials")
         check_spread(self.spread, self.spread_wheels)
         require(self.fitness_scale > 0, "fitness_scale", "more than 0", self.fitness_scale)
+        start = self.start
+        if obstacle := self.arena.obstacle_at(start.x_cm, start.y_cm, start.radius_cm):
+            place = f"{start.radius_cm:g} cm about ({start.x_cm:g}, {start.y_cm:g})"
+            told = f"got a disc of {place}, which overlaps {obstacle}."
+            raise self._wrong(f"start: expected a free place in arena {self.arena.name!r}, {told}")
