@@ -16,7 +16,7 @@ from realitygap import Pose, SimulatedBody, Simulation, drive, drive_simulated
 from realitygap.cli import realitygap
 from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.errors import UsageError
-from realitygap.robots.body import Channel, Odometry
+from realitygap.robots.body import Body, Channel, Odometry
 from realitygap.values import Command, Readings
 
 AVOIDER = Path(__file__).resolve().parents[2] / "examples" / "avoider.toml"
@@ -307,7 +307,7 @@ class Busy:
         self._now = max(self._now, time_s) + next(self._late)
 
 
-class Arc:
+class Arc(Body):
     """A robot on an arc at 8 and 10 cm/s from (25, 1), whatever it is told; it counts 120 pulses a cm."""
 
     channels, period_s, pulses_per_mm = (Channel(name="proximity", sensors=8, high=1023),), 0.1, 12.0
