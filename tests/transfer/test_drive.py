@@ -101,9 +101,14 @@ def test_a_simulated_robot_of_any_kind_is_driven_as_in_its_simulation(name):
 
 def test_a_drive_without_a_place_is_refused(simulation):
     """A body that does not know its place needs a start."""
-    blind = SimpleNamespace(reset=print, sense=print, act=print)
+
+    class Blind(SimulatedBody):
+        pose = None
+
     with pytest.raises(UsageError, match="start: expected a Pose"):
-        drive(blind, NETWORK, task="avoidance")
+        drive(Blind(simulation), NETWORK, task="avoidance")
+    with pytest.raises(UsageError, match=r"body: expected a subclass of realitygap\.robots\.Body"):
+        drive(SimpleNamespace(reset=print, sense=print, act=print), NETWORK, task="avoidance")
 
 
 def test_a_robot_that_loses_its_place_in_a_drive_is_refused(simulation):
@@ -115,11 +120,12 @@ def test_a_robot_that_loses_its_place_in_a_drive_is_refused(simulation):
     start = Pose.from_degrees(25, 25, 0)
     with pytest.raises(UsageError, match="expected its `pose` at every step of a drive, got None"):
         drive(Losing(simulation), NETWORK, task="avoidance", start=start, seconds=1)
-    body = SimulatedBody(simulation)
-    parts = {name: getattr(body, name) for name in ("channels", "period_s", "clock", "reset", "sense", "act")}
-    blind = SimpleNamespace(**parts, stop=body.stop, close=body.close, counts_turns=False)
+
+    class Blind(SimulatedBody):
+        pose, counts_turns = None, False
+
     with pytest.raises(UsageError, match="expected a way to know where it is"):
-        drive(blind, NETWORK, task="avoidance", start=start, seconds=1)
+        drive(Blind(simulation), NETWORK, task="avoidance", start=start, seconds=1)
 
 
 @pytest.mark.parametrize("given", [(True, False), {6, 5}, {5: 1, 6: 2}])
@@ -219,13 +225,13 @@ def test_a_word_drives_as_the_commands_does(simulation):
     ],
 )
 def test_a_body_of_ones_own_is_held_to_its_word(counts, says):
-    """What it reads is checked as `--robot` checks it: nothing of another range or number is driven by."""
+    """Nothing of another range or number is driven by."""
 
     class Odd(Knowing):
         def sense(self):
             return Readings(proximity=counts, ambient=np.empty(0))
 
-    with pytest.raises(UsageError, match=f"Odd: sense: {says}"):
+    with pytest.raises(UsageError, match=f"Odd.sense: {says}"):
         drive(Odd([0.0]), NETWORK, task="avoidance", seconds=0.5)
 
 
