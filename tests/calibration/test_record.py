@@ -286,12 +286,12 @@ def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
 def test_each_robot_has_its_own_places():
     """Enki's are recorded closely and farther out; others as ever; all as a person asks."""
 
-    def grid(body: object, **asked: object) -> tuple[int, float, int]:
+    def grid(body: EnkiBody | None, **asked: object) -> tuple[int, float, int]:
         bearings, distances = Plan(kind="infrared", **asked).grid(body)
         return bearings, distances[-1], len(distances)
 
     enki = SimpleNamespace(infrared_grid=EnkiBody.infrared_grid)
-    assert grid(SimpleNamespace()) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
+    assert grid(None) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
     assert grid(enki, bearings=6) == (6, 15.0, 11) and grid(enki, distances_cm=(1.0,)) == (180, 1.0, 1)
     usual = infrared_task("cylinder:4")
     assert (

@@ -122,7 +122,7 @@ def test_a_robot_that_loses_its_place_in_a_drive_is_refused(simulation):
         drive(Losing(simulation), NETWORK, task="avoidance", start=start, seconds=1)
 
     class Blind(SimulatedBody):
-        pose, counts_turns = None, False
+        pose, counts_turns, odometry = None, False, Odometry()
 
     with pytest.raises(UsageError, match="expected a way to know where it is"):
         drive(Blind(simulation), NETWORK, task="avoidance", start=start, seconds=1)
@@ -258,7 +258,7 @@ def test_a_pose_that_cannot_be_is_refused(scale, jump, says):
 @pytest.mark.parametrize("body", [None, SimulatedBody, Simulation("avoidance", "paper")])
 def test_what_is_no_body_is_refused_as_such(body):
     """Not as a body that does not know its place."""
-    with pytest.raises(UsageError, match=r"^body: expected one with reset, sense, act, such as Simulated"):
+    with pytest.raises(UsageError, match=r"^body: expected a subclass of realitygap\.robots\.Body, such as"):
         drive(body, NETWORK, task="avoidance")
 
 

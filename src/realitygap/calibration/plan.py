@@ -95,13 +95,13 @@ class Plan:
     bearings: int | None = None
     distances_cm: Sequence[float] | None = None
 
-    def grid(self, body: Any) -> tuple[int, tuple[float, ...]]:
-        """Bearings and distances (cm) for this robot's infrared.
+    def grid(self, body: Body | None) -> tuple[int, tuple[float, ...]]:
+        """Bearings and distances (cm) for this robot's infrared, or any robot's.
 
         Raises:
             RecordingError: no robot can be read at them.
         """
-        bearings, distances = body.infrared_grid or (BEARINGS, DISTANCES_CM)
+        bearings, distances = (body and body.infrared_grid) or (BEARINGS, DISTANCES_CM)
         bearings = bearings if self.bearings is None else self.bearings
         distances = tuple(map(float, distances if self.distances_cm is None else self.distances_cm))
         if bearings not in range(1, MOST_BEARINGS + 1):
