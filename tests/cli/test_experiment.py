@@ -72,9 +72,9 @@ def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
 
 
 CARRIED = """
-from realitygap.robots.body import Channel
-class Carried:
-    channels, period_s, counts_turns = (Channel(name="proximity", sensors=5, high=4095),), 0.1, False
+from realitygap.robots import Body, Channel
+class Carried(Body):
+    channels = (Channel(name="proximity", sensors=5, high=4095),)
     reset = sense = act = stop = close = lambda self, *_: None
 """
 

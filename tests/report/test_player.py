@@ -19,7 +19,7 @@ from realitygap.report.build import scripts
 from realitygap.report.gather import Paths, individual, parts_of
 from realitygap.report.player_tracks import LOST, activity, pack, track
 from realitygap.report.transfers import pairs_of
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.study.load import Study
 from tests.report.scenes import random_genotype
 from tests.report.situations import STEPS, write_transfer

@@ -133,17 +133,14 @@ def _recorded(
     """What was recorded, and the facts of the robot."""
     from realitygap.calibration.record import record as make
     from realitygap.errors import RobotStoppedError
-    from realitygap.robots.body import Placing, facts_of
-    from realitygap.robots.signals import Stopping
+    from realitygap.robots.drive import StopOnSignal
 
     with ExitStack() as stack:
         if robot.unit is None:
-            stack.enter_context(Stopping())
+            stack.enter_context(StopOnSignal())
         body = stack.enter_context(closing(robot.open(**settings)))
-        facts = {name: fact for name, fact in facts_of(body).items() if name != "units"}
-        report: Progress = (
-            stack.enter_context(ProgressLine()).places if isinstance(body, Placing) else _written
-        )
+        facts = {name: fact for name, fact in body.description().items() if name != "units"}
+        report: Progress = stack.enter_context(ProgressLine()).places if body.places_itself else _written
         if robot.unit is not None:
             report = _stoppable(stack, report)
         try:

@@ -18,7 +18,7 @@ from realitygap.report.arenas import rays_of
 from realitygap.report.network import network_drawing
 from realitygap.report.player_tracks import activity, decided
 from realitygap.report.robots import front
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.study.load import Run
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory, read_track

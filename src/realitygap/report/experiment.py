@@ -522,7 +522,7 @@ def read_robots(places: Sequence[Place]) -> dict[str, NoiseData]:
 
 def _own_noise(robot: str) -> dict[str, float]:
     """Published noise of a simulated robot, counts."""
-    from realitygap.enki.unit import MODELS
+    from realitygap.robots.enki import MODELS
     from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS
 
     address = Address.parse(robot)

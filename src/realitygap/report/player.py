@@ -17,7 +17,7 @@ from realitygap.report.robots import WHEEL_CM, front
 from realitygap.report.style import noise_styles
 from realitygap.report.tables import NoiseClass, Row, TaskPart
 from realitygap.report.transfers import Pair, robots_of
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.control.genotype import Genotype
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.track import Track, Trajectory
 from realitygap.values import Floats
 from realitygap.world.robot import TOP_INPUT, Profile

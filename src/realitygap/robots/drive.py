@@ -1,25 +1,40 @@
-"""Recordings: what a robot read, decided and did, a row a step, written while it drives.
+"""The control loop: each period sense, decide, act, record; whatever happens, stop first.
 
-A folder: `drive.toml` with the facts and, once the drive is over, how it ended; `steps.csv`.
-Each row is handed to the system before the next step, so that a killed process loses none.
+Signals become an exception, held back while the robot is stopped. A recording has a row a step, written while
+the robot drives, in a folder: `drive.toml` with the facts and, once the drive is over, how it ended;
+`steps.csv`. Each row is handed to the system before the next step, so that a killed process loses none.
 """
 
+from __future__ import annotations
+
 import csv
+import inspect
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
-from typing import IO, Any, NamedTuple, Self
+from types import FrameType
+from typing import IO, Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.errors import UsageError
+from realitygap.errors import RobotStoppedError, UsageError
 from realitygap.files import atomic_write, naming_errors, read_text, read_toml, to_toml
-from realitygap.robots.body import Odometry
+from realitygap.plugins import blamed_on
+from realitygap.robots.body import Body, Clock, Odometry, checked_readings
 from realitygap.values import Command, Readings
 
-__all__ = ["KILLED", "LATE_S", "Recorder", "Recording", "Step"]
+__all__ = [
+    "KILLED", "LATE_S", "MOVING", "NUMBERS", "ConstantController", "Controller", "Recorder", "Recording",
+    "Step",
+    "StopOnSignal", "drive", "raise_pending",
+]  # fmt: skip
 
 KILLED = "killed"
 """How a recording ended if it does not say."""
@@ -256,3 +271,206 @@ def _row(line: str, columns: Sequence[str], where: str) -> list[float]:
 def _is_odd(name: str, value: float) -> bool:
     """A number that nothing can have been; counters and readings may be missing, commands not."""
     return abs(value) > LARGEST or (math.isnan(value) and name.startswith(("command", "input")))
+
+
+NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+MOVING = (*NUMBERS, signal.SIGTSTP)
+"""While a robot moves whose time does not wait: it must stop before this process is suspended."""
+
+PATIENCE_S = 5.0
+"""A robot has this long to stop; then the next signal ends the wait."""
+
+
+_active: list[StopOnSignal] = []
+
+
+def raise_pending() -> None:
+    """Raise a signal's exception again that was caught on its way: by `except Exception` in a user's robot.
+
+    Raises:
+        RobotStoppedError: as at first.
+    """
+    for one in _active:
+        if one.first is not None:
+            raise _stopped(one.first)
+
+
+class StopOnSignal:
+    """As a context, in the main thread: each of the signals raises RobotStoppedError, once.
+
+    SIGTSTP (Ctrl-Z) suspends the process at the context's end, and the error goes on after `fg`. While the
+    robot is stopped they wait, but not for ever: a user's driver may hang.
+    """
+
+    def __init__(self, numbers: Sequence[signal.Signals] = NUMBERS) -> None:
+        self._numbers, self._before = numbers, dict[signal.Signals, Any]()
+        self._held, self._since = False, 0.0
+        self.first: int | None = None
+        self._missed: int | None = None
+
+    def __enter__(self) -> StopOnSignal:
+        if threading.current_thread() is threading.main_thread():
+            for number in self._numbers:
+                if number == signal.SIGTSTP and signal.getsignal(number) == signal.SIG_IGN:
+                    continue  # a shell without job control
+                self._before[number] = signal.signal(number, self._arrived)
+            _active.append(self)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self in _active:
+            _active.remove(self)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before.clear()
+        if signal.SIGTSTP in (self.first, self._missed):
+            signal.raise_signal(signal.SIGTSTP)
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Within it no signal interrupts; one that came is raised at its end, if nothing else is."""
+        before, self._held = self._held, True
+        yield
+        self._held = before
+        if self._missed is not None and not before:
+            self._held = True
+            raise _stopped(self._missed)
+
+    def _arrived(self, number: int, frame: FrameType | None) -> None:
+        if self._held:
+            self._since = self._since or time.monotonic()
+            self._missed = number
+            if time.monotonic() - self._since >= PATIENCE_S:
+                raise RobotStoppedError(f"{_name(number)} again: the robot has not confirmed that "
+                                        "it stopped. Check it, or switch it off")  # fmt: skip
+            return
+        self._held, self.first = True, number  # it stops the robot; what follows must not disturb that
+        self._since = time.monotonic()
+        raise _stopped(number)
+
+
+def _stopped(number: int) -> RobotStoppedError:
+    if number == signal.SIGTSTP:
+        return RobotStoppedError("suspended; the robot was told to stop first, and the drive is over")
+    return RobotStoppedError(f"stopped by {_name(number)}; the robot was told to stop first")
+
+
+def _name(number: int) -> str:
+    return signal.Signals(number).name
+
+
+class Controller(Protocol):
+    """Integers −10..10 in, wheel commands out."""
+
+    def reset(self) -> None:
+        """Before a trial."""
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        """One step."""
+
+
+class ConstantController:
+    """A controller that gives the same command at each step."""
+
+    def __init__(self, command: Command) -> None:
+        self.command = command
+
+    def reset(self) -> None:
+        """No state to reset."""
+
+    def decide(self, inputs: Sequence[int]) -> Command:
+        """The command, whatever is read."""
+        return self.command
+
+
+def drive(
+    body: Body,
+    controller: Controller,
+    *,
+    seconds: float,
+    inputs: Callable[[Readings], list[int]],
+    clock: Clock | None = None,
+    recorder: Recorder | None = None,
+    at_end: Callable[[], None] = lambda: None,
+) -> Recording:
+    """Drive a body with a controller, one step each of its periods.
+
+    The time-table moves on with a step that is late by more than a whole one: the robot never has to
+    catch up. Whatever ends the drive, an exception, Ctrl-C, Ctrl-Z, SIGTERM or a lost line, the wheels
+    are stopped first; then the recording is closed. Its steps are the `recorder`'s, however it ends.
+
+    Args:
+        seconds: length of the trial: whole steps, at least one.
+        inputs: turns readings into the controller's inputs.
+        clock: the body's own if None.
+        recorder: keeps the steps, in a folder if it has one.
+        at_end: called when the last step is over, before the robot is stopped.
+
+    Raises:
+        RobotStoppedError: Ctrl-C or SIGTERM; or Ctrl-Z, after the suspension.
+        FrozenError: it was frozen, and the guard has stopped the robot.
+        LineError: the line was lost, or the robot did not confirm that it stopped.
+    """
+    period, clock = body.period_s, body.clock if clock is None else clock
+    given: object = seconds
+    number = isinstance(given, Real) and math.isfinite(given)
+    steps = round(seconds / period) if number else 0
+    if steps < 1 or abs(steps * period - seconds) > 1e-6:
+        raise UsageError(f"a trial must last whole steps of {period:g} s, one at least; got {seconds!r} s")
+    recorder = Recorder() if recorder is None else recorder
+    stopping = StopOnSignal(NUMBERS if clock.waits else MOVING)
+    with stopping, _blamed(body), _closing(body, recorder, stopping):
+        controller.reset()
+        for step in _steps(body, controller, clock, inputs, steps):
+            recorder.add(step)
+            raise_pending()
+        at_end()
+    return recorder.recording()
+
+
+def _steps(
+    body: Body, controller: Controller, clock: Clock, inputs: Callable[[Readings], list[int]], steps: int
+) -> Iterator[Step]:
+    period = body.period_s
+    start = due = clock.now()
+    for step in range(steps):
+        clock.sleep_until(due)
+        now = clock.now()
+        readings = body.sense()
+        if step == 0:
+            checked_readings(body, readings)
+        fed = inputs(readings)
+        command = controller.decide(fed)
+        body.act(command)
+        read_s = None if body.read_at is None else body.read_at - start
+        yield Step(now - start, max(0.0, now - due), readings, fed, command, body.odometry, read_s)
+        due += period if now - due <= period else period + (now - due)
+    clock.sleep_until(due)
+
+
+def _blamed(body: Body) -> AbstractContextManager[None]:
+    """Names the line of a user's file whose body fails."""
+    kind = type(body)
+    if kind.__module__.startswith("realitygap."):
+        return nullcontext()
+    return blamed_on(inspect.getfile(kind), UsageError, f"{kind.__name__} fails", own=True)
+
+
+@contextmanager
+def _closing(body: Body, recorder: Recorder, stopping: StopOnSignal) -> Iterator[None]:
+    """At the end stop the body, undisturbed, and say in the recording what ended the drive."""
+    ended = "finished"
+    try:
+        yield
+    except BaseException as error:
+        ended = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        raise
+    finally:
+        with stopping.held():
+            try:
+                body.stop()
+            except BaseException as error:
+                ended = f"{ended}; {type(error).__name__}: {error}"
+                raise
+            finally:  # whether the robot confirmed or not
+                recorder.finish(ended)
