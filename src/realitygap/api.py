@@ -428,7 +428,7 @@ def calibrate(
 
 def load_recordings(paths: Iterable[str], objects: Sequence[str] = ()) -> list[Recording]:
     """Every recording at some places; `objects` as of `calibrate`."""
-    from realitygap.calibration.recordings import find_recordings, load_recording
+    from realitygap.calibration.load import find_recordings, load_recording
 
     found = [place for path in paths for place in find_recordings(path)]
     if len(objects) not in (0, 1, len(found)):

@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap.calibration import floor_camera
 from realitygap.calibration import record as recorder
-from realitygap.calibration.forward import scene_of
+from realitygap.calibration.load import load_recording
+from realitygap.calibration.model import scene_of
 from realitygap.calibration.plan import (
     FLOOR_CM,
     ROOM,
@@ -32,9 +32,10 @@ from realitygap.calibration.plan import (
     wheel_trials,
 )
 from realitygap.calibration.record import OwnSite, PersonSite, StoppedByUserError, drive_trial, record
-from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording, load_recording
+from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError, UsageError
+from realitygap.film import calibrate as film_calibrate
 from realitygap.film.calibrate import calibrate_camera
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body as RobotBody
@@ -234,7 +235,7 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
         found[:] = found or [calibrate_camera(*seen)]
         return found[0]
 
-    monkeypatch.setattr(floor_camera, "calibrate_camera", once)
+    monkeypatch.setattr(film_calibrate, "calibrate_camera", once)
     with closing(twin.open()) as body:
         record(wanted, tmp_path / "whole", body)
     for _ in range(2):

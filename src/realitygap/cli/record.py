@@ -78,8 +78,7 @@ def record(
 
     Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away (Enki's robots: to 15 cm). Ambient:
     poses all over the arena of light seeking. Wheels: speed steps, standing starts, straight lines and
-    turns. Each finished place is saved at once; --resume continues after an interruption. A robot that
-    places itself at 120 bearings or more is also read between them, where readings jump.
+    turns. Each finished place is saved at once; --resume continues after an interruption.
 
     \b
     Examples: all that a calibration of a twin needs; a robot at a wall, and how to continue after "q";
@@ -121,8 +120,7 @@ def record(
         print_json(_facts(made, plan, out, facts))
         return
     for one in made:
-        more = f" and {one.between} between them, where readings jump," if one.between else ","
-        click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places{more} {one.seconds:.1f} s")
+        click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s")
     if not all(one.finished for one in made):
         click.echo("not finished: the same command with --resume continues")
 
@@ -187,7 +185,7 @@ def _facts(made: list[Result], plan: str, out: str, facts: dict[str, Any]) -> di
     recordings = [
         {
             "folder": str(one.folder), "kind": one.kind, "places": one.places, "done": one.done,
-            "between": one.between, "finished": one.finished, "seconds": round(one.seconds, 3),
+            "finished": one.finished, "seconds": round(one.seconds, 3),
         }
         for one in made
     ]  # fmt: skip

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from realitygap.calibration.judge import LIMITS, Judgement, judge
-from realitygap.calibration.recordings import load_recording
+from realitygap.calibration.load import load_recording
 from realitygap.errors import UsageError
 from realitygap.report.calibration import REAL
 from realitygap.report.lead import twin_unit

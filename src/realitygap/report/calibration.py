@@ -15,9 +15,8 @@ from realitygap.report import calibration_figures as draw
 from realitygap.report.page import Figures, OnProgress, Picture, Steps, Words, write_page
 
 if TYPE_CHECKING:
-    from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.channel_fit import ChannelFit
-    from realitygap.calibration.wheels.fit import WheelFit
+    from realitygap.calibration.calibrate import Calibration, ChannelFit
+    from realitygap.calibration.wheels import WheelFit
 
 __all__ = ["REAL", "beside_real", "calibration_figures", "write_calibration_page"]
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.collections import Collection
     from matplotlib.figure import Figure
 
-    from realitygap.calibration.channel_fit import ChannelFit
-    from realitygap.calibration.wheels.fit import WheelFit
+    from realitygap.calibration.calibrate import ChannelFit
+    from realitygap.calibration.wheels import WheelFit
 
 __all__ = ["curves_figure", "look_of", "maps_figure", "noise_figure", "slip_figure", "steps_figure"]
 

@@ -18,7 +18,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from realitygap.calibration.misfit import LIMITS
+from realitygap.calibration.noise import LIMITS
 from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.experiment import RESULTS
@@ -52,7 +52,7 @@ FAILED = 6.0
 AGAIN = "Let the experiment finish (realitygap experiment noise --resume), or copy its results again."
 READINGS = {
     "a real Khepera (readings only)": {
-        "infrared": (REAL["infrared"], "7.8 to 8.6", "23.8"), "ambient": (REAL["ambient"], "4.1", "4.3"),
+        "infrared": (REAL["infrared"], "7.8 to 8.7", "23.8"), "ambient": (REAL["ambient"], "4.1", "4.3"),
     },
     "a real Thymio II (readings only)": {"infrared": ("10.2", "1.7", "7.4")},
 }  # fmt: skip

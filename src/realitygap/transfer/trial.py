@@ -187,7 +187,7 @@ class Stage:
 
     def _camera(self, one: Situation) -> OverheadCamera:
         """The camera that films a trial."""
-        from realitygap.calibration.floor_camera import plate_of
+        from realitygap.calibration.record import plate_of
         from realitygap.twin.camera import OverheadCamera
 
         arena, unit, noise = self.study.task(one.task).arena.plain(), one.robot.unit, one.twin_noise

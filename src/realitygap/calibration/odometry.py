@@ -14,12 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.constants import SIGMAS
+from realitygap.calibration.fit import SIGMAS
 from realitygap.calibration.recordings import WheelRecording
 from realitygap.values import Floats
 from realitygap.world.robot import Constant
-
-__all__ = ["Odometry", "enough_pictures", "measure_odometry", "measured_speeds"]
 
 SLIP, CAMERA_CM, WILD = 0.06, 0.1, 6.0
 """Initial values of slip and of the camera's error; deviations beyond which a segment is an outlier."""
@@ -140,11 +138,8 @@ def enough_pictures(recording: WheelRecording, track_cm: float) -> bool:
 
 
 def _of_one_step(recording: WheelRecording, theta: Floats) -> tuple[float, float] | None:
-    """Slip over one step, and its relative deviation.
-
-    From pictures of steady driving at every step; None without enough of them. Slip is correlated over some
-    steps, so sums over many say little about one.
-    """
+    """Slip over one step, and its relative deviation, from pictures of steady driving at every step; None
+    without enough of them. Slip is correlated over some steps, so sums over many say little about one."""
     ways = _between_pictures(recording, float(theta[2]), apart=1)
     if ways is None or ways.steady.sum() < FEWEST_STEPS:
         return None

@@ -1,33 +1,46 @@
 """The forward model of the fits: what the simulation reads where a recording was made.
 
 A table's wall, cylinder or lamp becomes a room of its own with the robot at each row's distance and bearing;
-a recording in an arena keeps its poses. The kernels compute the readings.
+a recording in an arena keeps its poses. The kernels compute the readings: no other file of the fits knows
+them. Parameters that several forms share are here, too.
 """
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.calibration.fit import Parameter, Values
 from realitygap.calibration.recordings import SensorRecording, WheelRecording
 from realitygap.kernels.trial import Scratch, new_scratch, unfed
 from realitygap.kernels.types import Arena as KernelArena
 from realitygap.kernels.types import Robot
 from realitygap.values import Floats
-from realitygap.world.arena import Arena, Cylinder, Lamp
-from realitygap.world.robot import Profile
+from realitygap.world.arena import WHITEST, Arena, Cylinder, Lamp
+from realitygap.world.robot import MEASURED, Profile
+from realitygap.world.sensors import Ambient, Infrared, Sensor
 
-__all__ = [
-    "Scene", "illumination", "light_readings", "lit_places", "lit_readings", "proximity", "received",
-    "rows_of", "scene_of", "table_at", "up_curve", "wheel_speeds", "work_of",
-]  # fmt: skip
+S = TypeVar("S", bound=Sensor)
+L = TypeVar("L", Ambient, Infrared)
+V = TypeVar("V")
 
 ROOM_CM = 1000.0
 """A room so large that its other walls are out of every sensor's range."""
+REFLECTANCE = "reflectance_"
+"""Prefix of the key of a recording's reflectance; its number follows."""
+OF_CURVES = (MEASURED - {"dead", "table"}) | {"response"}
+"""Keys that stand for curves, or with them."""
+SAME_CM = 0.2
+"""Sensors within this distance of the paper's are taken to be the paper's: a fit moves them by less."""
+DIRECTION_PRIOR_DEG = 5.0
+"""How accurately sensors are mounted: separates a turned rig from sensors that are all turned."""
+TURN_DEG, TURN_PRIOR_DEG = 10.0, 2.0
+"""Bound and prior deviation of a rig's rotation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,15 +100,18 @@ def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
     return scene.painted(recording.reflectance) if known and recording.reflectance != 1.0 else scene
 
 
-def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Floats:
-    """Noise-free proximity readings [n, P] of a recording's rows, counts.
+Scenes = Sequence[tuple[str, Scene]]
+"""The key of each recording's rotation, and its room and places."""
 
-    Args:
-        profile: the robot.
-        scene: the recording's room and places.
-        turn_deg: rotation of the set-up, degrees.
-        away_cm: extra distance of the object, cm.
-    """
+
+def scenes_of(recordings: Sequence[SensorRecording]) -> list[tuple[str, Scene]]:
+    """The scenes of several recordings of one robot."""
+    return [(f"turn_{i}_deg", scene_of(r, f"{REFLECTANCE}{i}")) for i, r in enumerate(recordings)]
+
+
+def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Floats:
+    """Noise-free proximity readings [n, P] of a recording's rows, counts, the set-up turned by `turn_deg`,
+    the object `away_cm` further away."""
     from realitygap.kernels.trial import sweep_infrared
 
     robot = _robot(profile)
@@ -106,10 +122,7 @@ def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: fl
 
 def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Scratch | None = None) -> Floats:
     """What reaches measured proximity sensors [m, P] before their curves, at the places of several scenes,
-    each with its rig's rotation (degrees) and extra distance (cm).
-
-    `work`: scratch arrays of a robot with as many sensors; None: new ones.
-    """
+    each with its rig's rotation (degrees) and extra distance (cm)."""
     from realitygap.kernels.trial import sweep_received
 
     work, parts = work or work_of(robot), []
@@ -123,13 +136,8 @@ def received(robot: Robot, rigs: Sequence[tuple[Scene, float, float]], work: Scr
 def lit_readings(
     profile: Profile, scene: Scene, more: Floats | float, turn_deg: float = 0.0, away_cm: float = 0.0
 ) -> Floats:
-    """Readings [n, P] of measured proximity sensors' curves at a recording's rows, ignoring the dead zone,
-    counts.
-
-    Args:
-        profile, scene, turn_deg, away_cm: as of `proximity`.
-        more: light of the room beyond the profile's own, 1/cm², [P] or one for all.
-    """
+    """Readings [n, P] of measured sensors' curves ignoring the dead zone, with `more` light of the room than
+    the profile's own (1/cm², [P] or one for all)."""
     robot, law = _robot(profile), profile.infrared
     light = received(robot, [(scene, turn_deg, away_cm)]) + more * robot.proximity.a
     return table_at([s.curve for s in law.sensors], up_curve(light, law.curve_cm))[scene.row]
@@ -209,3 +217,76 @@ def _robot(profile: Profile) -> Robot:
 def work_of(robot: Robot) -> Scratch:
     """Scratch arrays for its sensors and wheels."""
     return new_scratch(robot, unfed())
+
+
+def unchecked(value: V, **changes: Any) -> V:
+    """A copy of a value with changes, without its checks, which would take a fifth of a fit."""
+    made = copy(value)
+    vars(made).update(changes)
+    return made
+
+
+def nominal(sensors: Sequence[S], paper: Sequence[S]) -> Sequence[S]:
+    """Sensors before any fit: the paper's if they sit in the same places, else the given ones."""
+    here, there = ([(s.x_cm, s.y_cm) for s in some] for some in (sensors, paper))
+    same = len(here) == len(there) and np.allclose(here, there, rtol=0, atol=SAME_CM)
+    return paper if same else sensors
+
+
+def without_curves(law: L) -> L:
+    """Sensors without curves of their own and what goes with them, if they have any: laws begin anew."""
+
+    def unsaid(one: L | Sensor) -> dict[str, Any]:
+        own = one.__dataclass_fields__
+        return {key: own[key].default for key in OF_CURVES & own.keys()}
+
+    if not law.measured:
+        return law
+    return replace(law, sensors=tuple(replace(s, **unsaid(s)) for s in law.sensors), **unsaid(law))
+
+
+def turns(rigs: Sequence[str]) -> list[Parameter]:
+    """The rotation of each rig."""
+    return [
+        Parameter(
+            key=rig, start=np.zeros(1), low=-TURN_DEG, high=TURN_DEG, prior=TURN_PRIOR_DEG, step=0.05
+        )
+        for rig in rigs
+    ]  # fmt: skip
+
+
+def reflectances(scenes: Scenes) -> list[Parameter]:
+    """The unknown reflectances of surfaces."""
+    paints = [scene.paint for _, scene in scenes if scene.paint]
+    return [Parameter(key=key, start=np.ones(1), low=0.01, high=WHITEST, step=2e-3) for key in paints]
+
+
+def directions(sensors: Sequence[Sensor], *, tie: float | None = 0.02, jump: float = 0.0) -> Parameter:
+    """The direction of each sensor; `tie`: how well their mean is known where rigs may stand turned."""
+    start = np.array([s.direction_deg for s in sensors])
+    return Parameter(
+        key="direction_deg", start=start, low=-360, high=360, prior=DIRECTION_PRIOR_DEG, tie=tie, step=0.05,
+        jump=jump,
+    )  # fmt: skip
+
+
+def columns_of(values: Values, keys: Sequence[str], sensors: Sequence[Sensor]) -> dict[str, list[float]]:
+    """Fitted per-sensor constants by key; directions are kept within what a profile can hold."""
+    n = len(sensors)
+    columns = {key: np.broadcast_to(values[key], (n,)).tolist() for key in keys if key in values}
+    if "direction_deg" in columns:
+        columns["direction_deg"] = [min(360.0, max(-360.0, turned)) for turned in columns["direction_deg"]]
+    return columns
+
+
+def with_columns(sensors: Sequence[S], columns: Mapping[str, Sequence[Any]]) -> tuple[S, ...]:
+    """Sensors with fitted constants in place, unchecked."""
+    return tuple(
+        unchecked(sensor, **{key: column[k] for key, column in columns.items()})
+        for k, sensor in enumerate(sensors)
+    )
+
+
+def checked(law: L) -> L:
+    """A fitted law, with all the checks that were left out on the way."""
+    return replace(law, sensors=tuple(replace(sensor) for sensor in law.sensors))
