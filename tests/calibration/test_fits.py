@@ -19,8 +19,7 @@ from realitygap.calibration.odometry import measure_odometry
 from realitygap.calibration.readings import Readings
 from realitygap.calibration.recordings import CHANNELS, SensorRecording
 from realitygap.errors import CalibrationError
-from realitygap.report.calibration import write_calibration_page
-from realitygap.report.calibration_figures import SHOWN, curves_figure, look_of, maps_figure
+from realitygap.report.calibration import SHOWN, curves_figure, look_of, maps_figure, write_calibration_page
 from realitygap.world.robot import Constant, load_profile
 from tests.calibration.tables import DIRTY, TURN_DEG
 from tests.calibration.written import save_recording

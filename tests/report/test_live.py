@@ -8,8 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
-from realitygap.report import watch
-from realitygap.report.watch import Watch
+from realitygap.report import live
+from realitygap.report.live import LivePage
 from realitygap.study.load import load_study
 from realitygap.study.reader import DATABASE
 from realitygap.study.runner import run_study
@@ -30,7 +30,7 @@ def evolve(*words: str) -> str:
 @pytest.mark.usefixtures("undrawn")
 def test_watching_changes_no_bit(tmp_path, monkeypatch):
     """Genotypes, scores and tests are the same; the last page fetches nothing, and looks for no more."""
-    monkeypatch.setattr(watch, "EVERY_S", 0.0)
+    monkeypatch.setattr(live, "EVERY_S", 0.0)
     told = evolve("--out", str(tmp_path / "seen"), "--watch")
     evolve("--out", str(tmp_path / "unseen"))
     assert f"watch {(tmp_path / 'seen' / 'watch.html').as_uri()}" in told
@@ -42,13 +42,15 @@ def test_watching_changes_no_bit(tmp_path, monkeypatch):
     page = (tmp_path / "seen" / "watch.html").read_text("utf-8")
     assert '>finished; <a href="report/index.html">' in page and 'http-equiv="refresh"' not in page
     assert "src=" not in page and "http:" not in page and "https:" not in page
-    assert re.search(r"up to [0-9.]+, over 6 evaluations", page) and re.search(r"fitness [0-9.]+\.<", page)
+    assert re.search(r"from 0 to [0-9.]+, over 6 evaluations", page) and re.search(
+        r"fitness [0-9.]+\.<", page
+    )
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_levels_are_not_told_by_colour_alone(tmp_path, monkeypatch):
     """Each curve ends in its level's sign, as in the key."""
-    monkeypatch.setattr(watch, "EVERY_S", 0.0)
+    monkeypatch.setattr(live, "EVERY_S", 0.0)
     evolve("--out", str(tmp_path / "study"), "--watch", "--noise", "0", "--noise", "1", "--runs", "2")
     page = (tmp_path / "study" / "watch.html").read_text("utf-8")
     assert re.findall(r"<text [^>]*>(.)</text>", page) == ["●", "●", "■", "■"]
@@ -57,10 +59,10 @@ def test_levels_are_not_told_by_colour_alone(tmp_path, monkeypatch):
 
 def test_the_page_grows(tmp_path, monkeypatch):
     """While a run goes on it has a curve as far as it is, the best robot's path, and reads itself anew."""
-    monkeypatch.setattr(watch, "EVERY_S", 0.0)
-    monkeypatch.setattr(watch, "SHARE", 1e9)
+    monkeypatch.setattr(live, "EVERY_S", 0.0)
+    monkeypatch.setattr(live, "SHARE", 1e9)
     lengths, heard = [], []
-    with Watch(tmp_path / "study", heard.append) as seen:
+    with LivePage(tmp_path / "study", heard.append) as seen:
 
         def on_progress(event: Progress) -> None:
             seen.show(event)
@@ -76,13 +78,13 @@ def test_the_page_grows(tmp_path, monkeypatch):
 
 def test_a_stopped_study_says_so(tmp_path, monkeypatch):
     """After Ctrl-C the page is the last one, and does not look for more."""
-    monkeypatch.setattr(watch, "EVERY_S", 0.0)
+    monkeypatch.setattr(live, "EVERY_S", 0.0)
 
     def stop(event: Progress) -> None:
         if event.done:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt), Watch(tmp_path / "study", stop) as seen:
+    with pytest.raises(KeyboardInterrupt), LivePage(tmp_path / "study", stop) as seen:
         run_study(tmp_path / "study", small(), workers=1, on_progress=seen.show)
     page = seen.page.read_text("utf-8")
     assert ">stopped</p>" in page and 'http-equiv="refresh"' not in page

@@ -14,12 +14,18 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from realitygap.report import build_report, style
-from realitygap.report.build import _stand_in
-from realitygap.report.gather import parts_of
+from realitygap.report.drawing import PathPanel, Scene, pairs_figure
+from realitygap.report.evolution import parts_of
 from realitygap.report.page import Figures
-from realitygap.report.paths import PathPanel, Scene, pairs_figure
-from realitygap.report.situated import SituatedPart, make_situated
-from realitygap.report.transfers import groups_of, pairs_of, robots_of, shown_pair, transfers_csv
+from realitygap.report.transfers import (
+    Situated,
+    groups_of,
+    pairs_of,
+    robots_of,
+    shown_pair,
+    situated_of,
+    transfers_csv,
+)
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
@@ -49,13 +55,15 @@ def study(evolved: Path, tmp_path: Path) -> Study:
 
 
 def _built(study: Study) -> str:
-    build_report(study.folder)
-    return (study.folder / "report" / "index.html").read_text("utf-8")
+    return build_report(study.folder).read_text("utf-8")
 
 
-def _all(study: Study, **settings: object) -> None:
-    for run in study.runs:
-        write_transfer(study, run, fitness=(0.5 + 0.01 * run.id, 0.4), **settings)
+def _situated(study: Study, figures: Figures | None = None) -> Situated:
+    """Obstacle avoidance's situated part, without drawing."""
+    part = parts_of(study)[0]
+    report, scene = study.folder / "report", Scene.of(part.task, study.profile)
+    pairs = pairs_of(study, [part])[AVOID]
+    return situated_of(part, pairs, scene, "", Figures() if figures is None else figures, report)
 
 
 def test_pairs_stand_one_above_the_other() -> None:
@@ -92,107 +100,41 @@ def test_a_page_without_transfers_is_as_before(study: Study) -> None:
     assert not list((study.folder / "report").rglob("*transfers*"))
 
 
-def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, monkeypatch) -> None:
-    """Pairs stand in the place of the simulated paths and name the robot; films are reached from there."""
-    _all(study)
-    shown = _situated(study, AVOID).shown
+def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_path, monkeypatch) -> None:
+    """Pairs stand in the place of the simulated paths; the report that is given away keeps its films, and one
+    that is made anew is shown anew; the twin is never called real."""
+    for run in study.runs:
+        write_transfer(study, run, fitness=(0.5 + 0.01 * run.id, 0.4))
+    shown = _situated(study).shown
     assert [pair.run for pair in shown] == [run.id for run in shown_runs(study)[:3]]
     shutil.rmtree(shown[1].folder)
-    write_transfer(study, study.run(shown[1].run), film=True)
+    film = write_transfer(study, study.run(shown[1].run), film=True) / "film.mp4"
     draw_only(monkeypatch, lambda name: "-pairs" in name)
-    text = _built(study)
-    for name, label in ((AVOID, "Figure 3"), (LIGHT, "Figure 5")):
-        found = re.search(rf'<figure id="{name}-pairs".*?</figure>', text, re.DOTALL)
-        assert found and f"<b>{label}.</b>" in found[0]
-        assert "twin unit 1, a physics stand-in for the robot (pseudo-reality)" in found[0]
-        assert ("tracked in a film from above, or tracked by the camera" in found[0]) is (name == AVOID)
-        assert "by the camera above, ten times a second" in found[0]
-        assert found[0].count("twin unit 1: ") == 3
-        assert f'<figure id="{name}-paths"' not in text
-        assert (study.folder / "report" / "figures" / f"{name}-pairs.svg").is_file()
-    assert text.count("<img") == 1 and "url(http" not in text
-    source = re.search(
-        r'<img src="(data:image/jpeg;base64,[^"]+)" width="720" height="540" alt="[^"]+">', text
-    )
-    assert source and len(source[1]) < 200_000
-    _says_what_the_twin_is(text)
-    _has_ids_of_its_own(text)
-    assert "counters" not in re.sub(r"data:[^\"]*", "", text)
-
-
-def test_a_report_that_is_given_away_keeps_its_films(
-    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Every link of a copied report stays within it and leads somewhere; a film made anew is copied anew."""
-    _all(study)
-    draw_only(monkeypatch, lambda name: False)
-    shown = _situated(study, AVOID).shown[0]
-    shutil.rmtree(shown.folder)
-    film = write_transfer(study, study.run(shown.run), film=True) / "film.mp4"
     for content in (b"a film", b"another film"):
         film.write_bytes(content)
         text = _built(study)
         away = shutil.copytree(study.folder / "report", tmp_path / content.decode())
         links = re.findall(r'<a href="([^"#][^"]*)"', text)
         assert all((away / link).resolve().is_relative_to(away.resolve()) for link in links)
-        assert all((away / link).is_file() for link in links)
         (kept,) = (away / link for link in links if link.endswith(".mp4"))
         assert kept.read_bytes() == content
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_paths_from_counters_are_said_to_be_blind(study: Study) -> None:
-    """Only where there are some: caption, table and its note; the table says what each path is from."""
-    for k, run in enumerate(shown_runs(study)[:3]):
-        write_transfer(study, run, source="camera" if k else "counters")
-    text = _built(study)
-    assert "tracked by the camera above, ten times a second, or computed from the wheels’ counters" in text
-    assert "does not see a wheel slip: where a robot pushed" in text
-    assert text.count('<td class="text">counters</td>') == 1
-    assert text.count('<td class="text">camera</td>') == 2
-    table = study.folder / f"report/tables/{AVOID}-transfers.csv"
-    rows = csv.DictReader(table.read_text("utf-8").splitlines())
-    assert [row["path_from"] for row in rows] == ["counters", "camera", "camera"]
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_the_heading_reads_with_and_without_transfers(study: Study) -> None:
-    """The title claims neither simulation alone nor a robot; the lead says which of them it is."""
-    heading = "<h1>Jakobi, Husbands and Harvey (1995), carried out anew</h1>"
-    text = " ".join(_built(study).split())
-    assert heading in text and "This page is the simulated half of that experiment: the same" in text
-    write_transfer(study, study.runs[0])
-    text = " ".join(_built(study).split())
-    assert heading in text and "This page is that experiment: the same" in text
-
-
-def _has_ids_of_its_own(text: str) -> None:
-    """No id stands twice, in figures neither."""
+    for name, label in ((AVOID, "Figure 3"), (LIGHT, "Figure 5")):
+        found = re.search(rf'<figure id="{name}-pairs".*?</figure>', text, re.DOTALL)
+        assert found and f"<b>{label}.</b>" in found[0]
+        assert found[0].count("twin unit 1: ") == 3
+        assert f'<figure id="{name}-paths"' not in text
+    image = r'<img src="(data:image/jpeg;base64,[^"]+)" width="720" height="540" alt="[^"]+">'
+    source = re.search(image, text)
+    assert source and len(source[1]) < 200_000 and text.count("<img") == 1
     ids = re.findall(r'\bid="([^"]+)"', text)
     assert len(ids) == len(set(ids))
-
-
-def _says_what_the_twin_is(text: str) -> None:
-    """A stand-in; "real" is said of the paper's robot only."""
-    text = re.sub(r"data:[^\"]*", "", text)
+    words = re.sub(r"data:[^\"]*|<script.*?</script>", "", text, flags=re.DOTALL)
     around = [
-        text[m.start() - 40 : m.end() + 30] for m in re.finditer(r"\breal(ity)?\b", text, re.IGNORECASE)
+        words[m.start() - 40 : m.end() + 30] for m in re.finditer(r"\breal(ity)?\b", words, re.IGNORECASE)
     ]
     allowed = ("pseudo-reality", "reality gap", "ran them on the real robot", "the real robot’s place is")
-    assert around and all(any(words in one.lower() for words in allowed) for one in around), around
-    assert "a stand-in" in text and "It is not a robot" in text
-
-
-def _situated(study: Study, task: str, names: list[str] | None = None) -> SituatedPart:
-    """A task's situated part, without drawing; `names` gets its figures'."""
-    parts = parts_of(study)
-    part = next(part for part in parts if part.task.name == task)
-    report = study.folder / "report"
-    figures, scene = Figures(), Scene.of(part.task, study.profile)
-    made = make_situated(part, pairs_of(study, parts)[task], scene, "", figures, report)
-    if names is not None:
-        names += figures
-    return made
+    assert around and all(any(one in place.lower() for one in allowed) for place in around), around
+    assert "It is not a robot" in words and '<td class="text">film</td>' in words
 
 
 def test_a_robot_is_called_by_its_make(study: Study) -> None:
@@ -212,7 +154,7 @@ def test_the_table_has_every_transfer(study: Study) -> None:
     for robot in ("serial-ttyUSB0", "twin-1", "twin-2"):
         for start in (1, 2):
             write_transfer(study, run, robot=robot, start=start, fitness=(0.7, 0.1 * start))
-    made, part = _situated(study, AVOID), parts_of(study)[0]
+    made, part = _situated(study), parts_of(study)[0]
     rows = list(csv.DictReader(transfers_csv(part.task, made.groups, study.folder).splitlines()))
     assert [(row["robot"], row["start"]) for row in rows] == [
         (robot, start) for robot in ("serial-ttyUSB0", "twin-1", "twin-2") for start in "12"
@@ -220,28 +162,9 @@ def test_the_table_has_every_transfer(study: Study) -> None:
     for row in rows:
         assert row["name"] == run.name and (study.folder / row["folder"] / "situated.csv").is_file()
         assert float(row["drop"]) == pytest.approx(0.7 - 0.1 * int(row["start"]))
-    shown = [(group.kind, made.rows(group, part)) for group in made.groups]
-    assert [(kind, len(rows)) for kind, rows in shown] == [("robot", 3), ("twin", 5)]
-    assert [row["where"] for row in shown[0][1][:-1]] == ["Khepera on ttyUSB0"] * 2
-    means = [float(value) for value, _ in shown[1][1][-1]["cells"]]
-    assert means == pytest.approx([0.7, 0.15, 0.55]) and not shown[1][1][0]["average"]
-    assert "on a robot; or on a physics twin" in made.about
-    assert len(made.sentences) == 2 and "(pseudo-reality)" in made.sentences[1]
-
-
-def test_stand_ins_of_several_kinds_are_all_named(study: Study) -> None:
-    """Each once, and that none is a robot; alone, one is named as before."""
-    write_transfer(study, study.runs[0])
-    alone = _situated(study, AVOID)
-    assert alone.about.endswith("common sources. It is not a robot.")
-    for robot in ("enki-khepera-1", "stranger-1"):
-        write_transfer(study, study.runs[0], robot=robot)
-    made = _situated(study, AVOID)
-    assert made.about.count("or on ") == 2 and "It is not a robot" not in made.about
-    assert made.about.endswith("Each row says which; a stand-in is not a robot.")
-    told = [_stand_in([{"situated": one}])["stand_in_is"] for one in (alone, made)]
-    several = " or ".join([told[0], "a second physics twin of the robot", "a robot of EPFL’s simulator Enki"])
-    assert told == ["a physics twin of the robot", several]
+    assert [(group.kind, len(group.pairs)) for group in made.groups] == [("robot", 2), ("twin", 4)]
+    means = [made.groups[1].mean(of).value for of in ("simulated", "situated", "drop")]
+    assert means == pytest.approx([0.7, 0.15, 0.55]) and made.kinds == ["robot", "twin"]
 
 
 def test_a_mean_is_over_runs(study: Study) -> None:
@@ -270,20 +193,11 @@ def test_a_figure_shows_one_robot_of_each_kind(study: Study) -> None:
     assert robots_of(pairs) == ["twin-7", "twin-1-noise-2.0"]
     alone = [pair for pair in pairs if pair.run == runs[1].id]
     assert shown_pair(parts[0].conditions[0], alone) is alone[0]
-    names: list[str] = []
-    made = _situated(study, AVOID, names)
-    assert {f"{AVOID}-pairs", f"{AVOID}-pairs-twin-1-noise-2.0"} <= set(names)
+    figures = Figures()
+    made = _situated(study, figures)
+    assert {f"{AVOID}-pairs", f"{AVOID}-pairs-twin-1-noise-2.0"} <= set(figures)
     assert made.shown[-1].where == "twin unit 1, 2.0 × noise"
     assert made.groups[-1].kind == "twin with 2.0 times its noise"
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_some_transfers_leave_the_simulated_figure(study: Study) -> None:
-    """Where the pairs do not show every run that it shows; ids stay unique."""
-    write_transfer(study, study.runs[0])
-    text = _built(study)
-    assert f'id="{AVOID}-pairs"' in text and f'<figure id="{AVOID}-paths"' in text
-    _has_ids_of_its_own(text)
 
 
 def test_a_path_is_thinned_to_the_simulations_steps(study: Study) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,9 +9,8 @@ from hypothesis import strategies as st
 from matplotlib.patches import Circle
 
 from realitygap.control.genotype import Genotype
-from realitygap.report.network import network_figure
+from realitygap.report.network import bend_links, label_places, network_figure, place_neurons, read_wiring
 from realitygap.report.style import styled
-from realitygap.report.wiring import bend_links, label_places, place_neurons, read_wiring
 from realitygap.world.robot import load_profile
 from tests.report.scenes import random_genotype
 
@@ -43,19 +40,6 @@ def test_sensors_stand_at_their_places_and_motors_at_their_wheels() -> None:
     assert places[8][0] < -1 < 1 < places[9][0]
 
 
-@pytest.mark.parametrize("unit", [0.92, 0.5])
-def test_a_motor_stands_clear_of_sensors_over_its_wheel(unit: float) -> None:
-    """A sensor in a wheel's place does not lie over its motor's number; the motors stay on their sides."""
-    beside = np.array(
-        [[-0.28 * unit, left * (ROBOT.wheels.track / 2 - 0.3 - 0.42 * unit)] for left in (1, -1)]
-    )
-    wiring = read_wiring(random_genotype(1, hidden=0))
-    places = place_neurons(wiring, ROBOT, beside, [0, 1, *[-1] * 6], unit)
-    assert places[0] == pytest.approx([-beside[0, 1], beside[0, 0]])
-    gaps = [np.hypot(*(places[8 + k] - places[k])) for k in (0, 1)]
-    assert min(gaps) > 0.9 * unit and places[8][0] < -0.5 * unit < 0.5 * unit < places[9][0]
-
-
 @pytest.mark.parametrize("name", ["paper", "e-puck", "thymio"])
 def test_no_neuron_is_cut_off(name: str) -> None:
     """Those at sensors on the body's edge, in front of it on a Thymio, are whole."""
@@ -69,19 +53,6 @@ def test_no_neuron_is_cut_off(name: str) -> None:
     assert len(discs) >= count
     for (x, y), r in ((disc.center, disc.radius) for disc in discs):
         assert left <= x - r and x + r <= right and low <= y - r and y + r <= high
-
-
-@pytest.mark.parametrize(("period", "delay"), [(0.1, "20 ms"), (0.05, "10 ms")])
-def test_a_delay_is_told_in_the_robots_own_time(period: float, delay: str) -> None:
-    """An update is a tenth of a step, whatever the profile's step."""
-    with styled():
-        figure = network_figure(
-            random_genotype(1, hidden=0),
-            replace(PROFILE, period_s=period),
-            feeds="proximity",
-            sensors=range(8),
-        )
-    assert any(f"2 updates ({delay})" in text.get_text() for ax in figure.axes for text in ax.texts)
 
 
 def test_every_link_has_a_curve_and_a_place_for_its_number() -> None:

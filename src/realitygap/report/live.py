@@ -14,15 +14,15 @@ import numpy as np
 
 from realitygap.errors import RealityGapError
 from realitygap.files import atomic_write
-from realitygap.report.gather import best_so_far, parts_of
-from realitygap.report.page import noise_key, rendered
-from realitygap.report.tables import TaskPart
+from realitygap.report.evolution import TaskPart, best_so_far, parts_of
+from realitygap.report.page import rendered
+from realitygap.report.style import noise_key
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Run, Study, load_study
 from realitygap.tasks.task import Task
 from realitygap.work.progress import Progress
 
-__all__ = ["PAGE", "Watch"]
+__all__ = ["PAGE", "LivePage"]
 
 PAGE = "watch.html"
 EVERY_S = 5.0
@@ -33,7 +33,7 @@ POINTS = 400
 """Points of a curve."""
 
 
-class Watch:
+class LivePage:
     """Keeps FOLDER/watch.html up to date within its context; results do not depend on it.
 
     Args:
@@ -71,7 +71,7 @@ class Watch:
             facts = {"words": words, "ended": ended, "every_s": round(EVERY_S), "parts": parts}
             report = self._folder / "report" / "index.html"
             facts |= {"title": self._folder.resolve().name, "report": ended and report.exists()}
-            atomic_write(self.page, rendered("watch.html.j2", facts))
+            atomic_write(self.page, rendered("live.html.j2", facts))
 
     def _part(self, study: Study, part: TaskPart) -> dict[str, Any]:
         """A task's curves and its best robot."""
@@ -81,13 +81,15 @@ class Watch:
         curves = [
             (looks[level], best / scale) for level, runs in best_so_far(study, part).items() for best in runs
         ]
-        most = max((float(best[-1]) for _, best in curves), default=0.0) or 1.0
+        ends = [float(end) for _, best in curves for end in (best[0], best[-1])]
+        low, most = min([0.0, *ends]), max([0.0, *ends])
         total = study.config.evaluations
-        every = [row.run for one in part.conditions for row in one.begun]
-        best = max(every, key=lambda run: run.best_fitness or 0.0, default=None)
+        begun = [(row.stored, row.run) for one in part.conditions for row in one.begun]
+        best = max(begun, key=lambda one: one[0] or 0.0, default=(None, None))[1]
         return {
-            "title": part.task.title, "unit": unit and f" {unit}", "most": f"{most:.3g}", "total": total,
-            "curves": [(*look, _line(best, total, most)) for look, best in curves], "key": key,
+            "title": part.task.title, "unit": unit and f" {unit}", "total": total,
+            "ends": f"{low:.3g} to {most:.3g}",
+            "curves": [(*look, _line(best, total, low, most)) for look, best in curves], "key": key,
             "drive": None if best is None else self._drive(part.task, best),
         }  # fmt: skip
 
@@ -107,7 +109,8 @@ class Watch:
         }  # fmt: skip
 
 
-def _line(best: np.ndarray, total: int, most: float) -> str:
-    """A curve in a box of 100 × 50, as SVG's points."""
+def _line(best: np.ndarray, total: int, low: float, high: float) -> str:
+    """A curve in a box of 100 × 50, as SVG's points; 0 is in the box, whatever the signs."""
     rows = np.unique(np.linspace(0, len(best) - 1, min(POINTS, len(best))).astype(int))
-    return " ".join(f"{100 * (k + 1) / total:.2f},{50 - 48 * max(best[k], 0.0) / most:.2f}" for k in rows)
+    up = 48 / ((high - low) or 1.0)
+    return " ".join(f"{100 * (k + 1) / total:.2f},{50 - up * (best[k] - low):.2f}" for k in rows)
