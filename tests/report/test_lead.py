@@ -16,8 +16,8 @@ from realitygap.report.gather import parts_of
 from realitygap.report.lead import departures, is_paper, lead, made_of
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
+from realitygap.study.provenance import versions
 from realitygap.study.runner import run_study
-from realitygap.study.versions import versions
 from realitygap.tasks import load_task
 from realitygap.world.arena import load_arena
 from realitygap.world.robot import FittedChannel, Profile, Provenance, load_profile

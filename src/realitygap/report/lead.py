@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from realitygap.report.tables import TaskPart
-from realitygap.study.config import StudyConfig
+from realitygap.study.config import Encoding, Evolution, StudyConfig
 from realitygap.study.load import Study
-from realitygap.study.parts import Encoding, Evolution
 from realitygap.tasks import load_task
 from realitygap.world.robot import NOISE_LEVELS, Profile, load_profile, noise_name
 from realitygap.world.toml import shipped

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from realitygap.files import atomic_write
 from realitygap.report.style import inline_svg, noise_styles, save_figure, styled
-from realitygap.study.sources import refuse_links
+from realitygap.work.folder import refuse_links
 from realitygap.work.pool import Bench, Setup, Tell, Workers, near, opened
 
 __all__ = [
