@@ -134,9 +134,8 @@ def merge(
         StudyError: a shard is missing, unfinished or of another study; or `out` exists.
     """
     from realitygap.study.folder import agree
-    from realitygap.study.merge import all_shards, merge_runs
-    from realitygap.study.runner import WORK
-    from realitygap.work.shard import read_mark, whole_of
+    from realitygap.study.runner import WORK, merge_runs
+    from realitygap.work.shard import all_shards, read_mark, whole_of
 
     several = [shards] if isinstance(shards, str | PathLike) else list(shards)
     folders = [Path(one) for one in several]

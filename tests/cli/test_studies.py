@@ -321,7 +321,7 @@ def test_shards_from_python_are_the_study(study, tmp_path):
 
 def test_a_strangers_task_file_is_asked_about(own, call, refused, json_of, monkeypatch, tmp_path):
     """`show` runs nothing; `replay` refuses, or asks on a terminal; --trust and a yes are remembered."""
-    from realitygap.study import sources
+    from realitygap.study import folder as sources
 
     _, study, _ = own
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "elsewhere"))

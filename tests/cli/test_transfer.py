@@ -20,8 +20,7 @@ import realitygap.transfer.run as study_transfer
 from realitygap import Genotype, load_study, load_transfers
 from realitygap.cli import realitygap
 from realitygap.film.video import FilmWriter
-from realitygap.study.config import StudyConfig
-from realitygap.study.parts import Condition
+from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.transfer.film import Watcher
@@ -132,7 +131,7 @@ def test_a_study_without_runs_is_refused(study, refused, tmp_path):
     """A folder without a study, a study without a finished run, a folder in the way."""
     import sqlite3
 
-    from realitygap.study.digest import seal
+    from realitygap.study.store import _seal
 
     assert "no study" in refused("transfer", tmp_path, "--robot", "twin")
     (study / "transfer").write_text("in the way")
@@ -140,7 +139,7 @@ def test_a_study_without_runs_is_refused(study, refused, tmp_path):
     with sqlite3.connect(study / "study.db") as database:
         database.execute("UPDATE run SET finished = 0, champion = NULL")
         for (number,) in database.execute("SELECT id FROM run").fetchall():
-            seal(database, number, "run")
+            _seal(database, number)
     database.close()
     assert "no run is finished" in refused("transfer", study, "--robot", "twin")
     assert "no champion" in refused("transfer", study, 1, "--robot", "twin")

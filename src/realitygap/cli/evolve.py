@@ -68,7 +68,7 @@ def evolve(
         realitygap evolve light-seeking --noise double --runs 3 --set evolution.rows=10
     """
     from realitygap import api
-    from realitygap.study.reader import DATABASE
+    from realitygap.study.store import DATABASE
 
     folder = api.folder_of(task, out, shard)
     chosen = api.study_config(folder, task, spread=spreads, resume=resume, **options)

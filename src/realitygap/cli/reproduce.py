@@ -62,7 +62,7 @@ def reproduce(
     """
     from realitygap import api
     from realitygap.experiments.reproduction import ASKED
-    from realitygap.study.reader import DATABASE
+    from realitygap.study.store import DATABASE
     from realitygap.transfer.load import load_transfers
 
     requested = api.reproduction(out, resume, options)
