@@ -33,7 +33,7 @@ OURS |= {"reproduce.toml", "calibration"}
 EXPERIMENTS = {
     "noise-study.toml": "experiment noise",
     "measure-or-randomise.toml": "experiment measure-or-randomise",
-    "realities.toml": "realities",
+    "realities.toml": "experiment robots",
     "reproduce.toml": "reproduce",
 }
 """Settings of what is no study itself, or not yet, and the command that made them."""

@@ -108,7 +108,7 @@ def refuse_strange(folder: Path, files: Iterable[Path]) -> None:
     for file in strange(files):
         raise StudyError(
             f"{folder}: the study was made elsewhere and brings a program, {file}, that would be run. "
-            "Read it; if you trust its author, give --trust (in Python: load_study(…, trust=True))."
+            "Read it; if you trust its author, give --trust (in Python: trust=True)."
         )
 
 
