@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap import load_profile, load_study, load_transfers
-from realitygap.calibration.recordings import STEP_COLUMNS, load_recording
+from realitygap.calibration.load import STEP_COLUMNS, load_recording
 from realitygap.cli import realitygap
 from realitygap.control.encoding import Encoding, Variation, genotype_of, make_encoding
 from realitygap.errors import StudyInterruptedError, UsageError

@@ -250,9 +250,9 @@ def carry_out(
     with _resumable(folder), _shown(on_progress) as tell, ExitStack() as stack:
         show = tell
         if watch:
-            from realitygap.report.watch import Watch
+            from realitygap.report.live import LivePage
 
-            watched = stack.enter_context(Watch(folder, tell))
+            watched = stack.enter_context(LivePage(folder, tell))
             sys.stderr.write(f"watch {watched.page.resolve().as_uri()}\n")
             show = watched.show
         if isinstance(config, Reproduction):
@@ -288,7 +288,7 @@ def report(
     with _resumable(folder), _shown(on_progress) as tell:
         marks_of(study, workers=workers, on_progress=counts(tell, "scoring behaviour", "runs"))
         drawn = counts(tell, "making the report", "figures")
-        return build_report(folder, workers=workers, on_progress=drawn)
+        return build_report(folder, on_progress=drawn)
 
 
 def folder_of(task: str, out: Path | None, shard: Shard | None) -> Path:
@@ -442,7 +442,7 @@ def calibrate(
 
 def load_recordings(paths: Iterable[str], objects: Sequence[str] = ()) -> list[Recording]:
     """Every recording at some places; `objects` as of `calibrate`."""
-    from realitygap.calibration.recordings import find_recordings, load_recording
+    from realitygap.calibration.load import find_recordings, load_recording
 
     found = [place for path in paths for place in find_recordings(path)]
     if len(objects) not in (0, 1, len(found)):

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from realitygap.calibration.channel_fit import doubts
+from realitygap.calibration.calibrate import _doubts
 from realitygap.calibration.judge import judge
-from realitygap.calibration.misfit import Yardstick, misfits
+from realitygap.calibration.noise import Yardstick, misfits
 from realitygap.world.robot import load_profile
 
 
@@ -72,6 +72,7 @@ def test_one_is_no_plural(kind, count, words):
     judged = [SimpleNamespace(sensor=k, lit_ratio=9.0) for k in range(count)]
     made = SimpleNamespace(
         kind=kind, judged=judged, deviation=4.3, ratio=9.0, form="paper", held_out={"paper": 1.0}, rmse=1.0,
-        fit=SimpleNamespace(constants=()), dead={}, measured=True, profile=load_profile("paper"), sensors=(),
+        fit=SimpleNamespace(constants=(), at_bounds=(), values={}), dead={}, measured=True,
+        profile=load_profile("paper"), sensors=(),
     )  # fmt: skip
-    assert words in doubts(made)[0]
+    assert words in _doubts(made)[0]

@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap.calibration import floor_camera
 from realitygap.calibration import record as recorder
-from realitygap.calibration.forward import scene_of
+from realitygap.calibration.load import load_recording
+from realitygap.calibration.model import scene_of
 from realitygap.calibration.plan import (
     FLOOR_CM,
     ROOM,
@@ -32,14 +32,16 @@ from realitygap.calibration.plan import (
     wheel_trials,
 )
 from realitygap.calibration.record import OwnSite, PersonSite, StoppedByUserError, drive_trial, record
-from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording, load_recording
+from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording
 from realitygap.cli import realitygap
 from realitygap.errors import BaudError, RecordingError, UsageError
+from realitygap.film import calibrate as film_calibrate
 from realitygap.film.calibrate import calibrate_camera
 from realitygap.robots.address import Address
+from realitygap.robots.body import Body as RobotBody
 from realitygap.robots.body import Channel
 from realitygap.robots.enki import EnkiBody
-from realitygap.robots.khepera.body import KheperaBody
+from realitygap.robots.khepera import KheperaBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import Body, load_profile
@@ -233,7 +235,7 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
         found[:] = found or [calibrate_camera(*seen)]
         return found[0]
 
-    monkeypatch.setattr(floor_camera, "calibrate_camera", once)
+    monkeypatch.setattr(film_calibrate, "calibrate_camera", once)
     with closing(twin.open()) as body:
         record(wanted, tmp_path / "whole", body)
     for _ in range(2):
@@ -285,12 +287,12 @@ def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
 def test_each_robot_has_its_own_places():
     """Enki's are recorded closely and farther out; others as ever; all as a person asks."""
 
-    def grid(body: object, **asked: object) -> tuple[int, float, int]:
+    def grid(body: EnkiBody | None, **asked: object) -> tuple[int, float, int]:
         bearings, distances = Plan(kind="infrared", **asked).grid(body)
         return bearings, distances[-1], len(distances)
 
     enki = SimpleNamespace(infrared_grid=EnkiBody.infrared_grid)
-    assert grid(SimpleNamespace()) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
+    assert grid(None) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
     assert grid(enki, bearings=6) == (6, 15.0, 11) and grid(enki, distances_cm=(1.0,)) == (180, 1.0, 1)
     usual = infrared_task("cylinder:4")
     assert (
@@ -410,12 +412,13 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
         site.go(trial)
 
 
-class Still:
+class Still(RobotBody):
     """A robot that stands in the dark, whose wheels must not turn."""
 
     channels = tuple(Channel(name=kind, sensors=8, high=1023) for kind in ("proximity", "ambient"))
     period_s, counts_turns = 0.1, True
     clock = SimpleNamespace(waits=True, now=lambda: 0.0, sleep_until=lambda t: None)
+    reset = act = stop = lambda self, *_: None
 
     def sense(self):
         return Readings(proximity=np.full(8, 3.0), ambient=np.full(8, 3.0))

@@ -11,14 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from realitygap.calibration.checks import dead_sensors
-from realitygap.calibration.recordings import (
-    SensorRecording,
-    WheelRecording,
-    cylinder_radius,
-    find_recordings,
-    load_recording,
-)
+from realitygap.calibration.load import find_recordings, load_recording
+from realitygap.calibration.readings import dead_sensors
+from realitygap.calibration.recordings import SensorRecording, WheelRecording, cylinder_radius
 from realitygap.errors import RecordingError
 from realitygap.world.arena import load_arena
 from tests.calibration.written import save_recording

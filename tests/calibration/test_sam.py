@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.calibration.recordings import load_recording
+from realitygap.calibration.load import load_recording
 from realitygap.errors import RecordingError
 
 GOOD = "8 8 3 5 2\n" + "".join(

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from realitygap.calibration import infrared
 from realitygap.calibration.calibrate import calibrate
-from realitygap.calibration.infrared import infrared_problems
 from realitygap.calibration.judge import judge
-from realitygap.calibration.misfit import Yardstick, misfits
-from realitygap.calibration.noise import lit_noise, sample_noise
-from realitygap.calibration.recordings import SensorRecording, find_recordings, load_recording
-from realitygap.calibration.rows import Rows
+from realitygap.calibration.load import find_recordings, load_recording
+from realitygap.calibration.noise import Yardstick, lit_noise, misfits, sample_noise
+from realitygap.calibration.readings import Readings
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.errors import CalibrationError, RecordingError
 from realitygap.world.robot import load_profile
 from tests.calibration.test_recording import FACTS, HEAD, ROW, written
@@ -261,7 +261,7 @@ def test_a_straight_series_turns_no_sensor(tmp_path):
     series(tmp_path, *fallen())
     series(tmp_path, *fallen("{}5mm"), name="sensor05_light.csv")
     read = [load_recording(path).of_robot(THYMIO) for path in find_recordings(tmp_path)]
-    problems, _ = infrared_problems(Rows(read, THYMIO), THYMIO)
-    for problem in problems.values():
-        keys = {free.key for free in problem.frees}
+    data = Readings(read, THYMIO)
+    for form in infrared.INFRARED_FORMS:
+        keys = set(infrared.fit_infrared(data, THYMIO, form, intervals=False).fit.values)
         assert {"a", "b"} <= keys <= {"a", "b", "offset_cm", "exponent"}

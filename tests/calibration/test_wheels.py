@@ -9,9 +9,8 @@ import pytest
 
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
-from realitygap.calibration.recordings import load_recording
-from realitygap.calibration.wheels.fit import fit_wheels
-from realitygap.calibration.wheels.intervals import intervals
+from realitygap.calibration.load import load_recording
+from realitygap.calibration.wheels import fit_wheels, intervals
 from realitygap.errors import CalibrationError
 from realitygap.world.robot import load_profile
 from tests.calibration.written import save_recording
@@ -56,7 +55,7 @@ def test_nonsense_of_wheels_is_refused(sound, spoil, words):
 def test_wheels_are_refused_before_anything_is_fitted(sound, recorded, monkeypatch):
     """Not after the minutes that the sensors take."""
     monkeypatch.setattr(
-        "realitygap.calibration.calibrate.fit_infrared", lambda *args, **kwargs: pytest.fail("first")
+        "realitygap.calibration.calibrate.fit_channel", lambda *args, **kwargs: pytest.fail("first")
     )
     with pytest.raises(CalibrationError, match="Are these mm/s"):
         calibrate([recorded(), replace(sound, commands=8.0 * sound.commands)], PAPER)
@@ -213,7 +212,7 @@ def test_constants_that_do_the_same_are_named():
         return (theta[0] + 2.0 * theta[1] - 3.0) * x + (theta[3] - 1.0) + noise
 
     theta, bounds = np.array([1.0, 1.0, 4.0, 1.0]), (np.zeros(4), np.full(4, 10.0))
-    constants, alike = intervals(["p", "q", "r", "s"], theta, bounds, residuals, trial, robust_at=50.0)
+    constants, alike = intervals(["p", "q", "r", "s"], theta, bounds, residuals, trial)
     assert [{a, b} for a, b, _ in alike] == [{"p", "q"}]
     assert (constants[2].low, constants[2].high, constants[2].told) == (0.0, 10.0, False)
     assert constants[3].told and constants[3].high - constants[3].low == pytest.approx(4 / 600**0.5, rel=0.5)

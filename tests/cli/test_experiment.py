@@ -32,7 +32,7 @@ def units():
 @pytest.fixture
 def no_enki(monkeypatch):
     """A machine without Enki's library."""
-    monkeypatch.setattr("realitygap.enki.process.LIBRARY", "libenki-missing.so")
+    monkeypatch.setattr("realitygap.robots.enki.LIBRARY", "libenki-missing.so")
 
 
 def stopped(*_, **__):

@@ -178,7 +178,7 @@ def _transfers(folder: Path) -> object:
 
 
 def _drive(folder: Path) -> object:
-    from realitygap.robots.recording import Recording
+    from realitygap.robots.drive import Recording
 
     return Recording.from_folder(folder).late_steps
 

@@ -12,8 +12,7 @@ from realitygap.cli import options
 from realitygap.cli.console import print_json, shown, table, warn
 
 if TYPE_CHECKING:
-    from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.channel_fit import ChannelFit
+    from realitygap.calibration.calibrate import Calibration, ChannelFit
     from realitygap.calibration.judge import Judgement
     from realitygap.work.pool import Workers
 
@@ -206,7 +205,7 @@ def _refuse_unused() -> None:
 
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
     from realitygap.api import load_recordings
-    from realitygap.calibration.checks import refuse_twice
+    from realitygap.calibration.calibrate import refuse_twice
     from realitygap.calibration.judge import judge
     from realitygap.world.robot import load_profile
 

@@ -84,8 +84,7 @@ def record(
 
     Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away (Enki's robots: to 15 cm). Ambient:
     poses all over the arena of light seeking. Wheels: speed steps, standing starts, straight lines and
-    turns. Each finished place is saved at once; --resume continues after an interruption. A robot that
-    places itself at 120 bearings or more is also read between them, where readings jump.
+    turns. Each finished place is saved at once; --resume continues after an interruption.
 
     \b
     Examples: all that a calibration of a twin needs; a robot at a wall, and how to continue after "q";
@@ -126,8 +125,7 @@ def record(
         print_json(_facts(made, plan, out, facts))
         return
     for one in made:
-        more = f" and {one.between} between them, where readings jump," if one.between else ","
-        click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places{more} {one.seconds:.1f} s")
+        click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s")
     if not all(one.finished for one in made):
         click.echo("not finished: the same command with --resume continues")
 
@@ -138,17 +136,14 @@ def _recorded(
     """What was recorded, and the facts of the robot."""
     from realitygap.calibration.record import record as make
     from realitygap.errors import RobotStoppedError
-    from realitygap.robots.body import Placing, facts_of
-    from realitygap.robots.signals import Stopping
+    from realitygap.robots.drive import StopOnSignal
 
     with ExitStack() as stack:
         if robot.unit is None:
-            stack.enter_context(Stopping())
+            stack.enter_context(StopOnSignal())
         body = stack.enter_context(closing(robot.open(**settings)))
-        facts = {name: fact for name, fact in facts_of(body).items() if name != "units"}
-        report: Progress = (
-            stack.enter_context(ProgressLine()).places if isinstance(body, Placing) else _written
-        )
+        facts = {name: fact for name, fact in body.description().items() if name != "units"}
+        report: Progress = stack.enter_context(ProgressLine()).places if body.places_itself else _written
         if robot.unit is not None:
             report = _stoppable(stack, report)
         try:
@@ -195,7 +190,7 @@ def _facts(made: list[Result], plan: str, out: str, facts: dict[str, Any]) -> di
     recordings = [
         {
             "folder": str(one.folder), "kind": one.kind, "places": one.places, "done": one.done,
-            "between": one.between, "finished": one.finished, "seconds": round(one.seconds, 3),
+            "finished": one.finished, "seconds": round(one.seconds, 3),
         }
         for one in made
     ]  # fmt: skip

@@ -34,7 +34,7 @@ from realitygap.files import atomic_write, read_toml, to_toml
 from realitygap.kernels.types import Networks
 from realitygap.plugins import place_of, placed
 from realitygap.robots.address import Address
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
 from realitygap.study.config import StudyConfig

@@ -9,7 +9,7 @@ from realitygap.files import as_path, must_be
 from realitygap.study.config import StudyConfig
 from realitygap.study.far import Words, home_of, words_for
 from realitygap.study.folder import exists, open_folder, read_materials, take_back
-from realitygap.study.jobs import Advanced, Job, Message, Workshop
+from realitygap.study.jobs import Advanced, Job, Message, Rehearsal, Workshop
 from realitygap.study.load import Study, load_study
 from realitygap.study.lock import lock
 from realitygap.study.materials import Materials, gather
@@ -17,7 +17,7 @@ from realitygap.study.reader import DATABASE
 from realitygap.study.schema import told
 from realitygap.study.store import Store
 from realitygap.study.versions import versions
-from realitygap.work.pool import Pool, Setup, Workers, opened
+from realitygap.work.pool import Pool, Processes, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import Mark, Shard, marked
 
@@ -110,6 +110,9 @@ def _carry_out(
         if not left:
             return
         store.begin_session({**versions(), "engine": workshop.engine})
+        setup = Setup(workshop_of, (words_for(folder, pool),), here=workshop)
+        if isinstance(pool, Processes) and min(pool.size, len(left)) > 1 and workshop.engine == "cores":
+            pool.work(setup, (Rehearsal(False), Rehearsal(True)), lambda message: None)
         workshop.compile()
         keeper.begin(EVOLVING)
         costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}
@@ -120,7 +123,7 @@ def _carry_out(
                 for messages in bundles:
                     keeper.keep(*messages)
             return
-        pool.work(Setup(workshop_of, (words_for(folder, pool),), here=workshop), jobs, keeper.keep)
+        pool.work(setup, jobs, keeper.keep)
 
 
 class _Keeper:

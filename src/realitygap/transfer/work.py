@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Genes
-from realitygap.robots.body import abandon
 from realitygap.study.far import Home, Words, home_of, words_for
 from realitygap.study.load import Study, load_study
 from realitygap.study.schema import told
@@ -239,6 +238,6 @@ def by_hand(
             with told(place / one.folder):
                 stage.by_hand(replace(one, baud=getattr(body, "baud", None)), body, carry, overhead)
     except BaseException:
-        abandon(body)  # it was told to stop first, wherever this came from
+        body.abandon()  # it was told to stop first, wherever this came from
         raise
     body.close()
