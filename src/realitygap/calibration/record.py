@@ -442,7 +442,7 @@ def _site(body: Body, ask: Ask | None, task: Task, plan: Plan) -> Site:
     if plan.marker is not None:
         raise UsageError(
             "marker: expected a robot with a camera of its own over it, as a twin's; this one is filmed by "
-            "whoever places it: `realitygap track FILM --marker …`."
+            "whoever places it: `realitygap camera track FILM --marker …`."
         )
     if ask is None:
         raise UsageError("ask: expected a function that asks a person to place the robot, got none.")
