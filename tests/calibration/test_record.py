@@ -36,9 +36,10 @@ from realitygap.errors import RecordingError, UsageError
 from realitygap.film import calibrate as film_calibrate
 from realitygap.film.calibrate import calibrate_camera
 from realitygap.robots.address import Address
+from realitygap.robots.body import Body as RobotBody
 from realitygap.robots.body import Channel
 from realitygap.robots.enki import EnkiBody
-from realitygap.robots.khepera.body import KheperaBody
+from realitygap.robots.khepera import KheperaBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import Body, load_profile
@@ -241,12 +242,12 @@ def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
 def test_each_robot_has_its_own_places():
     """Enki's are recorded closely and farther out; others as ever; all as a person asks."""
 
-    def grid(body: object, **asked: object) -> tuple[int, float, int]:
+    def grid(body: EnkiBody | None, **asked: object) -> tuple[int, float, int]:
         bearings, distances = Plan(kind="infrared", **asked).grid(body)
         return bearings, distances[-1], len(distances)
 
     enki = SimpleNamespace(infrared_grid=EnkiBody.infrared_grid)
-    assert grid(SimpleNamespace()) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
+    assert grid(None) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
     assert grid(enki, bearings=6) == (6, 15.0, 11) and grid(enki, distances_cm=(1.0,)) == (180, 1.0, 1)
     usual = infrared_task("cylinder:4")
     assert (
@@ -328,12 +329,13 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
         site.go(trial)
 
 
-class Still:
+class Still(RobotBody):
     """A robot that stands in the dark, whose wheels must not turn."""
 
     channels = tuple(Channel(name=kind, sensors=8, high=1023) for kind in ("proximity", "ambient"))
     period_s, counts_turns = 0.1, True
     clock = SimpleNamespace(waits=True, now=lambda: 0.0, sleep_until=lambda t: None)
+    reset = act = stop = lambda self, *_: None
 
     def sense(self):
         return Readings(proximity=np.full(8, 3.0), ambient=np.full(8, 3.0))

@@ -174,7 +174,7 @@ def test_commands_take_a_marker(tmp_path, tag_frames, poses):
     made = run("camera", "calibrate", *words, "--marker", ARUCO)
     assert made.exit_code == 0 and "8 of 8 frames used" in made.stdout, made.output
     film, out = write_film(tmp_path / "film.mp4", TAGS[ARUCO], poses[:8]), tmp_path / "track.csv"
-    track = ("track", film, "--camera", tmp_path / "camera.json", "--out", out, "--marker")
+    track = ("camera", "track", film, "--camera", tmp_path / "camera.json", "--out", out, "--marker")
     result = run(*track, ARUCO)
     assert result.exit_code == 0, result.output
     assert read_track(out).lost == 0

@@ -16,7 +16,7 @@ import numpy as np
 from realitygap.calibration.load import POLAR, POSE
 from realitygap.calibration.recordings import BODY_RADIUS_CM, CHANNELS, check_object, cylinder_radius
 from realitygap.errors import RecordingError, UsageError
-from realitygap.robots.body import Body, Filmed, Seen, channel
+from realitygap.robots.body import Body
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.robot import Body as Shape
@@ -89,9 +89,13 @@ class Plan:
     bearings: int | None = None
     distances_cm: Sequence[float] | None = None
 
-    def grid(self, body: Any) -> tuple[int, tuple[float, ...]]:
-        """Bearings and distances (cm) for this robot's infrared, or a refusal."""
-        bearings, distances = getattr(body, "infrared_grid", (BEARINGS, DISTANCES_CM))
+    def grid(self, body: Body | None) -> tuple[int, tuple[float, ...]]:
+        """Bearings and distances (cm) for this robot's infrared, or any robot's.
+
+        Raises:
+            RecordingError: no robot can be read at them.
+        """
+        bearings, distances = (body and body.infrared_grid) or (BEARINGS, DISTANCES_CM)
         bearings = bearings if self.bearings is None else self.bearings
         distances = tuple(map(float, distances if self.distances_cm is None else self.distances_cm))
         if bearings not in range(1, MOST_BEARINGS + 1):
@@ -356,11 +360,11 @@ def tasks_of(plan: Plan, body: Body) -> list[Task]:
     if plan.kind == "all":
         tasks = [task for task in tasks if CHANNELS[task.kind] in kinds]
     for task in tasks:
-        channel(body, CHANNELS[task.kind])  # or says that it has none
+        body.channel(CHANNELS[task.kind])  # or says that it has none
     if base is not None:
         _check_sensors(body, base, {CHANNELS[task.kind] for task in tasks})
         check_period(body, base)
-    followed = not body.counts_turns and isinstance(body, Seen | Filmed)
+    followed = not body.counts_turns and (body.knows_pose or body.is_filmed)
     if plan.kind == "wheels" or (plan.kind == "all" and (body.counts_turns or followed)):
         wheels = base.wheels if base else None
         trials = wheel_trials(plan.repeats, plan.seed, wheels, period_s=body.period_s, followed=followed)

@@ -41,19 +41,8 @@ from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, camer
 from realitygap.calibration.recordings import CHANNELS, HEIGHTS_CM
 from realitygap.errors import BaudError, RecordingError, UsageError
 from realitygap.files import atomic_write, naming_errors, read_toml, to_toml
-from realitygap.robots.body import (
-    Body,
-    Filmed,
-    Placing,
-    Seen,
-    attend,
-    channel,
-    clock_of,
-    facts_of,
-    known_pose,
-    odometry_of,
-)
-from realitygap.robots.signals import MOVING, Stopping, heed
+from realitygap.robots.body import Body
+from realitygap.robots.drive import MOVING, StopOnSignal, raise_pending
 from realitygap.track import read_track
 from realitygap.values import Closing, Command, Pose
 from realitygap.world.robot import load_profile
@@ -131,7 +120,7 @@ def record(
             records there.
         UsageError: the robot lacks the sensors, or they differ from those of `base`.
     """
-    if plan.base is None and "base" in (own := facts_of(body)):
+    if plan.base is None and "base" in (own := body.description()):
         plan = replace(plan, base=load_profile(own["base"]))
     tasks, folder = tasks_of(plan, body), Path(folder)
     places = [folder / task.name if len(tasks) > 1 else folder for task in tasks]
@@ -161,7 +150,7 @@ def _record(task: Task, folder: Path, plan: Plan, body: Body, site: Site, report
         lacks = () if body.counts_turns else WHEEL_COUNTS
         columns = (*(name for name in STEP_COLUMNS if name not in lacks), *POSE)
     else:
-        one, table = channel(body, CHANNELS[task.kind]), READINGS
+        one, table = body.channel(CHANNELS[task.kind]), READINGS
         columns = (*task.key, "repeat", *(f"s{i}" for i in range(one.sensors)))
 
     def rows_of(key: tuple[str, ...]) -> int:
@@ -186,7 +175,7 @@ def _record(task: Task, folder: Path, plan: Plan, body: Body, site: Site, report
         atomic_write(folder / ARENA, task.arena.to_toml())
     left = [stop for key, stop in stops.items() if key not in journal.done]
     if left:
-        attend(body, one.name, turns=task.kind == "wheels")
+        body.attend(one.name, turns=task.kind == "wheels")
     try:
         if left and site.prepare(task.begins):
             for stop in left:
@@ -205,9 +194,9 @@ def _record(task: Task, folder: Path, plan: Plan, body: Body, site: Site, report
 
 def _facts(task: Task, plan: Plan, body: Body) -> dict[str, Any]:
     """The content of recording.toml."""
-    known, facts, base = dict(facts_of(body)), {"kind": task.kind, **task.facts}, plan.base
+    known, facts, base = body.description(), {"kind": task.kind, **task.facts}, plan.base
     if task.kind != "wheels":
-        shape, one = base.body if base else KHEPERA, channel(body, CHANNELS[task.kind])
+        shape, one = base.body if base else KHEPERA, body.channel(CHANNELS[task.kind])
         facts["body_radius_cm"] = shape.radius_cm
         if shape.outline_cm:
             facts["body_outline_cm"] = [list(corner) for corner in shape.outline_cm]
@@ -222,7 +211,7 @@ def _facts(task: Task, plan: Plan, body: Body) -> dict[str, Any]:
         heights = (base.body.height_cm, base.ambient.sensor_height_cm) if base else HEIGHTS_CM.values()
         facts |= {"arena": ARENA, **(dict(zip(HEIGHTS_CM, heights, strict=True)) if all(heights) else {})}
     units = UNITS.format(known.pop("units", "units of the robot's own"))
-    placed_by = "program" if isinstance(body, Placing) else "person"
+    placed_by = "program" if body.places_itself else "person"
     facts |= {"plan": plan.kind, "units": units, "placed_by": placed_by, **known}
     return facts | {
         "notes": plan.notes, "repeats": plan.repeats, "seed": plan.seed, "places": len(task.stops),
@@ -230,27 +219,34 @@ def _facts(task: Task, plan: Plan, body: Body) -> dict[str, Any]:
 
 
 def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[int, Pose]]:
-    """Drive one trial as a controller would, step by step: its rows as texts, without poses; and the poses
-    that the robot reported, by step, where a camera looks."""
-    clock = clock_of(body)
+    """Drive one trial as a controller would, step by step.
+
+    Returns:
+        Its rows as texts, without poses; and the poses that the robot reported, by step, where a camera
+        looks.
+
+    Raises:
+        BaudError: the line has no room for counters and speeds in a step.
+    """
+    clock = body.clock
     body.reset()
-    rows, poses, looks = [], {}, trial.seen() if isinstance(body, Seen) else ()
+    rows, poses, looks = [], {}, trial.seen() if body.knows_pose else ()
     start = due = clock.now()
-    with Stopping(() if clock.waits else MOVING) as stopping:
+    with StopOnSignal(() if clock.waits else MOVING) as stopping:
         try:
             for k, command in enumerate(trial.commands):
                 clock.sleep_until(due)
                 now = clock.now()
                 body.sense()
-                counters, speeds = odometry_of(body)
+                counters, speeds = body.odometry
                 if body.counts_turns and (counters is None or speeds is None):
                     raise BaudError(
                         "robot: expected counters and speeds at each step, got only one of them. A line "
                         "needs 38400 baud or more; a body of your own gives Odometry(counters=…, speeds=…)."
                     )
-                if k in looks and isinstance(body, Seen):
-                    poses[k] = known_pose(body)
-                heed()
+                if k in looks and body.knows_pose:
+                    poses[k] = body.known_pose()
+                raise_pending()
                 body.act(Command(left=command[0], right=command[1]))
                 turned = (*(counters or ()), *(speeds or ())) if body.counts_turns else ()
                 numbers = (*command, *turned, trial.number)
@@ -264,15 +260,15 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
 
 def read_standing(body: Body, kind: str, repeats: int) -> list[list[str]]:
     """Repeated readings [repeats][sensors] of a standing robot, as texts."""
-    clock = clock_of(body)
+    clock = body.clock
     readings = []
     for _ in range(repeats):
         clock.sleep_until(clock.now() + APART_S)
         asked = clock.now()
         read = body.sense()
-        while getattr(body, "read_at", asked) < asked:  # a missing answer is not a reading
+        while body.read_at is not None and body.read_at < asked:  # a missing answer is not a reading
             read = body.sense()
-        heed()
+        raise_pending()
         counts = read.proximity if kind == "proximity" else read.ambient
         readings.append([f"{count:.10g}" for count in counts.tolist()])
     return readings
@@ -293,7 +289,7 @@ class OwnSite(Closing):
 
     def __init__(
         self,
-        body: Placing,
+        body: Body,
         room: Mapping[str, Any],
         *,
         seed: int,
@@ -302,7 +298,7 @@ class OwnSite(Closing):
     ) -> None:
         self._body, self._room, self._seed = body, room, seed
         self._stack, self._camera = ExitStack(), None
-        if camera and isinstance(body, Filmed):
+        if camera and body.is_filmed:
             with ExitStack() as stack:
                 self._camera = stack.enter_context(closing(FloorCamera(room, body, seed, marker)))
                 self._film = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "film.csv"
@@ -316,13 +312,13 @@ class OwnSite(Closing):
         """Place the robot, with noise seeded by the stop's name, and film a trial from now on."""
         digest = hashlib.sha256(f"{self._seed}/{'/'.join(stop.key)}".encode()).digest()
         self._body.enter(self._room, int.from_bytes(digest[:7]), stop.pose)
-        if self._camera and isinstance(stop, Trial) and stop.filmed and isinstance(self._body, Filmed):
+        if self._camera and isinstance(stop, Trial) and stop.filmed and self._body.is_filmed:
             self._body.film(self._film)
         return True
 
     def poses(self, trial: Trial) -> Mapping[int, Pose]:
         """The poses that the camera saw in the trial that ends here, by step."""
-        if not (self._camera and trial.filmed and isinstance(self._body, Filmed)):
+        if not (self._camera and trial.filmed and self._body.is_filmed):
             return {}
         self._body.film(None)
         return self._camera.poses(self._film, trial.seen(), trial.number)
@@ -337,15 +333,16 @@ class FloorCamera:
     Its pictures go through the tracker like any film's; the twin's true poses only draw them.
     """
 
-    def __init__(self, room: Mapping[str, Any], body: Filmed, seed: int, worn: str | None) -> None:
+    def __init__(self, room: Mapping[str, Any], body: Body, seed: int, worn: str | None) -> None:
         from realitygap.film.calibrate import KnownFrame, calibrate_camera
         from realitygap.film.tag import load_marker
         from realitygap.twin.camera import OverheadCamera
 
         self._marker = load_marker(worn) if worn else load_marker()
         self._camera = OverheadCamera(
-            room, unit=body.unit, noise=body.noise, seed=seed, plate=plate_of(self._marker), grey=True
-        )
+            room, unit=body.facts["unit"], noise=body.facts["twin_noise"], seed=seed,
+            plate=plate_of(self._marker), grey=True,
+        )  # fmt: skip
         try:
             frames = [
                 KnownFrame(name=str(k), picture=self._camera.frame(pose, k), pose=pose)
@@ -439,13 +436,13 @@ Site = OwnSite | PersonSite
 
 
 def _site(body: Body, ask: Ask | None, task: Task, plan: Plan) -> Site:
-    if isinstance(body, Placing):
+    if body.places_itself:
         own = int.from_bytes(hashlib.sha256(f"{plan.seed}/{task.name}".encode()).digest()[:7])
         return OwnSite(body, task.room, seed=own, camera=task.kind == "wheels", marker=plan.marker)
     if plan.marker is not None:
         raise UsageError(
             "marker: expected a robot with a camera of its own over it, as a twin's; this one is filmed by "
-            "whoever places it: `realitygap track FILM --marker …`."
+            "whoever places it: `realitygap camera track FILM --marker …`."
         )
     if ask is None:
         raise UsageError("ask: expected a function that asks a person to place the robot, got none.")

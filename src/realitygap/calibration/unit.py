@@ -148,7 +148,7 @@ def _known_of(robot: str, base: str | None = None) -> dict[str, Any]:
     with closing(Address.parse(str(robot)).open()) as body:
         tasks_of(plan, body)
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
-        grid = getattr(body, "infrared_grid", None)
+        grid = body.infrared_grid
     places = {"bearings": grid[0], "distances_cm": list(grid[1])} if grid else {}
     return {"robot": robot, "parts": [name for name in PARTS if NEEDS[_kind_of(name)] in kinds], **places}
 
