@@ -80,13 +80,6 @@ def test_a_place_held_out_lies_on_the_line_between_its_neighbours(wall):
     np.testing.assert_allclose(read[last], even.counts[last] - 100.0)
 
 
-def test_one_reading_a_place_is_table_and_noise(recorded):
-    """Without repeats the noise shows from bearing to bearing, and nothing is called overfitted."""
-    made = calibrate([recorded("wall", repeats=1)], PAPER, form="lookup")
-    assert made.infrared.rmse == 0 and made.infrared.held_out["lookup"] > 20
-    assert not any("overfits" in warning for warning in made.warnings)
-
-
 def test_what_is_no_table_is_refused(wall, recorded):
     """Uneven bearings, too few places, poses, two radii, and sensors without readings."""
     front = wall.bearing_deg != 90
@@ -101,14 +94,6 @@ def test_what_is_no_table_is_refused(wall, recorded):
     ):
         with pytest.raises(CalibrationError, match=words):
             calibrate(recordings, PAPER, form="lookup")
-
-
-def test_other_forms_know_no_table(made, wall):
-    """A base with a table is fitted by the law all the same; and "auto" is never a table."""
-    small = kept(wall, np.arange(0, len(wall.repeat), 12))
-    refitted = calibrate([small], made.profile, form="paper")
-    assert not refitted.profile.infrared.table
-    assert refitted.infrared.form == "paper" and refitted.infrared.rmse > 10
 
 
 def test_a_real_wall_as_a_table(tables):

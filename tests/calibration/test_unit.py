@@ -13,7 +13,6 @@ from realitygap.calibration import unit as module
 from realitygap.calibration.unit import (
     PARTS,
     calibrate_share,
-    calibrated_again,
     calibrated_robot,
     calibrated_unit,
 )
@@ -69,15 +68,6 @@ def test_what_is_there_is_not_made_again(tmp_path, jobs):
     (folder / "recordings" / "wheels").rename(half)
     calibrated_unit(folder, **SETTINGS)
     assert jobs == ["fit", "wheels", "fit", "fit"]
-
-
-def test_all_workers_share_a_long_fit(tmp_path, jobs):
-    """In the measured form the sensors' two parts are recorded side by side, and fitted last, by the pool."""
-    parts = ["infrared-wall", "infrared-cylinder"]
-    calibrated_unit(tmp_path / "unit", **SETTINGS, parts=["wheels", *parts])
-    jobs.clear()
-    calibrated_again(tmp_path / "again", of=tmp_path / "unit", form="auto")
-    assert jobs == ["fit", "fit workers on_progress"]
 
 
 @pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])

@@ -43,25 +43,6 @@ def test_file_keeps_every_number(tmp_path):
     assert load_camera(tmp_path / "camera.json").to_dict() == camera.to_dict()
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("{", "not a JSON file"),
-        ("[]", "expected a camera"),
-        ('{"format": "realitygap camera 1"}', "width_px: missing"),
-        ('{"a": 1}', "expected a camera"),
-    ],
-)
-def test_broken_files_are_refused(tmp_path, text, says):
-    """A file that is no camera is refused with its name and what to do."""
-    path = tmp_path / "camera.json"
-    path.write_text(text)
-    with pytest.raises(FilmError, match=says) as refusal:
-        load_camera(path)
-    assert str(path) in str(refusal.value)
-    assert "camera calibrate" in str(refusal.value)
-
-
 def test_calibration_explains_its_frames(calibration):
     """Every frame of a good calibration is used, and explained within 0.4 mm and 0.5°."""
     facts = calibration.to_dict()

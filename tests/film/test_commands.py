@@ -1,7 +1,6 @@
 """`realitygap camera track` and `realitygap camera calibrate`, as a person types them."""
 
 import json
-from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
@@ -10,7 +9,6 @@ from realitygap.cli.console import Commands
 from realitygap.cli.tracks import camera
 from realitygap.film.camera import load_camera
 from realitygap.track import read_track
-from realitygap.values import Pose
 from tests.film.test_camera import write_frames
 
 
@@ -38,19 +36,6 @@ def test_calibrate(tmp_path, frames):
     facts = json.loads(run("camera", "calibrate", *words, "--json").stdout)
     assert len(facts["residuals"]) == 8
     assert load_camera(tmp_path / "camera.json").width_px == 640
-
-
-def test_a_mirrored_floor_is_told(tmp_path, frames):
-    """A table with y downwards and headings clockwise fits the disk as well as a mirrored picture would: the
-    camera is made, with a warning; of a table as it should be there is none."""
-    words = ("--frames", tmp_path, "--poses", tmp_path / "poses.csv", "--out", tmp_path / "camera.json")
-    for sign in (1, -1):
-        poses = [Pose(x=f.pose.x, y=sign * f.pose.y, heading=sign * f.pose.heading) for f in frames[:8]]
-        write_frames(tmp_path, [replace(f, pose=p) for f, p in zip(frames[:8], poses, strict=True)])
-        result = run("camera", "calibrate", *words, "--json")
-        assert result.exit_code == 0, result.output
-        told = "warning: the pictures show the floor as in a mirror" in result.stderr
-        assert told == (len(json.loads(result.stdout)["warnings"]) == 1) == (sign < 0)
 
 
 def test_track(tmp_path, clean_film, camera_file):
