@@ -40,7 +40,6 @@ from realitygap.robots.address import Address
 from realitygap.robots.body import Body as RobotBody
 from realitygap.robots.body import Channel
 from realitygap.robots.enki import EnkiBody
-from realitygap.robots.khepera import KheperaBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import Body, load_profile
@@ -402,10 +401,10 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
     pose = Pose(x=0, y=0, heading=0)
     trial = Trial(number=7, kind="straight", commands=((5, 5), (0, 0)), pose=pose, filmed=True, says="room")
     assert site.go(trial)
-    rows, _ = drive_trial(KheperaBody(khepera), trial)
+    rows, _ = drive_trial(khepera, trial)
     seen = site.poses(trial)
     assert [row[-2:] for row in rows] == [("7", "straight")] * 2
-    assert int(rows[1][3]) > 0 and khepera.speeds() == (0, 0)
+    assert int(rows[1][3]) > 0 and khepera.read("E") == (0, 0)
     assert seen[0].heading == pytest.approx(math.pi / 2) and (seen[1].x, seen[1].y) == (10, 22.5)
     with pytest.raises(StoppedByUserError):
         site.go(trial)
@@ -494,12 +493,12 @@ def test_a_part_that_is_left_out_is_not_recorded(tmp_path):
 
 def test_a_slow_line_cannot_carry_the_wheels(bench: Bench):
     """At 9600 baud there is no room for counters and speeds in a step."""
-    _, khepera = bench.virtual(baud=9600)
+    khepera = bench.virtual(baud=9600)
     trial = Trial(
         number=0, kind="step", commands=((1, 1),), pose=Pose(x=1, y=1, heading=0), filmed=False, says=""
     )
     with pytest.raises(BaudError, match="38400"):
-        drive_trial(KheperaBody(khepera), trial)
+        drive_trial(khepera, trial)
 
 
 @pytest.mark.parametrize(
