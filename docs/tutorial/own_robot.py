@@ -34,7 +34,7 @@ folder = Path(mkdtemp())
 # roughly how they read. A wrong or missing key is refused by name.
 
 # %%
-from realitygap.report.robots import robot_figure
+from realitygap.report.drawing import robot_figure
 
 profile = realitygap.load_profile(examples / "five_eyes.toml")
 robot_figure(profile)
@@ -110,7 +110,7 @@ situated = Track(
 # Here it is beside its simulation from the same pose:
 
 # %%
-from realitygap.report.paths import PathPanel, Scene, panels_figure
+from realitygap.report.drawing import PathPanel, Scene, panels_figure
 from realitygap.report.style import SITUATED
 
 simulated, score = realitygap.Simulation(

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap.calibration.recordings import load_recording
+from realitygap.calibration.load import load_recording
 from realitygap.cli import realitygap
 from realitygap.errors import LineError, UsageError
 from realitygap.robots.address import Address

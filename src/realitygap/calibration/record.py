@@ -9,6 +9,8 @@
 A kill loses the stop that was being recorded at most; `resume` goes on with the next.
 """
 
+from __future__ import annotations
+
 import contextlib
 import hashlib
 import math
@@ -16,36 +18,38 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, tasks_of
-from realitygap.calibration.record_edges import FINE, TWICE, look_between
-from realitygap.calibration.recordings import (
-    CHANNELS,
+import numpy as np
+
+from realitygap.calibration.load import (
     DRIVE,
-    EDGES,
     FACTS,
-    HEIGHTS_CM,
     POSE,
     READINGS,
     STEP_COLUMNS,
     STEPS,
-    UNFINISHED,
     UNITS,
     UNKNOWN,
     WHEEL_COUNTS,
 )
+from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, camera_places, tasks_of
+from realitygap.calibration.recordings import CHANNELS, HEIGHTS_CM
 from realitygap.errors import BaudError, RecordingError, UsageError
 from realitygap.files import atomic_write, naming_errors, read_toml, to_toml
 from realitygap.robots.body import Body
 from realitygap.robots.drive import MOVING, StopOnSignal, raise_pending
+from realitygap.track import read_track
 from realitygap.values import Closing, Command, Pose
 from realitygap.world.robot import load_profile
+
+if TYPE_CHECKING:
+    from realitygap.film.tag import Marker
+    from realitygap.twin.camera import Plate
 
 __all__ = ["Result", "StoppedByUserError", "record"]
 
@@ -55,6 +59,9 @@ Progress = Callable[[str, int, int], None]
 """Called with the recording's name, the places done, and all places."""
 
 ARENA, STUDY = "arena.toml", "study.db"
+STEP_S = 0.1
+FRAMES = 10_000
+"""Frame numbers reserved for each trial: more than its steps."""
 APART_S = 0.3
 """Time between two readings at a place, s, so that slow noise shows too."""
 
@@ -69,8 +76,8 @@ class StoppedByUserError(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """A finished recording: how many places of the plan are `done`, how many others between them where
-    readings jump, the time it took, and whether the person stopped early."""
+    """A finished recording: how many places of the plan are `done`, the time it took, and whether the person
+    stopped early."""
 
     folder: Path
     name: str
@@ -78,7 +85,6 @@ class Result:
     places: int
     done: int
     seconds: float
-    between: int = 0
     stopped: bool = False
 
     @property
@@ -134,15 +140,11 @@ def record(
     return made
 
 
-def _record(task: Task, folder: Path, plan: Plan, body: Body, site: "Site", report: Progress) -> Result:
+def _record(task: Task, folder: Path, plan: Plan, body: Body, site: Site, report: Progress) -> Result:
     """Bring the robot to each stop that is not done, and write its rows at once."""
-    begun, stopped, between = time.perf_counter(), False, 0
+    begun, stopped = time.perf_counter(), False
     stops = {stop.key: stop for stop in task.stops}
-    fine = (
-        task.kind == "infrared" and body.places_itself
-        and plan.grid(body)[0] >= FINE and plan.repeats > 1
-    )  # fmt: skip
-    facts = {**_facts(task, plan, body), **({"between": UNFINISHED} if fine else {})}
+    facts = _facts(task, plan, body)
     if task.kind == "wheels":
         one, table = body.channels[0], STEPS
         lacks = () if body.counts_turns else WHEEL_COUNTS
@@ -157,43 +159,36 @@ def _record(task: Task, folder: Path, plan: Plan, body: Body, site: "Site", repo
             return len(stop.commands) if isinstance(stop, Trial) else -1
         return plan.repeats
 
-    def read(stop: Place | Trial, repeats: int = plan.repeats) -> list[tuple[str, ...]]:
+    def read(stop: Place | Trial) -> list[tuple[str, ...]]:
         if not site.go(stop):
             return []
         if isinstance(stop, Trial):
             rows, poses = drive_trial(body, stop)
             seen = {**poses, **site.poses(stop)}
             return [(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)]
-        return [(*stop.key, str(k), *row) for k, row in enumerate(read_standing(body, one.name, repeats))]
+        return [
+            (*stop.key, str(k), *row) for k, row in enumerate(read_standing(body, one.name, plan.repeats))
+        ]
 
     journal = Journal(folder, facts=facts, table=table, columns=columns, key=task.key, rows=rows_of)
     if task.arena is not None:
         atomic_write(folder / ARENA, task.arena.to_toml())
     left = [stop for key, stop in stops.items() if key not in journal.done]
-    if left or fine:
+    if left:
         body.attend(one.name, turns=task.kind == "wheels")
     try:
         if left and site.prepare(task.begins):
             for stop in left:
                 if rows := read(stop):
                     journal.add(rows)
-                report(task.name, len(journal.done), len(stops) + fine)
-        if fine and task.at is not None and len(journal.done) == len(stops):
-            edges = Journal(
-                folder, facts=facts, table=EDGES, columns=columns, key=task.key, rows=lambda key: TWICE
-            )
-            between = look_between(
-                journal, edges, task.at, partial(read, repeats=TWICE), one.high,
-                lambda done, many: report(task.name, len(stops) + done, len(stops) + many),
-            )  # fmt: skip
-            edges.state("between", between)
+                report(task.name, len(journal.done), len(stops))
     except StoppedByUserError:
         stopped = True
     if not journal.done:  # skipped: an empty table would only hinder a calibration
         journal.discard()
     return Result(
         folder=folder, name=task.name, kind=task.kind, places=len(stops), done=len(journal.done),
-        seconds=time.perf_counter() - begun, between=between, stopped=stopped,
+        seconds=time.perf_counter() - begun, stopped=stopped,
     )  # fmt: skip
 
 
@@ -289,14 +284,8 @@ def _pose(pose: Pose | None) -> tuple[str, ...]:
 
 
 class OwnSite(Closing):
-    """A robot that places itself.
-
-    Args:
-        body, room: the robot, and the room in plain numbers (cm).
-        seed: of its noise, together with the stop: none affects the next.
-        camera: whether to use the camera over the floor, if the robot has one.
-        marker: what it wears there, as `load_marker` reads it; None: the disk.
-    """
+    """A robot that places itself; `seed` of its noise, together with the stop: none affects the next;
+    `camera`: whether to use the camera over the floor, if it has one; `marker`: what it wears there."""
 
     def __init__(
         self,
@@ -310,15 +299,8 @@ class OwnSite(Closing):
         self._body, self._room, self._seed = body, room, seed
         self._stack, self._camera = ExitStack(), None
         if camera and body.is_filmed:
-            from realitygap.calibration.floor_camera import FloorCamera
-            from realitygap.film.tag import load_marker
-
             with ExitStack() as stack:
-                worn = load_marker(marker) if marker else None
-                watching = FloorCamera(
-                    room, unit=body.facts["unit"], noise=body.facts["twin_noise"], seed=seed, marker=worn
-                )
-                self._camera = stack.enter_context(watching)
+                self._camera = stack.enter_context(closing(FloorCamera(room, body, seed, marker)))
                 self._film = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "film.csv"
                 self._stack = stack.pop_all()
 
@@ -343,6 +325,60 @@ class OwnSite(Closing):
 
     def close(self) -> None:
         self._stack.close()
+
+
+class FloorCamera:
+    """The camera over the wheels' floor of a twin, calibrated with frames of the robot at known places.
+
+    Its pictures go through the tracker like any film's; the twin's true poses only draw them.
+    """
+
+    def __init__(self, room: Mapping[str, Any], body: Body, seed: int, worn: str | None) -> None:
+        from realitygap.film.calibrate import KnownFrame, calibrate_camera
+        from realitygap.film.tag import load_marker
+        from realitygap.twin.camera import OverheadCamera
+
+        self._marker = load_marker(worn) if worn else load_marker()
+        self._camera = OverheadCamera(
+            room, unit=body.facts["unit"], noise=body.facts["twin_noise"], seed=seed,
+            plate=plate_of(self._marker), grey=True,
+        )  # fmt: skip
+        try:
+            frames = [
+                KnownFrame(name=str(k), picture=self._camera.frame(pose, k), pose=pose)
+                for k, pose in enumerate(camera_places())
+            ]
+            self._model = calibrate_camera(frames, self._marker).camera
+        except BaseException:
+            self._camera.close()
+            raise
+
+    def poses(self, film: Path, steps: Sequence[int], trial: int) -> dict[int, Pose]:
+        """Tracked poses at steps (100 ms) of a trial's film, without those at which the robot is lost."""
+        from realitygap.film.tracker import Tracker
+
+        truth, tracker = read_track(film, seen_by="truth"), Tracker(self._model, self._marker)
+        seen: dict[int, Pose] = {}
+        for step in steps:
+            row = int(np.searchsorted(truth.t, truth.t[0] + STEP_S * step + 1e-6, side="right")) - 1
+            pose = Pose(x=truth.x[row], y=truth.y[row], heading=truth.heading[row])
+            found = tracker.see(self._camera.frame(pose, FRAMES * (trial + 1) + step))
+            if found is not None:
+                seen[step] = found[0]
+        return seen
+
+    def close(self) -> None:
+        self._camera.close()
+
+
+def plate_of(marker: Marker | None) -> Plate | None:
+    """How a twin's camera draws a tag on the robot; None: it wears the disk."""
+    from realitygap.film.tag import Tag
+    from realitygap.twin.camera import Plate
+
+    if not isinstance(marker, Tag):
+        return None
+    return Plate(marker.cells, marker.points / 100, marker.height_cm / 100)
 
 
 class PersonSite(Closing):
@@ -406,7 +442,7 @@ def _site(body: Body, ask: Ask | None, task: Task, plan: Plan) -> Site:
     if plan.marker is not None:
         raise UsageError(
             "marker: expected a robot with a camera of its own over it, as a twin's; this one is filmed by "
-            "whoever places it: `realitygap track FILM --marker …`."
+            "whoever places it: `realitygap camera track FILM --marker …`."
         )
     if ask is None:
         raise UsageError("ask: expected a function that asks a person to place the robot, got none.")
@@ -417,19 +453,8 @@ def _site(body: Body, ask: Ask | None, task: Task, plan: Plan) -> Site:
 
 
 class Journal:
-    """One recording's folder; `done` has the rows of the stops that are finished, by their keys.
-
-    Args:
-        folder: the recording's.
-        facts: for recording.toml, written at the start.
-        table: the table's name; it is made with its first rows if the folder is there already.
-        columns: of the table.
-        key: the columns that name a stop.
-        rows: how many rows a finished stop has, by its key.
-
-    Raises:
-        RecordingError: the folder holds another recording.
-    """
+    """One recording's folder; `done` has the rows of the stops that are finished, by their keys (columns
+    `key`); `rows` says how many rows a finished stop has, by its key."""
 
     def __init__(
         self,
@@ -455,15 +480,10 @@ class Journal:
 
     def add(self, rows: Sequence[Sequence[str]]) -> None:
         """Write all rows of a finished stop."""
-        head = [] if self.path.exists() else [self.columns]
-        text = "".join(",".join(row) + "\n" for row in (*head, *rows))
+        text = "".join(",".join(row) + "\n" for row in rows)
         with naming_errors(self.path), self.path.open("ab", buffering=0) as file:
             file.write(text.encode("utf-8"))
         self.done[self._name(rows[0])] = rows
-
-    def state(self, name: str, fact: Any) -> None:
-        """Put a fact into recording.toml that is known only now."""
-        atomic_write(self.folder / FACTS, to_toml({**self._stated(), name: fact}))
 
     def discard(self) -> None:
         """Remove an empty recording's files, and its folder if nothing else is in it."""
@@ -475,11 +495,8 @@ class Journal:
     def _name(self, row: Sequence[str]) -> tuple[str, ...]:
         return tuple(row[i] for i in self._key)
 
-    def _stated(self) -> dict[str, Any]:
-        return read_toml(self.folder / FACTS, RecordingError, "Begin the recording anew, in another folder.")
-
     def _check(self, facts: Mapping[str, Any]) -> None:
-        there = self._stated()
+        there = read_toml(self.folder / FACTS, RecordingError, "Begin the recording anew, in another folder.")
         for name in SAME:
             if there.get(name) != facts.get(name):
                 begun, asked = (repr(said[name]) if name in said else "the usual" for said in (there, facts))
@@ -510,11 +527,7 @@ class Journal:
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """A folder to record into, for one process at a time; an empty one is removed at the end.
-
-    Raises:
-        RecordingError: another process holds it, or it is a study's.
-    """
+    """A folder to record into, for one process at a time; an empty one is removed at the end."""
     import fcntl
 
     if (folder / STUDY).exists():

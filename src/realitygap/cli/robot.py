@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from realitygap.cli import option
-from realitygap.cli.kinds import ROBOT, Finite
-from realitygap.cli.output import print_json, table
+from realitygap.cli import options
+from realitygap.cli.console import print_json, table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -47,16 +46,18 @@ def robot() -> None:
 @click.option(
     "--robot",
     "where",
-    type=ROBOT,
+    type=options.ROBOT,
     required=True,
     help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, "
     "or a body of your own, file.py:Class.",
 )
-@option.baud()
-@option.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
-@click.option("--seconds", type=Finite(0.1, 3600), default=3.0, help="Seconds for which to show the sensors.")
+@options.baud()
+@options.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
+@click.option(
+    "--seconds", type=click.FloatRange(0.1), default=3.0, help="Seconds for which to show the sensors."
+)
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
-@option.as_json
+@options.as_json
 def check(
     where: Address,
     baud: int | None,
@@ -65,9 +66,10 @@ def check(
     yes: bool,
     json_output: bool,
 ) -> None:
-    """Check that a robot works: sensors, counters, the timing of its loop, and whatever else it has.
+    """Check that a robot works.
 
-    It moves only with your consent.
+    Shows its sensors, counters, the timing of its loop, and whatever else it has. It moves only with your
+    consent.
 
     \b
     Examples: a robot with factory settings; one of your own
@@ -81,7 +83,6 @@ def check(
     from realitygap.values import Pose
     from realitygap.world.robot import load_profile
 
-    option.check_baud(where)
     named = click.get_current_context().get_parameter_source("profile") is not ParameterSource.DEFAULT
     load_profile(profile)  # refused before the robot is asked anything
     with StopOnSignal(), closing(where.open(baud=baud)) as body:

@@ -232,7 +232,7 @@ def _source(options: Transfer, robot: Address, known: Known, run: Run, start: in
     if known.paced:
         return "speeds"
     raise UsageError(
-        f"robot {robot}: expected a way to know where it is: a camera above it (--eye, --camera), "
+        f"robot {robot}: expected a way to know where it is: a camera above it (--camera-device, --camera), "
         "`pose` of its own, counters, or `speeds` that it measures."
     )
 

@@ -22,7 +22,7 @@ from realitygap.robots.drive import Controller, Recorder
 from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
-from realitygap.study.versions import versions
+from realitygap.study.provenance import versions
 from realitygap.track import Track
 from realitygap.transfer.driven import Driven, driven
 from realitygap.transfer.film import TRACK, film_and_track
@@ -187,7 +187,7 @@ class Stage:
 
     def _camera(self, one: Situation) -> OverheadCamera:
         """The camera that films a trial."""
-        from realitygap.calibration.floor_camera import plate_of
+        from realitygap.calibration.record import plate_of
         from realitygap.twin.camera import OverheadCamera
 
         arena, unit, noise = self.study.task(one.task).arena.plain(), one.robot.unit, one.twin_noise
