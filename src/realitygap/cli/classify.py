@@ -24,8 +24,8 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
         realitygap classify track.csv --task light
     """
     from realitygap.correspondence.names import common_name, namer
-    from realitygap.correspondence.reading import doubts_of, read_trials
     from realitygap.correspondence.setting import setting_of
+    from realitygap.correspondence.trials import doubts_of, read_trials
     from realitygap.tasks.load import load_task
 
     trials = read_trials(tracks)

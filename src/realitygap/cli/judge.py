@@ -54,13 +54,13 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
         realitygap judge page pairs/ --out judge.html --key key.json
     """
     from realitygap.correspondence.judging import blind_pairs
-    from realitygap.correspondence.judging import page as page_of
-    from realitygap.correspondence.reading import doubts_of
+    from realitygap.correspondence.trials import doubts_of
     from realitygap.files import atomic_write
+    from realitygap.report.player import judge_page
 
     found, setting = _pairs(Path(pairs), task)
     data, rows = blind_pairs(found, setting, seed=seed)
-    atomic_write(out, page_of(data))
+    atomic_write(out, judge_page(data, setting.arena, found[0].a[0].radius_cm))
     atomic_write(key, json.dumps(rows, indent=1) + "\n")
     warn(doubts_of(trial for pair in found for trial in (*pair.a, *pair.b)))
     click.echo(f"{len(found)} pairs: open {out} in a browser; keep {key} from the judges")
@@ -100,9 +100,9 @@ def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
 
 def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
     from realitygap.correspondence.judging import Pair
-    from realitygap.correspondence.reading import read_trials
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
+    from realitygap.correspondence.trials import read_trials
     from realitygap.tasks.load import load_task
 
     read = []

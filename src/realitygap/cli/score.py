@@ -48,9 +48,9 @@ def score(
         realitygap score simulated.csv filmed/ --task avoidance
         realitygap score out/reproduce/transfer/twin-1/obstacle-avoidance-observed-1
     """
-    from realitygap.correspondence.reading import doubts_of, read_transfer, read_trials
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
+    from realitygap.correspondence.trials import doubts_of, read_transfer, read_trials
     from realitygap.tasks.load import load_task
     from realitygap.transfer.packed import unpacked
 
@@ -78,7 +78,7 @@ def score(
 def _task_of(folder: Path, trials: Path) -> Task | None:
     """The task of a transfer in its study, whose arena it is; None for trials that left their study, and
     where the task is a program that nobody agreed to run."""
-    from realitygap.correspondence.reading import TRANSFER
+    from realitygap.correspondence.trials import TRANSFER
     from realitygap.files import read_toml
     from realitygap.study.load import load_study
     from realitygap.study.reader import DATABASE

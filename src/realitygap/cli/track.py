@@ -75,8 +75,7 @@ def track(
 
 def _doubts(tracked: Tracked, source: str) -> tuple[str, ...]:
     """Whether the robot went where its disk says that it looks; nothing of a film that shows too little."""
-    from realitygap.correspondence.reading import doubt_of_disk
-    from realitygap.correspondence.trials import resampled
+    from realitygap.correspondence.trials import doubt_of_disk, resampled
 
     try:
         seen = resampled(tracked.track, source=source)
