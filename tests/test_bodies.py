@@ -13,10 +13,9 @@ from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
-from realitygap.robots.body import Body
-from realitygap.robots.clock import Clock
-from realitygap.robots.khepera.body import Khepera, KheperaBody
-from realitygap.robots.loop import drive
+from realitygap.robots.body import Body, Clock
+from realitygap.robots.drive import drive
+from realitygap.robots.khepera import Khepera, KheperaBody
 from realitygap.robots.twin import TwinLine
 from realitygap.simulation.body import SimulatedBody, network_inputs
 from realitygap.simulation.simulation import Simulation

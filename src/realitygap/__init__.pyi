@@ -4,7 +4,7 @@ from realitygap.api import calibrate as calibrate
 from realitygap.api import evolve as evolve
 from realitygap.api import merge as merge
 from realitygap.api import reproduce as reproduce
-from realitygap.calibration.recordings import load_recording as load_recording
+from realitygap.calibration.load import load_recording as load_recording
 from realitygap.calibration.unit import calibrated_unit as calibrated_unit
 from realitygap.control.encoding import Variation as Variation
 from realitygap.control.genotype import Genotype as Genotype

@@ -59,7 +59,7 @@ def test_a_machines_cores_change_no_bit(made_tables, monkeypatch):
         during.extend(threads())
         raise CalibrationError("enough")
 
-    monkeypatch.setattr("realitygap.calibration.calibrate.fit_infrared", fitted)
+    monkeypatch.setattr("realitygap.calibration.calibrate.fit_channel", fitted)
     with threadpool_limits(2, user_api="blas"):
         before = threads()
         with pytest.raises(CalibrationError, match="enough"):

@@ -107,7 +107,7 @@ def test_folders_json_and_units(json_of, tracks, trials, tmp_path, call):
     assert json_of("score", tracks, tmp_path / "f")["trials"] == [6, 12]
     (tmp_path / "j").mkdir()
     for seed in (1, 2):
-        words = ("simulate", "avoidance", "--controller", "braitenberg", "--pose", 25, 25, 90 * seed)
+        words = ("simulate", "avoidance", "--controller", "braitenberg", "--pose", f"25,25,{90 * seed}")
         (tmp_path / "j" / f"{seed}.json").write_text(call(*words, "--seed", seed, "--json").stdout)
     assert len(json_of("classify", tmp_path / "j")["tracks"]) == 2
 

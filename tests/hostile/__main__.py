@@ -25,7 +25,7 @@ LONGEST_S, MEMORY = 60, 12 * 2**30
 def tried(name: str, data: bytes) -> tuple[int, str]:
     """The exit code and what stands on stderr of reading these bytes as this kind of file."""
     from realitygap.cli import realitygap
-    from realitygap.cli.failure import guarded
+    from realitygap.cli.console import guarded
 
     kind = KINDS[name]
     out, error = io.StringIO(), io.StringIO()

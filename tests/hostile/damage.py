@@ -30,9 +30,7 @@ SIMULATE = [
     "--controller",
     "constant:5,-3",
     "--pose",
-    "25",
-    "25",
-    "90",
+    "25,25,90",
 ]
 TWIN = ["-m", "tests.same_everywhere", "twin"]
 

@@ -19,9 +19,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from realitygap.robots.khepera.body import Khepera, KheperaBody
-from realitygap.robots.loop import drive
-from realitygap.robots.recording import Recorder, Recording
+from realitygap.robots.drive import Recorder, Recording, drive
+from realitygap.robots.khepera import Khepera, KheperaBody
 from tests.robots.conftest import ARENA, BODY, ROOT, STALL_S
 from tests.robots.controllers import Constant, bands
 from tests.robots.pump import Faults, Pump

@@ -178,7 +178,7 @@ def _transfers(folder: Path) -> object:
 
 
 def _drive(folder: Path) -> object:
-    from realitygap.robots.recording import Recording
+    from realitygap.robots.drive import Recording
 
     return Recording.from_folder(folder).late_steps
 
@@ -245,9 +245,7 @@ _SIMULATE = (
     "--controller",
     "constant:1,2",
     "--pose",
-    "25",
-    "25",
-    "0",
+    "25,25,0",
     "--seconds",
     "0.5",
     "--json",
@@ -265,7 +263,7 @@ def _kinds() -> dict[str, Kind]:
         here + name: data
         for name, data in (("transfer.toml", _TRIAL), ("simulated.csv", _track()), ("situated.csv", _track()))
     }
-    track = ("track", "{}/film.mp4", "--camera", "{}/camera.json", "--out", "{}/out.csv", "--json")
+    track = ("camera", "track", "{}/film.mp4", "--camera", "{}/camera.json", "--out", "{}/out.csv", "--json")
     check, marks = (
         ("calibrate", "--check", "{}", "paper", "--json"),
         ("judge", "marks", "{}/m.csv", "--key", "{}/k.json"),
@@ -275,13 +273,13 @@ def _kinds() -> dict[str, Kind]:
         "profile-light": Kind(
             "mine.toml",
             profile,
-            ("probe", "light", "--pose", "60", "35", "0", "--profile", "{}/mine.toml", "--json"),
+            ("probe", "light", "--pose", "60,35,0", "--profile", "{}/mine.toml", "--json"),
         ),
         "arena": Kind("mine.toml", plain, (*_SIMULATE, "--arena", "{}/mine.toml")),
         "arena-light": Kind(
             "mine.toml",
             room,
-            ("probe", "light", "--pose", "60", "35", "0", "--arena", "{}/mine.toml", "--json"),
+            ("probe", "light", "--pose", "60,35,0", "--arena", "{}/mine.toml", "--json"),
         ),
         "recording": Kind("recording.toml", _FACTS, check, {"readings.csv": _readings()}),
         "readings": Kind("readings.csv", _readings(), check, wall),

@@ -20,9 +20,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from realitygap.errors import RealityGapError
-from realitygap.robots.khepera.body import Khepera, KheperaBody
-from realitygap.robots.loop import drive
-from realitygap.robots.recording import Recorder, Recording
+from realitygap.robots.drive import Recorder, Recording, drive
+from realitygap.robots.khepera import Khepera, KheperaBody
 from tests.robots.conftest import ARENA, BODY
 from tests.robots.controllers import Constant, bands
 from tests.robots.pump import Faults, Pump

@@ -18,7 +18,7 @@ from realitygap.report import player
 from realitygap.report.evolution import Paths, individual, parts_of
 from realitygap.report.player import LOST, activity, pack, track
 from realitygap.report.transfers import pairs_of
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.study.load import Study
 from tests.report.scenes import random_genotype
 from tests.report.situations import STEPS, write_transfer

@@ -7,9 +7,8 @@ from contextlib import ExitStack, closing
 
 from realitygap.robots import guard
 from realitygap.robots.address import Address
-from realitygap.robots.khepera.body import Khepera, KheperaBody
-from realitygap.robots.loop import drive
-from realitygap.robots.recording import Recorder
+from realitygap.robots.drive import Recorder, drive
+from realitygap.robots.khepera import Khepera, KheperaBody
 from tests.robots.conftest import STALL_S
 from tests.robots.controllers import Constant, bands
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from realitygap.robots.khepera.body import Khepera
+from realitygap.robots.khepera import Khepera
 from realitygap.robots.twin import TwinLine
 from realitygap.twin.firmware import Firmware
 from tests.robots.kinematic import KinematicBody

@@ -6,9 +6,8 @@ from contextlib import AbstractContextManager, nullcontext
 
 import pytest
 
-from realitygap.robots.body import Body
-from realitygap.robots.clock import Clock
-from realitygap.robots.khepera.body import KheperaBody
+from realitygap.robots.body import Body, Clock
+from realitygap.robots.khepera import KheperaBody
 from realitygap.testing import BodyContract
 from tests.robots.conftest import Bench
 

@@ -12,13 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.enki.process import EnkiProcess, program
-from realitygap.enki.unit import MODELS, draw_unit
 from realitygap.errors import RobotError, UsageError
 from realitygap.robots.address import Address, StandIn
-from realitygap.robots.body import Body, Filmed, Placing, Seen
-from realitygap.robots.clock import Clock
-from realitygap.robots.enki import EnkiBody
+from realitygap.robots.body import Body, Clock
+from realitygap.robots.enki import MODELS, EnkiBody, EnkiProcess, draw_unit, program
 from realitygap.testing import BodyContract
 from realitygap.track import read_track
 from realitygap.values import Command, Pose
@@ -195,7 +192,7 @@ def test_it_stays_in_its_room_and_stops_at_what_stands_there():
 def test_a_camera_gets_a_state_each_step(tmp_path):
     """The sealed file begins where the robot stands and has a row each 20 ms."""
     with opened() as body:
-        assert isinstance(body, Filmed) and isinstance(body, Placing) and isinstance(body, Seen)
+        assert body.is_filmed and body.places_itself and body.knows_pose
         body.enter(FLOOR, 4, None)
         body.reset(Pose(x=20, y=30, heading=0.5))
         body.film(tmp_path / "sealed.csv")
@@ -224,7 +221,7 @@ def test_a_killed_process_is_said_and_nothing_is_left():
 
 def test_a_process_that_hangs_is_given_up(monkeypatch):
     """It is not waited for longer than said, and is ended."""
-    monkeypatch.setattr("realitygap.enki.process.PATIENCE_S", 0.2)
+    monkeypatch.setattr("realitygap.robots.enki.PATIENCE_S", 0.2)
     with opened() as body:
         pid = body._enki._process.pid
         os.kill(pid, signal.SIGSTOP)
@@ -264,7 +261,7 @@ def test_what_is_missing_is_said_with_its_cure(tmp_path, monkeypatch):
     """No library, no compiler, no place to keep the program: one message each."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     with monkeypatch.context() as without, pytest.raises(UsageError, match="apt install libenki-dev g\\+\\+"):
-        without.setattr("realitygap.enki.process.LIBRARY", "libnothing.so")
+        without.setattr("realitygap.robots.enki.LIBRARY", "libnothing.so")
         program()
     with (
         monkeypatch.context() as without,
@@ -280,7 +277,7 @@ def test_what_is_missing_is_said_with_its_cure(tmp_path, monkeypatch):
 def test_a_library_that_does_not_fit_is_said(tmp_path, monkeypatch):
     """What the compiler says is told in one line, and nothing half-made stays."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("realitygap.enki.process.COMPILER", ("g++", "-std=c++14", "-include", "nothing.h"))
+    monkeypatch.setattr("realitygap.robots.enki.COMPILER", ("g++", "-std=c++14", "-include", "nothing.h"))
     with pytest.raises(UsageError, match=r"g\+\+ cannot compile it: .*nothing.h"):
         program()
     assert not list(Path(tmp_path, "realitygap").iterdir())

@@ -20,16 +20,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap.calibration.recordings import load_recording
+from realitygap.calibration.load import load_recording
 from realitygap.cli import realitygap
 from realitygap.errors import LineError, UsageError
 from realitygap.robots.address import Address
-from realitygap.robots.body import Body
-from realitygap.robots.clock import Clock
-from realitygap.robots.epuck.body import Epuck, EpuckBody
-from realitygap.robots.khepera.body import Khepera
-from realitygap.robots.loop import drive
-from realitygap.robots.recording import Recording
+from realitygap.robots.body import Body, Clock
+from realitygap.robots.drive import Recording, drive
+from realitygap.robots.epuck import Epuck, EpuckBody
+from realitygap.robots.khepera import Khepera
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.testing import BodyContract
@@ -100,7 +98,7 @@ def test_sensors_and_wheels_are_the_robots(name: str, request: pytest.FixtureReq
     robot: Emulated = request.getfixturevalue(name)
     robot.proximity = lambda: [10, 200, 3000, 4095, 0, 5, 6, 7]  # type: ignore[method-assign]
     with opened(robot) as body:
-        body.attend(("proximity", "ambient"), turns=True)
+        body.attend("proximity", "ambient")
         body.reset()
         body.act(Command(left=300, right=-100))
         time.sleep(0.2)

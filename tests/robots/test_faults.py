@@ -10,12 +10,9 @@ from pathlib import Path
 import pytest
 
 from realitygap.errors import LineError, RobotError, UsageError
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.khepera.protocol import KHEPERA
-from realitygap.robots.line.line import GIVE_UP_S, Answer
-from realitygap.robots.line.protocol import GarbledError, Request
-from realitygap.robots.loop import drive
-from realitygap.robots.recording import Recorder, Recording
+from realitygap.robots.drive import Recorder, Recording, drive
+from realitygap.robots.khepera import KHEPERA, KheperaBody
+from realitygap.robots.line import GIVE_UP_S, Answer, GarbledError, Request
 from tests.robots.conftest import Bench
 from tests.robots.controllers import Constant, bands
 from tests.robots.pump import Faults

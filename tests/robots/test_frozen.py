@@ -16,10 +16,9 @@ import numpy as np
 import pytest
 
 from realitygap.errors import FrozenError
+from realitygap.robots.drive import Recorder, Recording, drive
 from realitygap.robots.guard import SILENCE_S, TICK_S, Watchdog
-from realitygap.robots.khepera.body import KheperaBody
-from realitygap.robots.loop import drive
-from realitygap.robots.recording import Recorder, Recording
+from realitygap.robots.khepera import KheperaBody
 from tests.robots.conftest import ROOT, Bench
 from tests.robots.controllers import Constant, Wary, bands
 from tests.robots.test_faults import comes_to_stand

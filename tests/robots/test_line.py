@@ -11,9 +11,8 @@ from collections.abc import Iterator
 import pytest
 
 from realitygap.errors import LineError
-from realitygap.robots.khepera.body import Khepera
-from realitygap.robots.khepera.protocol import KHEPERA
-from realitygap.robots.line.line import Line
+from realitygap.robots.khepera import KHEPERA, Khepera
+from realitygap.robots.line import Line
 
 LINES = {b"H": b"h,1,2\r\n", b"B": b"b,5.02,5.01\r\n", b"D": b"d\r\n", b"E": b"e,0,0\r\n"}
 

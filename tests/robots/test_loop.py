@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from realitygap.errors import BaudError, LineError, RobotStoppedError, UsageError
-from realitygap.robots.khepera.body import Khepera, KheperaBody
-from realitygap.robots.loop import drive
-from realitygap.robots.recording import Recorder, Recording
+from realitygap.robots.drive import Recorder, Recording, drive
+from realitygap.robots.khepera import Khepera, KheperaBody
 from realitygap.robots.twin import TwinLine
 from realitygap.twin.firmware import Firmware
 from realitygap.values import Pose

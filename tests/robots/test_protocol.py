@@ -7,65 +7,64 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from realitygap.errors import BaudError, UsageError
-from realitygap.robots.epuck.protocol import EPUCK
-from realitygap.robots.khepera.protocol import KHEPERA
-from realitygap.robots.line.body import step_budget
-from realitygap.robots.line.protocol import Dialect, GarbledError, RefusedError, Request, answer
+from realitygap.robots.epuck import EPUCK
+from realitygap.robots.khepera import KHEPERA
+from realitygap.robots.line import GarbledError, Protocol, RefusedError, Request, answer, step_budget
 
 ASCII = st.characters(min_codepoint=32, max_codepoint=126)
-DIALECTS = pytest.mark.parametrize("dialect", [KHEPERA, EPUCK], ids=lambda dialect: dialect.robot)
+DIALECTS = pytest.mark.parametrize("protocol", [KHEPERA, EPUCK], ids=lambda protocol: protocol.robot)
 
 
-def requests(dialect: Dialect) -> st.SearchStrategy[Request]:
+def requests(protocol: Protocol) -> st.SearchStrategy[Request]:
     """Any command that the robot takes."""
 
     def of(letter: str) -> st.SearchStrategy[Request]:
-        takes = [st.integers(span.low, span.high) for span in dialect.commands[letter].takes]
+        takes = [st.integers(span.low, span.high) for span in protocol.commands[letter].takes]
         return st.tuples(*takes).map(lambda arguments: Request(letter, arguments))
 
-    return st.sampled_from(sorted(dialect.commands)).flatmap(of)
+    return st.sampled_from(sorted(protocol.commands)).flatmap(of)
 
 
 @DIALECTS
 @given(data=st.data())
-def test_a_command_reads_back_as_it_was_written(dialect: Dialect, data: st.DataObject) -> None:
+def test_a_command_reads_back_as_it_was_written(protocol: Protocol, data: st.DataObject) -> None:
     """What the driver writes is what the robot reads."""
-    asked = data.draw(requests(dialect))
-    assert dialect.request(asked.letter, *asked.arguments) == asked
-    assert dialect.parse_request(asked.data.decode()) == asked
+    asked = data.draw(requests(protocol))
+    assert protocol.request(asked.letter, *asked.arguments) == asked
+    assert protocol.parse_request(asked.data.decode()) == asked
 
 
 @DIALECTS
 @given(data=st.data())
-def test_an_answer_reads_back_as_it_was_written(dialect: Dialect, data: st.DataObject) -> None:
+def test_an_answer_reads_back_as_it_was_written(protocol: Protocol, data: st.DataObject) -> None:
     """What the robot answers is what the driver reads."""
-    asked = data.draw(requests(dialect))
-    form = dialect.commands[asked.letter]
+    asked = data.draw(requests(protocol))
+    form = protocol.commands[asked.letter]
     values = tuple(data.draw(st.integers(span.low, span.high)) for span in form.gives)
     if form.text is not None:
         values = tuple(data.draw(st.from_regex(form.text, fullmatch=True, alphabet=ASCII)) for _ in values)
     said = answer(asked.letter, *values).decode().strip("\r\n")
-    assert dialect.parse_answer(said, asked) == values
+    assert protocol.parse_answer(said, asked) == values
 
 
 @DIALECTS
 @given(text=st.text(max_size=20))
-def test_any_text_is_a_command_or_refused_in_the_robots_words(dialect: Dialect, text: str) -> None:
+def test_any_text_is_a_command_or_refused_in_the_robots_words(protocol: Protocol, text: str) -> None:
     """Nothing that comes down the line breaks the robot."""
     try:
-        asked = dialect.parse_request(text)
+        asked = protocol.parse_request(text)
     except RefusedError as refusal:
-        assert str(refusal) in (dialect.not_found, dialect.protocol_error)
+        assert str(refusal) in (protocol.not_found, protocol.protocol_error)
     else:
-        assert asked.letter in dialect.commands
+        assert asked.letter in protocol.commands
 
 
 @DIALECTS
 @given(text=st.text(max_size=30))
-def test_any_text_is_an_answer_or_an_error(dialect: Dialect, text: str) -> None:
+def test_any_text_is_an_answer_or_an_error(protocol: Protocol, text: str) -> None:
     """Nothing that comes back breaks the driver."""
     try:
-        values = dialect.parse_answer(text, Request("N"))
+        values = protocol.parse_answer(text, Request("N"))
     except (GarbledError, RefusedError):
         return
     assert len(values) == 8

@@ -9,7 +9,7 @@ import pytest
 
 from realitygap.errors import UsageError
 from realitygap.robots.body import Odometry
-from realitygap.robots.recording import Recorder, Recording, Step
+from realitygap.robots.drive import Recorder, Recording, Step
 from realitygap.values import Command, Readings
 
 FACTS = {"port": 'a "port"', "baud": 38400, "noise": 0.5, "unit": {"number": 3, "kinds": ["proximity"]}}

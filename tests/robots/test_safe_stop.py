@@ -12,9 +12,7 @@ from pathlib import Path
 import pytest
 
 from realitygap.errors import RobotStoppedError
-from realitygap.robots import signals
-from realitygap.robots.recording import Recording
-from realitygap.robots.signals import Stopping, undisturbed
+from realitygap.robots.drive import Recording, StopOnSignal
 from tests.robots.conftest import ROOT, Bench
 from tests.robots.test_faults import comes_to_stand
 
@@ -68,27 +66,12 @@ def test_a_second_ctrl_c_does_not_disturb_the_stop(bench: Bench, tmp_path: Path)
     assert Recording.from_folder(tmp_path / "r").ended.startswith("RobotStoppedError")
 
 
-def test_a_signal_never_cuts_an_exchange_in_half():
-    """A signal within an exchange that both ends count has its effect when that is over."""
-    seen = []
-    before = signal.signal(signal.SIGTERM, lambda number, frame: seen.append("handled"))
-    try:
-        with undisturbed():  # one exchange
-            with undisturbed():  # within another
-                os.kill(os.getpid(), signal.SIGTERM)
-                seen.append("inner end")
-            seen.append("outer end")
-        assert seen == ["inner end", "outer end", "handled"]
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
 def test_a_stop_that_hangs_can_be_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """A signal while the robot is stopped waits; one that comes long after ends the wait."""
-    monkeypatch.setattr(signals, "PATIENCE_S", 0.2)
+    monkeypatch.setattr("realitygap.robots.drive.PATIENCE_S", 0.2)
     passed = []
     with pytest.raises(RobotStoppedError, match="SIGINT again: the robot has not confirmed"):  # noqa: SIM117
-        with Stopping() as stopping, stopping.held():  # a driver's `stop`
+        with StopOnSignal() as stopping, stopping.held():  # a driver's `stop`
             for _ in range(3):
                 os.kill(os.getpid(), signal.SIGINT)
                 passed.append("not disturbed")

@@ -18,14 +18,11 @@ import pytest
 
 from realitygap.errors import LineError, RobotError, UsageError
 from realitygap.robots.address import Address
-from realitygap.robots.body import Body
-from realitygap.robots.clock import Clock, RealClock
+from realitygap.robots.body import Body, Clock, RealClock
+from realitygap.robots.drive import Recorder, Recording, drive
 from realitygap.robots.enki import EnkiBody
-from realitygap.robots.loop import drive
-from realitygap.robots.recording import Recorder, Recording
-from realitygap.robots.thymio.body import opened
-from realitygap.robots.thymio.line import AsebaLine
-from realitygap.robots.thymio.line import opened as port
+from realitygap.robots.thymio import AsebaLine, opened
+from realitygap.robots.thymio import opened_port as port
 from realitygap.testing import BodyContract
 from realitygap.values import Command, Pose, Readings
 from tests.robots import aseba
@@ -244,8 +241,8 @@ def test_a_thymio_sees_a_wall_come_nearer(simulator: str) -> None:
 
 CHILD = """
 import sys
-from realitygap.robots.loop import drive
-from realitygap.robots.thymio.body import opened
+from realitygap.robots.drive import drive
+from realitygap.robots.thymio import opened
 from realitygap.values import Command
 class Turning:
     def reset(self): pass

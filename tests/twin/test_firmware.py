@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from realitygap.robots.khepera.protocol import KHEPERA
+from realitygap.robots.khepera import KHEPERA
 from realitygap.twin.firmware import NEVER, Firmware
 from realitygap.values import Pose
 from tests.robots.kinematic import KinematicBody

@@ -17,7 +17,7 @@ from realitygap.lazy import needed
 from realitygap.report.drawing import front, rays_of
 from realitygap.report.network import network_drawing
 from realitygap.report.player import activity, decided
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.study.load import Run
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory, read_track

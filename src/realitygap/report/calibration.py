@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.judge import LIMITS, Judgement, judge
-from realitygap.calibration.recordings import WheelRecording, cylinder_radius, load_recording
+from realitygap.calibration.load import load_recording
+from realitygap.calibration.recordings import WheelRecording, cylinder_radius
 from realitygap.errors import UsageError
 from realitygap.report.page import Figures, OnProgress, write_page
 from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
@@ -24,9 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.collections import Collection
     from matplotlib.figure import Figure
 
-    from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.channel_fit import ChannelFit
-    from realitygap.calibration.wheels.fit import WheelFit
+    from realitygap.calibration.calibrate import Calibration, ChannelFit
+    from realitygap.calibration.wheels import WheelFit
 
 __all__ = [
     "REAL", "TITLES", "calibrated_part", "calibration_figures", "curves_figure", "look_of", "maps_figure",

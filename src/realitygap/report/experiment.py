@@ -18,7 +18,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from realitygap.calibration.misfit import LIMITS
+from realitygap.calibration.noise import LIMITS
 from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.experiment import RESULTS
@@ -44,7 +44,7 @@ FAILED = 6.0
 AGAIN = "Let the experiment finish (realitygap experiment noise --resume), or copy its results again."
 READINGS = {
     "a real Khepera (readings only)": {
-        "infrared": (REAL["infrared"], "7.8 to 8.6", "23.8"), "ambient": (REAL["ambient"], "4.1", "4.3"),
+        "infrared": (REAL["infrared"], "7.8 to 8.7", "23.8"), "ambient": (REAL["ambient"], "4.1", "4.3"),
     },
     "a real Thymio II (readings only)": {"infrared": ("10.2", "1.7", "7.4")},
 }  # fmt: skip
@@ -514,7 +514,7 @@ def read_robots(places: Sequence[Place]) -> dict[str, NoiseData]:
 
 def _own_noise(robot: str) -> dict[str, float]:
     """Published noise of a simulated robot, counts."""
-    from realitygap.enki.unit import MODELS
+    from realitygap.robots.enki import MODELS
     from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS
 
     address = Address.parse(robot)

@@ -23,7 +23,7 @@ from realitygap.report.network import network_drawing
 from realitygap.report.page import rendered
 from realitygap.report.style import noise_styles
 from realitygap.report.transfers import Pair, robots_of
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task

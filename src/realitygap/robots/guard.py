@@ -95,6 +95,9 @@ class Guard:
         now = _now()
         silent, before = now - self._last, self._last
         heard = self._heard()
+        if not heard and now - self._echoed > UNGUARDED_S:  # on a busy computer its turn may come now
+            select.select([self._socket], [], [], TICK_S)
+            heard = self._heard()
         if DRIVES in heard:
             self._echoed = max(before, now - STEP_S)  # it came since then
         told = None

@@ -7,9 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from realitygap.robots.khepera.body import Khepera, KheperaBody
-from realitygap.robots.khepera.protocol import KHEPERA
-from realitygap.robots.line.line import Line
+from realitygap.robots.khepera import KHEPERA, Khepera, KheperaBody
+from realitygap.robots.line import Line
 from realitygap.twin.body import TwinBody
 from realitygap.twin.firmware import Firmware
 from realitygap.twin.stranger import StrangerBody
@@ -83,7 +82,7 @@ class Twin(KheperaBody):
         self._name = "stranger" if stranger else "twin"
         self._firmware: Firmware | None = None
         self._rests = True
-        self.attend(kinds, turns=True)
+        self.attend(*kinds)
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -103,7 +102,7 @@ class Twin(KheperaBody):
         assert self.baud is not None
         self._firmware = Firmware(body, baud=self.baud, name=f"{self._name} unit {self.unit}")
         self.driver = Khepera.awake(TwinLine(self._firmware))
-        self._carry = self._firmware.place
+        self.clock, self._carry = self.driver.clock, self._firmware.place
         self._rests = True
         if pose is not None:
             self._carry(pose)

@@ -15,24 +15,24 @@ from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
 from realitygap.plugins import blamed_on
 from realitygap.study import fleet
-from realitygap.study.materials import Materials
+from realitygap.study.folder import Materials
 from realitygap.study.plan import plans
 from realitygap.study.run import (
     WHO,
     Asked,
     Bench,
     Records,
-    Results,
     advance,
     begin,
     finish,
     tested_levels,
 )
+from realitygap.study.store import Advanced, Finished, Message
 from realitygap.tasks.task import Task
 from realitygap.values import Closing
 from realitygap.work.pool import Tell
 
-__all__ = ["Advanced", "Finished", "Job", "Message", "Workshop", "merged"]
+__all__ = ["Advanced", "Finished", "Job", "Message", "Rehearsal", "Workshop", "merged"]
 
 AMBIENT_COST = 2.5
 """Time of a step with ambient sensors over that with proximity sensors: a hint for the order of work."""
@@ -45,25 +45,12 @@ class Job(NamedTuple):
     checkpoint: bytes | None
 
 
-class Advanced(NamedTuple):
-    """Evaluations of a run, and the state after them."""
+class Rehearsal(NamedTuple):
+    """A half of what runs call, to be compiled (or loaded) in a worker while another has the other half."""
 
-    run: int
-    records: Records
-    evaluations: int
-    best_fitness: float
-    best_number: int
-    state: bytes
+    breeding: bool
 
 
-class Finished(NamedTuple):
-    """A run's tests: the run is complete."""
-
-    run: int
-    results: Results
-
-
-Message = Advanced | Finished
 Steps = Generator[Asked | Message, Any, None]
 
 
@@ -93,8 +80,14 @@ class Workshop:
                 if self.engine != "cores" and fleet.fits(bench):
                     fleet.prepare(bench)
 
-    def carry_out(self, job: Job, tell: Tell) -> None:
+    def carry_out(self, job: Job | Rehearsal, tell: Tell) -> None:
         """Carry out a run; `tell` receives its messages."""
+        if isinstance(job, Rehearsal):
+            for condition in range(len(self._materials.tasks)):
+                with self._blamed():
+                    bench = self._bench(condition)
+                    bench.breed() if job.breeding else bench.simulation(bench.noise).compile()
+            return
         plan = self._plans[job.run]
         for messages in self._rounds(plan.condition, {job.run: self._run(job.run, self._state(job))}):
             for message in messages:

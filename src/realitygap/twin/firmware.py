@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import IO, NamedTuple, Protocol
 
 from realitygap.files import naming_errors
-from realitygap.robots.khepera.protocol import KHEPERA
-from realitygap.robots.line.protocol import RefusedError, answer
+from realitygap.robots.khepera import KHEPERA
+from realitygap.robots.line import RefusedError, answer
 from realitygap.values import Pose
 
 __all__ = ["BIOS", "PROTOCOL", "Firmware", "RobotBody"]
