@@ -6,18 +6,21 @@ little-endian int16 or int8 in base64: a tenth of the size of JSON.
 """
 
 import base64
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.control.genotype import Genotype
 from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, front
 from realitygap.report.evolution import PER_CONDITION, NoiseClass, Paths, Row, TaskPart, chosen, individual
 from realitygap.report.network import network_drawing
+from realitygap.report.page import rendered
 from realitygap.report.style import noise_styles
 from realitygap.report.transfers import Pair, robots_of
 from realitygap.robots.drive import Recording
@@ -32,8 +35,8 @@ from realitygap.world.robot import TOP_INPUT, Profile, noise_name
 from realitygap.world.sensors import RAY_ANGLES_DEG, AmbientSensor, ProximitySensor
 
 __all__ = [
-    "LOST", "MOST_RUNS", "MOST_TRIALS", "activity", "arena_json", "decided", "pack", "player_data",
-    "player_json", "replay_data", "track",
+    "LOST", "MOST_RUNS", "MOST_TRIALS", "activity", "arena_json", "decided", "judge_page", "pack",
+    "player_data", "player_json", "replay_data", "track",
 ]  # fmt: skip
 
 Json = dict[str, object]
@@ -244,6 +247,27 @@ def _sensors(task: Task, profile: Profile) -> Json:
 def _sensor(one: ProximitySensor | AmbientSensor, reach_cm: float, limits: Json) -> Json:
     reach = round(min(reach_cm, LIT_RAYS_CM), 2)
     return {"x": one.x_cm, "y": one.y_cm, "direction": one.direction_deg, "reach": reach, **limits}
+
+
+def judge_page(data: Mapping[str, object], arena: Arena | None, radius_cm: float) -> str:
+    """The page on which people rate pairs: self-contained, ratings saved in the browser and as a file.
+
+    Args:
+        data: the pairs, from `correspondence.blind_pairs`.
+        arena: where they drove; None: an empty one around all of them.
+        radius_cm: of the bodies.
+    """
+    body = {
+        "radius": radius_cm,
+        "front": radius_cm,
+        "outline": [],
+        "track": 1.8 * radius_cm,
+        "wheel": WHEEL_CM,
+    }
+    empty = {"size_cm": data["size_cm"], "cylinders": [], "walls": [], "lamps": []}
+    text = player_json({**data, "arena": arena_json(arena) if arena else empty, "robot": body})
+    name = hashlib.sha256(text.encode()).hexdigest()[:16]  # ratings of another page are kept apart
+    return rendered("judge.html.j2", {"data": Markup(text[:-1] + f',"id":"{name}"}}')})
 
 
 # One drive
