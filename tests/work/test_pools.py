@@ -14,7 +14,7 @@ from realitygap.study.reader import Reader
 from realitygap.study.runner import workshop_of
 from realitygap.testing import PoolContract
 from realitygap.work.cluster import named_pool
-from realitygap.work.pool import Counted, Here, Processes, opened
+from realitygap.work.pool import Here, Processes, opened
 from tests.study.helpers import small
 
 
@@ -32,13 +32,6 @@ class TestProcesses(PoolContract):
 
     def opened(self):
         return Processes(2)
-
-
-class TestCounted(PoolContract):
-    """Somebody's, held to its word."""
-
-    def opened(self):
-        return Counted(Here())
 
 
 class Leaky(Here):
