@@ -136,9 +136,8 @@ def merge(
         StudyError: a shard is missing, unfinished or of another study; or `out` exists.
     """
     from realitygap.study.folder import agree
-    from realitygap.study.merge import all_shards, merge_runs
-    from realitygap.study.runner import WORK
-    from realitygap.work.shard import read_mark, whole_of
+    from realitygap.study.runner import WORK, merge_runs
+    from realitygap.work.shard import all_shards, read_mark, whole_of
 
     several = [shards] if isinstance(shards, str | PathLike) else list(shards)
     folders = [Path(one) for one in several]
@@ -329,8 +328,7 @@ def study_config(
         StudyError: `config` names a program that this user neither named nor agreed to run.
     """
     from realitygap.study.config import Condition, StudyConfig
-    from realitygap.study.folder import exists, own_config
-    from realitygap.study.sources import agree_to, refuse_strange
+    from realitygap.study.folder import agree_to, exists, own_config, refuse_strange
     from realitygap.tasks import load_task
 
     if config is not None:

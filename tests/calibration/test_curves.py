@@ -49,24 +49,6 @@ def test_a_sensor_ends_where_its_readings_pile_up(recorded):
     assert saturation(free)[0] == free.top and free.counts[:, 0].max() < free.top
 
 
-def test_straight_curves_do_not_hang_on_rounding():
-    """A share that differs in its tenth digit moves a curve that is straight over the light hardly."""
-    random = np.random.default_rng(3)
-    u = random.uniform(0.02, 0.6, (400, 2))
-    counts = np.minimum(2000.0 * (u / (1 - u)) ** 2 + 10 * random.normal(size=u.shape), 4095.0)
-    seen = Seen(
-        counts=counts,
-        use=np.ones(u.shape, bool),
-        top=4095.0,
-        most=4095.0,
-        noise=18.0,
-        smooth=0.1,
-        linear=True,
-    )
-    here, there = (on_curves(Curves(seen, share).fitted(beyond=True), u) for share in (u, u * (1 + 1e-10)))
-    assert np.abs(here - there).max() < 0.02  # with the light without end 1.7
-
-
 def test_curves_go_on_beyond_their_end_where_asked():
     """So that a reading just below it lies on a straight line, not on one towards the end's own step."""
     u = np.random.default_rng(5).uniform(0.1, 0.6, (2000, 1))

@@ -13,7 +13,6 @@ from realitygap.calibration import calibrate as calibrating
 from realitygap.calibration import measured, readings
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.curves import Curves, Seen, on_curves
-from realitygap.calibration.fit import choose
 from realitygap.calibration.forms import fit_infrared
 from realitygap.calibration.judge import judge
 from realitygap.calibration.load import find_recordings, load_recording
@@ -22,7 +21,6 @@ from realitygap.calibration.model import lit_readings, proximity, received, scen
 from realitygap.calibration.noise import Sample, noise_tables
 from realitygap.calibration.readings import Readings, repeated_noise
 from realitygap.calibration.recordings import SensorRecording
-from realitygap.errors import RecordingError
 from realitygap.world.robot import Profile, load_profile
 from tests.calibration.conftest import places
 
@@ -174,12 +172,6 @@ def test_auto_goes_by_places_held_out(recorded, monkeypatch, base):
     assert fit.form == "extended" and fit.held_out["extended"] < fit.held_out["measured"]
 
 
-def test_a_form_with_more_constants_must_be_better_by_a_margin():
-    """Of 2 %, for infrared and light alike."""
-    assert choose({"extended": 10.0, "measured": 9.9}) == "extended"
-    assert choose({"extended": 10.0, "measured": 9.7}) == "measured"
-
-
 @pytest.mark.parametrize("form", ["extended", "measured"])
 def test_places_held_out_change_no_fit(form):
     """What a fold's readings are changes nothing in the fit that reads them: no choice is made by them."""
@@ -267,18 +259,6 @@ def test_quiet_sensors_beside_loud_ones_keep_their_noise():
     table, _ = noise_tables(sample, level, level, np.zeros(60), 4095.0, kind="infrared")
     right = np.append(true, np.sqrt((true**2).mean()))[:, None] * np.linspace(0.3, 1.0, 9)
     assert np.abs(np.log(table / right)).mean(axis=1).max() < 0.35
-
-
-@pytest.mark.parametrize(("dead", "size"), [(1050.0, 0.0), (0.0, 400.0)])
-def test_readings_at_the_edge_of_a_dead_zone_are_no_noise_of_the_dark(dead, size):
-    """At one of eleven dark places most readings were above the dead zone: in the open such a robot reads 0
-    for certain. Without a dead zone they are readings of the dark as all others."""
-    counts, place = np.zeros((440, 1)), np.repeat(np.arange(11), 40)
-    counts[place == 0] = np.where(np.arange(40) % 8, 1060.0, 0.0)[:, None]
-    sample = Sample(z=np.full((440, 1), np.nan), level=counts, group=place, row=np.arange(440))
-    told = {"kind": "infrared", "dead": dead}
-    table, _ = noise_tables(sample, counts, 0.0 * counts, np.zeros(440), 4500.0, **told)
-    assert table[0, 0] == pytest.approx(size, rel=0.1)
 
 
 @pytest.fixture(scope="session")
@@ -378,20 +358,3 @@ def test_a_real_thymio_is_judged_by_the_shipped_profile(thymio):
         fits.append(told.noise_fits)  # readings in the dark have no noise, as the profile says
         assert (told.model[recording.distance_cm > 10.5, k] == 0).all()
     assert len(off) == 6 and max(off) < 0.04 * profile.infrared.top and any(fits)
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "words"),
-    [
-        ("front.csv", "1cm,5,5,5\n", "sensor's number"),
-        ("sensor02_x.csv", "near,5,5,5\n", "line 1: expected a distance"),
-        ("sensor02_x.csv", "0,5cm;5;5;5\n", "line 1: expected values separated by commas, got semicolons"),
-        ("sensor02_x.csv", "1cm,5,5,x\n", "line 1: expected .* more than 2 readings"),
-        ("sensor02_x.csv", "", "empty"),
-    ],
-)
-def test_a_broken_series_is_refused(tmp_path, name, text, words):
-    """File and line, what was expected and what came."""
-    (tmp_path / name).write_text(text)
-    with pytest.raises(RecordingError, match=words):
-        load_recording(tmp_path / name)

@@ -60,15 +60,3 @@ def test_it_gives_the_same_bits_and_stays_within_bounds(counts):
     assert all(np.array_equal(one[key], two[key]) for key in one)
     assert one["dark"] == 3.0
     assert (np.abs(one["edge"]) <= 0.15).all()
-
-
-def test_readings_that_do_not_count_move_nothing(counts):
-    """A sensor out of use keeps its constants, whatever it reads."""
-    use = np.ones(counts.shape, bool)
-    use[:, 3] = False
-    wild = counts.copy()
-    wild[:, 3] = 1e3
-    start = {f.key: f.start for f in FREES}
-    with_it, without = found(counts, start, use), found(wild, start, use)
-    assert all(np.array_equal(with_it[key], without[key]) for key in with_it)
-    assert with_it["edge"][3] == 0.0

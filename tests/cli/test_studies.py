@@ -178,11 +178,11 @@ def test_a_task_of_ones_own(own, json_of, call, tmp_path):
 @pytest.fixture
 def another_user(monkeypatch, tmp_path):
     """Somebody who has agreed to run nothing yet; a call forgets what was agreed to in this process."""
-    from realitygap.study import sources
+    from realitygap.study import folder
 
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "elsewhere"))
-    sources._known.cache_clear()
-    return sources._known.cache_clear
+    folder._known.cache_clear()
+    return folder._known.cache_clear
 
 
 def test_a_strangers_task_file_is_asked_about(own, call, refused, json_of, monkeypatch, another_user):

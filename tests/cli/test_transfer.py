@@ -17,8 +17,7 @@ from tests.served import Served
 
 from realitygap import Genotype, load_study, load_transfers, marks_of
 from realitygap.film.video import FilmWriter
-from realitygap.study.config import StudyConfig
-from realitygap.study.parts import Condition
+from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.transfer.film import Watcher

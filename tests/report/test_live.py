@@ -11,8 +11,8 @@ from realitygap.cli import realitygap
 from realitygap.report import live
 from realitygap.report.live import LivePage
 from realitygap.study.load import load_study
-from realitygap.study.reader import DATABASE
 from realitygap.study.runner import run_study
+from realitygap.study.store import DATABASE
 from realitygap.work.progress import Progress
 from tests.study.helpers import small
 

@@ -99,11 +99,6 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
     inside = inside or sorted(found for found in path.glob("*") if SERIES.fullmatch(found.name))
     if inside:
         return tuple(inside)
-    if below := sorted({str(found.parent.parent) for found in path.glob(f"*/*/{FACTS}")}):
-        more = f" and {len(below) - 3} more" if len(below) > 3 else ""
-        raise RecordingError(
-            f"{path}: holds no recording, but folders in it do: give {' or '.join(below[:3])}{more}."
-        )
     what = "holds no recording" if path.is_dir() else "there is no such recording"
     raise RecordingError(f"{path}: {what}. Make one with `realitygap record`, or give a .sam table.")
 
@@ -259,22 +254,18 @@ def _check_readings(
     table: Table, kind: str, distance: Floats, bearing: Floats, counts: Floats, full_scale: float | None
 ) -> None:
     """Refuse readings that are impossible in counts, centimetres and degrees, by line, column and unit."""
-    nothing = "Are these millimetres? Where nothing was near, leave the row out."
-    mm = "Are these millimetres? Divide them by 10."
-    from_pose = "x_cm" in table.columns and "distance_cm" not in table.columns
-    if not from_pose:
-        table.refuse(distance < 0, "distance_cm", "0 or more cm", distance, "It counts from the body's edge.")
-        table.refuse(distance > FARTHEST_CM, "distance_cm", f"at most {FARTHEST_CM:g} cm", distance, nothing)
+    mm = "Are these millimetres? Where nothing was near, leave the row out."
+    if "distance_cm" in table.columns:
+        off = (distance < 0) | (distance > FARTHEST_CM)
+        table.refuse(off, "distance_cm", f"0 to {FARTHEST_CM:g} cm from the body's edge", distance, mm)
         table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
     top = math.inf if full_scale is None else full_scale
-    expected = "counts from 0 on" if full_scale is None else f"counts from 0 to {top:g}"
-    cure = "" if full_scale is None else f"The converter's highest count is said with full_scale in {FACTS}."
     for k, values in enumerate(counts.T):
-        table.refuse((values < 0) | (values > top), f"s{k}", expected, values, cure)
+        table.refuse((values < 0) | (values > top), f"s{k}", f"counts from 0 to {top:g} (full_scale)", values)
     brightest = np.nan_to_num(counts).max(axis=1)  # a sensor may be unrecorded
     bright = BRIGHT * max(1.0, count_unit(full_scale or float(brightest.max())))
-    far = (distance > REACH_CM) & (brightest > bright)
     if kind == "infrared":
+        far = (distance > REACH_CM) & (brightest > bright)
         expected = f"at most {REACH_CM:g} cm where a sensor reads {bright:g} counts or more"
         table.refuse(far, "distance_cm", expected, distance, mm)
 

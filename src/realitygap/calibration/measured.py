@@ -50,6 +50,8 @@ FINE_DEG = (3.0, 1.0, 0.3)
 """Ranges of the last scans."""
 OPENED_DEG, OPENINGS = (0.3, 0.1, 0.03), 9
 """Ranges of the scans for the angle between two beams, and angles tried in each."""
+ROUNDS, SETTLED = 6, 0.95
+"""The last rounds, of smoothness, scans and descents, go on while the residual falls below this factor."""
 FINEST = 0.004
 """No model is expected to be more accurate than this share of the full scale."""
 POINTS = (STEPS // 4, STEPS // 2, 3 * STEPS // 4)
@@ -287,14 +289,18 @@ class _Search:
         """By all places, with curves as smooth as places held out have it."""
         seen = replace(optics.seen, noise=self._noise)
         alikes = ALIKES if self._data.straight else (ALIKE,)
-        for _ in range(2):  # smoothness shows only near the right optics
+        best = np.inf
+        for _ in range(ROUNDS):  # smoothness shows only near the right optics, and that with smooth curves
             seen = smoothness(seen, optics.share(values), self._folds, alikes)[1]
             optics = replace(optics, seen=seen)
             for reach in FINE_DEG:
                 values = self._scanned(optics, values, reach)
             values = self.nearer(optics, values, self.solved(optics, values).values)
-        for reach in OPENED_DEG if "share_1" not in optics.lobe else ():
-            values = self._opened(optics, values, reach)
+            for reach in OPENED_DEG if "share_1" not in optics.lobe else ():
+                values = self._opened(optics, values, reach)
+            before, best = best, self._left(optics, values)
+            if best > SETTLED * before:
+                break
         plain = 1.0 if "share_1" in optics.lobe else PLAIN
         return self._left(optics, values) * plain, optics, values
 

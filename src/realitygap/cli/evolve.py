@@ -67,7 +67,7 @@ def reproduce(
     """
     from realitygap import api
     from realitygap.experiments.reproduction import ASKED
-    from realitygap.study.reader import DATABASE
+    from realitygap.study.store import DATABASE
     from realitygap.transfer.load import load_transfers
 
     requested = api.reproduction(out, resume, settings)
@@ -142,7 +142,7 @@ def evolve(
         realitygap evolve light-seeking --noise double --runs 3 --set evolution.rows=10
     """
     from realitygap import api
-    from realitygap.study.reader import DATABASE
+    from realitygap.study.store import DATABASE
 
     folder = api.folder_of(task, out, shard)
     chosen = api.study_config(folder, task, spread=spreads, resume=resume, **fields)
@@ -200,10 +200,10 @@ def merge(
     from realitygap.experiments.noise import CONFIG, NoiseConfig
     from realitygap.experiments.noise_run import merge_noise, noise_experiment
     from realitygap.study.load import load_study
-    from realitygap.study.merge import all_shards, merge_runs
-    from realitygap.study.reader import DATABASE
+    from realitygap.study.runner import merge_runs
+    from realitygap.study.store import DATABASE
     from realitygap.transfer.plan import FOLDER as TRANSFERS
-    from realitygap.work.shard import read_mark, whole_of
+    from realitygap.work.shard import all_shards, read_mark, whole_of
 
     found = all_shards(shards)
     target = whole_of(shards[0]) if out is None else out

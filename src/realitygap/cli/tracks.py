@@ -259,7 +259,7 @@ def _task_of(folder: Path, trials: Path) -> Task | None:
     from realitygap.correspondence.reading import TRANSFER
     from realitygap.files import read_toml
     from realitygap.study.load import load_study
-    from realitygap.study.reader import DATABASE
+    from realitygap.study.store import DATABASE
 
     above = next((one for one in folder.resolve().parents if (one / DATABASE).is_file()), None)
     with suppress(RealityGapError):

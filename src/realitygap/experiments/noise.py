@@ -12,6 +12,7 @@ import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from hashlib import blake2b
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,14 +38,11 @@ from realitygap.robots.address import Address
 from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
-from realitygap.study.config import StudyConfig
-from realitygap.study.digest import check_of
+from realitygap.study.config import LARGEST, Condition, StudyConfig, TaskSettings
+from realitygap.study.config import whole as whole_number
 from realitygap.study.load import Study, load_study
-from realitygap.study.parts import Condition, TaskSettings
 from realitygap.study.plan import named
-from realitygap.study.settings import LARGEST
-from realitygap.study.settings import whole as whole_number
-from realitygap.study.versions import versions
+from realitygap.study.provenance import versions
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track, settled
@@ -725,3 +723,8 @@ def _mean(values: Sequence[float]) -> float:
     """Mean of the known values; NaN for none."""
     known = [value for value in values if math.isfinite(value)]
     return math.fsum(known) / len(known) if known else math.nan
+
+
+def check_of(facts: object) -> str:
+    """A digest of JSON data, to be stored beside it in its file."""
+    return blake2b(json.dumps(facts).encode(), digest_size=8).hexdigest()

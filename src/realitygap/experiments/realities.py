@@ -12,7 +12,7 @@ from realitygap.experiments.experiment import Settings, open_folder
 from realitygap.experiments.noise import CONFIG, NoiseConfig
 from realitygap.experiments.noise_run import check_robot, noise_experiment
 from realitygap.robots.address import Address
-from realitygap.study.lock import lock
+from realitygap.work.folder import lock
 from realitygap.work.pool import Workers, opened
 from realitygap.work.progress import OnProgress, Progress
 from realitygap.world.toml import require

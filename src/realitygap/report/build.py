@@ -47,8 +47,8 @@ from realitygap.report.player import player_data, player_json
 from realitygap.report.scores import SCORES, ScoreTable, score_tables, scores_csv
 from realitygap.report.style import noise_key, number
 from realitygap.report.transfers import Group, Pair, Situated, pairs_of, situated_of, transfers_csv
+from realitygap.study.config import Encoding, Evolution
 from realitygap.study.load import Run, Study, load_study
-from realitygap.study.parts import Encoding, Evolution
 from realitygap.tasks import load_task
 from realitygap.transfer.score_rows import ScoreRow, marks_of
 from realitygap.world.robot import NOISE_LEVELS, Profile, load_profile

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from realitygap.files import atomic_write
 from realitygap.report.style import inline_svg, number, save_figure, styled
-from realitygap.study.sources import refuse_links
+from realitygap.work.folder import refuse_links
 
 __all__ = ["Figures", "OnProgress", "Picture", "rendered", "report_folder", "write_page"]
 

@@ -15,7 +15,7 @@ from realitygap.film.disk import Disk
 from realitygap.film.tag import Marker, load_marker
 from realitygap.plugins import place_of
 from realitygap.robots.address import Address, as_scale
-from realitygap.study.settings import LARGEST, whole
+from realitygap.study.config import LARGEST, whole
 
 __all__ = ["Named", "Transfer"]
 

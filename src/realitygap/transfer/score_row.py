@@ -25,7 +25,7 @@ from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.streams import NAMED
 from realitygap.study.load import Run, Study
-from realitygap.study.versions import project_commit
+from realitygap.study.provenance import project_commit
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.apart import DISTANCES, distances

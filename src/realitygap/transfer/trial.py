@@ -22,7 +22,7 @@ from realitygap.robots.drive import Controller, Recorder
 from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
-from realitygap.study.versions import versions
+from realitygap.study.provenance import versions
 from realitygap.track import Track
 from realitygap.transfer.driven import Driven, driven
 from realitygap.transfer.film import TRACK, film_and_track

@@ -10,8 +10,6 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 __all__ = ["UNKNOWN", "processor", "project_commit", "versions"]
 
@@ -40,33 +38,21 @@ def versions() -> dict[str, str]:
 
 
 def project_commit(package: Path = PACKAGE) -> str:
-    """The commit that the package was made from, with " + changes" if files differ from it.
+    """The commit that the package was made from, with " + changes" if files differ from it, or `UNKNOWN`.
 
-    Sources, in this order: the git checkout that contains the package; pip's record of an installation from a
-        repository (PEP 610); the checkout that pip installed from, if its package has the same bytes.
-        Otherwise `UNKNOWN`.
+    By the git checkout that contains the package, or pip's record of an installation (PEP 610).
     """
     if _git(package, "ls-files", "--error-unmatch", "__init__.py") is not None:
-        return _state(package)
-    record = _pip_record()
-    if "dir_info" not in record:
-        return str(record.get("vcs_info", {}).get("commit_id") or UNKNOWN)
-    source = Path(url2pathname(urlsplit(record["url"]).path)) / "src" / package.name
-    return _state(source) if _files(package) == _files(source) else UNKNOWN
-
-
-def _files(folder: Path) -> dict[Path, bytes]:
-    """Files of a package, apart from compiled Python."""
-    every = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    return {path.relative_to(folder): path.read_bytes() for path in every}
-
-
-def _state(folder: Path) -> str:
-    """The commit of the checkout that contains a package's folder; changes elsewhere in it do not matter."""
-    commit, changed = _git(folder, "rev-parse", "HEAD"), _git(folder, "status", "--porcelain", "--", ".")
-    if not commit or changed is None:
+        commit, changed = (
+            _git(package, "rev-parse", "HEAD"),
+            _git(package, "status", "--porcelain", "--", "."),
+        )
+        return f"{commit} + changes" if commit and changed else commit or UNKNOWN
+    try:
+        record = json.loads(distribution("realitygap").read_text("direct_url.json") or "{}")
+    except (PackageNotFoundError, OSError, ValueError):
         return UNKNOWN
-    return f"{commit} + changes" if changed else commit
+    return str(record.get("vcs_info", {}).get("commit_id") or UNKNOWN)
 
 
 def _git(folder: Path, *words: str) -> str | None:
@@ -78,15 +64,6 @@ def _git(folder: Path, *words: str) -> str | None:
     except (OSError, subprocess.SubprocessError, UnicodeDecodeError):
         return None
     return said.stdout.strip()
-
-
-def _pip_record() -> dict[str, Any]:
-    """Pip's record of where the package came from."""
-    try:
-        found = json.loads(distribution("realitygap").read_text("direct_url.json") or "{}")
-    except (PackageNotFoundError, OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 @cache
