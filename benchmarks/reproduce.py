@@ -26,7 +26,7 @@ from steps import random_networks
 
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.config import StudyConfig
-from realitygap.study.materials import gather
+from realitygap.study.folder import gather
 from realitygap.study.plan import plans
 from realitygap.study.run import Bench, advance, begin
 from realitygap.tasks import load_task

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from realitygap import StudyConfig, run_study
 from realitygap.export import on_board, write_source
-from realitygap.study.parts import Condition
+from realitygap.study.config import Condition
 
 
 def main(folder: Path) -> None:

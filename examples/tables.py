@@ -14,7 +14,7 @@ import pandas
 
 from realitygap import StudyConfig, run_study
 from realitygap.export import write_tables
-from realitygap.study.parts import Condition
+from realitygap.study.config import Condition
 
 
 def main(folder: Path, runs: int = 3) -> pandas.DataFrame:

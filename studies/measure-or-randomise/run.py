@@ -25,8 +25,7 @@ from common import told
 
 from realitygap.calibration.unit import PROFILE, calibrated_again, calibrated_unit
 from realitygap.control.encoding import genotype_of
-from realitygap.correspondence.scale import exemplar_scale
-from realitygap.correspondence.score import compare
+from realitygap.correspondence.score import compare, exemplar_scale
 from realitygap.correspondence.setting import setting_of
 from realitygap.correspondence.trials import resampled
 from realitygap.errors import TrackError
@@ -48,11 +47,10 @@ from realitygap.files import atomic_write, to_toml
 from realitygap.robots.address import Address
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
-from realitygap.study.config import StudyConfig
-from realitygap.study.parts import Condition as Evolved
-from realitygap.study.parts import TaskSettings
+from realitygap.study.config import Condition as Evolved
+from realitygap.study.config import StudyConfig, TaskSettings
 from realitygap.study.plan import named
-from realitygap.study.versions import versions
+from realitygap.study.provenance import versions
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track

@@ -79,8 +79,8 @@ def test_functions_classes_and_objects_decide(tmp_path):
 @pytest.mark.parametrize("name", ["own_controller.py:avoid", "own_controller.py:Homing", "avoider.toml"])
 def test_the_command_line_takes_them(name):
     """`simulate` drives the examples' controllers, and ends well."""
-    task, *pose = ("light", "15", "35", "0") if "Homing" in name else ("avoidance", "25", "25", "90")
-    words = ["simulate", task, "--controller", str(EXAMPLES / name), "--pose", *pose]
+    task, pose = ("light", "15,35,0") if "Homing" in name else ("avoidance", "25,25,90")
+    words = ["simulate", task, "--controller", str(EXAMPLES / name), "--pose", pose]
     result = CliRunner().invoke(realitygap, [*words, "--seconds", "5"])
     assert result.exit_code == 0, result.output
     assert "score" in result.stdout

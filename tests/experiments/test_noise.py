@@ -19,8 +19,8 @@ from realitygap.experiments.noise import NoiseConfig, NoiseExperiment, levels_of
 from realitygap.experiments.noise_run import noise_experiment
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import load_study
-from realitygap.study.lock import lock
-from realitygap.study.versions import project_commit
+from realitygap.study.provenance import project_commit
+from realitygap.work.folder import lock
 from realitygap.work.progress import Reporter
 from tests.experiments.noise_parts import SimulatedRig, quick_units, tables, tiny, unit_profile, wearing
 
@@ -310,11 +310,11 @@ def test_edited_settings_and_calibrations_are_refused(copy):
     text = robot.read_text()
     assert "track_cm = 5." in text
     robot.write_text(text.replace("track_cm = 5.", "track_cm = 6.", 1))
-    with pytest.raises(StudyError, match=r"keeps a different profile.toml .*: wheels.track_cm was"):
+    with pytest.raises(StudyError, match=r"keeps a different profile.toml from the one given now"):
         noise_experiment(copy, resume=True, workers=1)
     file = copy / "noise-study.toml"
     file.write_text(file.read_text().replace("starts = 3", "starts = 4"))
-    with pytest.raises(StudyError, match=r"study.toml has been edited .*: starts was 3, now 4"):
+    with pytest.raises(StudyError, match=r"study.toml has been edited since"):
         noise_experiment(copy, NoiseConfig.from_folder(copy), resume=True, workers=1)
 
 

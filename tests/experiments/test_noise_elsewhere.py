@@ -14,9 +14,8 @@ from realitygap.experiments.experiment import open_folder
 from realitygap.experiments.noise import NoiseConfig, NoiseExperiment
 from realitygap.experiments.noise_run import WORK, check_robot, merge_noise, noise_experiment
 from realitygap.report.experiment import build_noise_page, noise_summary
-from realitygap.study.merge import all_shards
 from realitygap.work.pool import Here
-from realitygap.work.shard import Mark, Shard, read_mark
+from realitygap.work.shard import Mark, Shard, all_shards, read_mark
 from realitygap.world.robot import load_profile
 from tests.experiments.noise_parts import quick_units, tables, tiny
 

@@ -16,8 +16,8 @@ import pytest
 from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError, UsageError
 from realitygap.export.onboard import OnBoard, on_board, sizes, write_source
+from realitygap.study.config import Condition
 from realitygap.study.load import Study
-from realitygap.study.parts import Condition
 from realitygap.study.runner import run_study
 from realitygap.world.robot import load_profile
 from tests.kernels import calls

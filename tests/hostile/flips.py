@@ -18,8 +18,8 @@ from pathlib import Path
 
 from realitygap.errors import RealityGapError
 from realitygap.study.load import load_study
-from realitygap.study.reader import Reader
 from realitygap.study.runner import run_study
+from realitygap.study.store import DATABASE, Reader
 from tests.study.helpers import small
 
 NOTICED, HARMLESS, BELIEVED = "noticed", "harmless", "read as other data"
@@ -28,8 +28,8 @@ NOTICED, HARMLESS, BELIEVED = "noticed", "harmless", "read as other data"
 def all_that_is_read(folder: Path) -> str:
     """A hash of everything that a study gives to who reads it."""
     study, found = load_study(folder), hashlib.sha256()
-    reader = Reader(folder / "study.db")
-    for value in (study.runs, study.versions(), reader.tasks(), reader.sources()):
+    tasks = Reader(folder / DATABASE).meta("tasks")
+    for value in (study.runs, study.versions(), tasks):
         found.update(repr(value).encode())
     for table in (study.evaluations(), study.tests(), study.retests()):
         for name, column in table.items():

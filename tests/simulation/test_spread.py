@@ -10,9 +10,8 @@ import pytest
 from realitygap import Genotype, SimulatedBody, Simulation, drive_simulated, load_task
 from realitygap.errors import ConfigError
 from realitygap.simulation.simulation import drawn
-from realitygap.study.config import StudyConfig
+from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.load import load_study
-from realitygap.study.parts import Condition
 from realitygap.study.runner import run_study
 from realitygap.world.robot import load_profile
 

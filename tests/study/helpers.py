@@ -10,9 +10,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from realitygap.study.config import StudyConfig
+from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.load import load_study
-from realitygap.study.parts import Condition
 
 CHILD = Path(__file__).with_name("child.py")
 
@@ -37,9 +36,8 @@ def content(folder: Path) -> dict[str, tuple[int, str]]:
     found = {}
     with closing(sqlite3.connect(folder / "study.db")) as database:
         assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-        for table in ("run", "checkpoint"):
-            rows = sorted(map(repr, database.execute(f"SELECT * FROM {table}")))
-            found[table] = (len(rows), hashlib.sha256("".join(rows).encode()).hexdigest())
+        rows = sorted(map(repr, database.execute("SELECT * FROM run")))
+        found["run"] = (len(rows), hashlib.sha256("".join(rows).encode()).hexdigest())
     study = load_study(folder)
     tables = {"evaluations": study.evaluations(), "tests": study.tests(), "retests": study.retests()}
     for name, columns in tables.items():

@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 
 from realitygap.control.encoding import Variation
 from realitygap.errors import ConfigError
-from realitygap.study.config import StudyConfig
-from realitygap.study.materials import gather
-from realitygap.study.parts import Condition, Evolution
-from realitygap.study.settings import difference
+from realitygap.study.config import Condition, Evolution, StudyConfig
+from realitygap.study.folder import gather
 from realitygap.world.robot import load_profile
 
 TASKS = ("obstacle-avoidance", "light-seeking")
@@ -124,15 +122,6 @@ def test_files_are_found_beside_the_file_that_names_them(tmp_path):
     path.write_text('profile = "robot.toml"\n[[conditions]]\ntask = "light"\n')
     config = StudyConfig.from_toml(path)
     assert config.profile == str((tmp_path / "robot.toml").resolve()) and config.conditions[0].task == "light"
-
-
-def test_the_first_difference_is_named():
-    """Where two configurations differ is told by the first key, lists and tables included."""
-    assert difference(PAPER.to_dict(), PAPER.to_dict()) is None
-    other = PAPER.with_settings(["variation.add_link=0.2", "encoding.slots=40"])
-    assert difference(PAPER.to_dict(), other.to_dict()) == ("variation.add_link", 0.1, 0.2)
-    other = PAPER.with_settings(["conditions=[{task='light'}]"])
-    assert difference(PAPER.to_dict(), other.to_dict()) == ("conditions", 6, 1)
 
 
 def test_what_a_file_names_is_not_looked_for_elsewhere(tmp_path, monkeypatch):

@@ -10,13 +10,11 @@ from realitygap.control.encoding import Variation
 from realitygap.errors import StudyInterruptedError
 from realitygap.simulation import simulation
 from realitygap.study import fleet, jobs
-from realitygap.study.folder import open_folder
+from realitygap.study.folder import gather, open_folder
 from realitygap.study.jobs import Advanced, Job, Workshop
-from realitygap.study.materials import gather
-from realitygap.study.reader import DATABASE
 from realitygap.study.run import Bench
 from realitygap.study.runner import run_study
-from realitygap.study.store import Store
+from realitygap.study.store import DATABASE, Store
 from realitygap.work import progress
 from tests.study.helpers import content, small
 

@@ -13,8 +13,8 @@ import pytest
 
 from realitygap.errors import StudyBusyError
 from realitygap.study.load import load_study
-from realitygap.study.lock import LOCK, lock
 from realitygap.study.runner import run_study
+from realitygap.work.folder import LOCK, lock
 from tests.study.helpers import content, end, small, start, wait_for
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes in /proc")

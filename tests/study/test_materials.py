@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from realitygap.errors import ConfigError, TaskError
-from realitygap.study.config import StudyConfig
-from realitygap.study.materials import gather, own
-from realitygap.study.parts import Condition
+from realitygap.study.config import Condition, StudyConfig
+from realitygap.study.folder import gather, own
 from realitygap.study.plan import plans, run_stream, trial_streams
 from realitygap.world.arena import load_arena
 from realitygap.world.robot import load_profile

@@ -16,10 +16,10 @@ from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import TRIALS
 from realitygap.study import fleet
+from realitygap.study.config import Condition
+from realitygap.study.folder import gather
 from realitygap.study.jobs import Advanced, Job, Workshop
 from realitygap.study.load import load_study
-from realitygap.study.materials import gather
-from realitygap.study.parts import Condition
 from realitygap.study.plan import plans
 from realitygap.study.run import Bench, advance, begin
 from realitygap.study.runner import run_study
@@ -186,10 +186,11 @@ def test_other_peoples_files_are_left_alone(folder):
 
 
 def test_a_study_that_was_killed_while_it_was_made_is_made_anew(finished, folder):
-    """Everything but the database was written: resuming makes the study."""
+    """Everything but the database was written: resuming makes the study, and sweeps what was half written."""
     shutil.copytree(finished.folder, folder, ignore=shutil.ignore_patterns("study.db*"))
-    (folder / "study.db.new").write_bytes(b"half")
-    assert run_study(folder, small(), workers=1, resume=True).runs[0].finished
+    half = folder / ".part-999999999-study.db"
+    half.write_bytes(b"half")
+    assert run_study(folder, small(), workers=1, resume=True).runs[0].finished and not half.exists()
     assert content(folder) == content(finished.folder)
 
 

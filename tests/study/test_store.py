@@ -1,119 +1,132 @@
-"""Broken, foreign, newer and full databases: one clear message, nothing lost."""
+"""A study's database is believed only as it was written; what it holds can be asked for in SQL."""
 
 from __future__ import annotations
 
 import shutil
 import sqlite3
 from contextlib import closing
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from realitygap.errors import StudyError
 from realitygap.experiments.noise import NoiseConfig
 from realitygap.experiments.realities import Realities
+from realitygap.study.folder import gather, open_folder
+from realitygap.study.jobs import Job, Workshop
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
-from realitygap.study.schema import told
+from realitygap.study.store import DATABASE, Store, database_errors
+from tests.hostile.flips import BELIEVED, HARMLESS, NOTICED, flips
 from tests.study.helpers import content, end, small, start
 
 
 @pytest.fixture
-def copy(finished, folder):
+def copy(finished, folder) -> Path:
     """A finished study that may be spoilt."""
-    shutil.copytree(finished.folder, folder)
-    return folder
+    return Path(shutil.copytree(finished.folder, folder))
 
 
-def refused(folder, words):
-    """Loading and resuming are both refused with these words and the file's name."""
+def change(folder: Path, command: str) -> None:
+    """Carry out SQL behind the study's back."""
+    with closing(sqlite3.connect(folder / DATABASE)) as database, database:
+        database.execute(command)
+
+
+def hole(data: bytes) -> bytes:
+    return data[:8192] + b"\xa5" * (len(data) - 8192)
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "words"),
+    [
+        (lambda data: b"not a database at all" * 1000, "broken .*Restore it from a copy"),
+        (lambda data: b"", "not a study's database"),
+        (hole, "broken|does not hold"),
+        (lambda data: data[: len(data) // 2], "broken|does not hold"),
+    ],
+)
+def test_a_broken_file_is_refused(copy, spoilt, words):
+    """No database, an empty one, one with a hole and one cut short: in one line, by loading and resuming."""
+    (copy / DATABASE).write_bytes(spoilt((copy / DATABASE).read_bytes()))
     with pytest.raises(StudyError, match=words) as loading:
-        load_study(folder).evaluations()
+        load_study(copy).evaluations()
     with pytest.raises(StudyError, match=words):
-        run_study(folder, resume=True)
+        run_study(copy, resume=True)
     assert "study.db" in str(loading.value) and "\n" not in str(loading.value)
 
 
-def test_a_file_that_is_no_database(copy):
-    """Garbage is told as a broken database, with the cure."""
-    (copy / "study.db").write_bytes(b"not a database at all" * 1000)
-    refused(copy, "broken .*Restore it from a copy")
-
-
-def test_an_empty_file(copy):
-    """An empty file is not a study's."""
-    (copy / "study.db").write_bytes(b"")
-    refused(copy, "not a study's database")
-
-
-def test_a_database_with_a_hole(copy):
-    """Pages overwritten in the middle are found before anything is written."""
-    data = bytearray((copy / "study.db").read_bytes())
-    data[8192:] = b"\xa5" * (len(data) - 8192)
-    (copy / "study.db").write_bytes(data)
-    refused(copy, "broken")
-
-
-def test_a_database_cut_short(copy):
-    """So is a file that lost its end."""
-    data = (copy / "study.db").read_bytes()
-    (copy / "study.db").write_bytes(data[: len(data) // 2])
-    refused(copy, "broken")
-
-
-@pytest.mark.parametrize(("version", "cure"), [(99, "Upgrade realitygap"), (4, "Make the study again")])
-def test_another_format(copy, version, cure):
-    """A study of a newer realitygap, or of one before the first release, is left alone."""
-    with closing(sqlite3.connect(copy / "study.db")) as database:
-        database.execute(f"PRAGMA user_version = {version}")
-    refused(copy, f"format {version}, this realitygap reads format 5\\. {cure}")
-
-
-def test_a_damaged_checkpoint(copy):
-    """A checkpoint whose checksum does not fit names the run."""
-    with closing(sqlite3.connect(copy / "study.db")) as database, database:
-        database.execute("UPDATE run SET finished = 0 WHERE id = 2")
-        database.execute("UPDATE checkpoint SET state = zeroblob(500) WHERE run = 2")
-    with pytest.raises(StudyError, match=r"study.db: run 2: .*Restore"):
-        run_study(copy, resume=True, workers=1)
-
-
-def test_no_study(tmp_path):
-    """A folder without a study, and one that is not there, are told apart."""
-    with pytest.raises(StudyError, match="no study there"):
-        load_study(tmp_path)
-    with pytest.raises(StudyError, match="no such folder"):
-        load_study(tmp_path / "nowhere")
-
-
-@pytest.mark.parametrize("kind", [NoiseConfig, Realities])
-def test_an_experiments_folder_is_told_from_a_studys(tmp_path, kind):
-    """Its settings' file says which command made it, and so which one makes its results again."""
-    (tmp_path / kind.FILE).touch()
-    command = f"`{kind.COMMAND} --out {tmp_path} --resume` makes its results"
-    with pytest.raises(StudyError, match=f"no study there .*experiment's folder: {command}"):
-        load_study(tmp_path)
-
-
-def test_a_missing_configuration(copy):
-    """Without its study.toml a study is not guessed at."""
-    (copy / "study.toml").unlink()
-    with pytest.raises(StudyError, match=r"study.toml: missing"):
+@pytest.mark.parametrize(("version", "cure"), [(99, "Upgrade realitygap"), (5, "Make the study again")])
+def test_another_format_is_left_alone(copy, version, cure):
+    """Of a newer realitygap, or of one before the first release."""
+    change(copy, f"PRAGMA user_version = {version}")
+    with pytest.raises(StudyError, match=rf"format {version}, this realitygap reads format 6\. {cure}"):
         load_study(copy)
 
 
-def test_a_place_that_cannot_be_written(tmp_path):
-    """A folder that cannot be made ends in one message with the path."""
+@pytest.mark.parametrize(
+    ("command", "read"),
+    [
+        ("UPDATE run SET champion = 3 WHERE id = 1", lambda study: study.runs),
+        ("DELETE FROM run WHERE id = 2", lambda study: study.runs),
+        ("UPDATE run SET state = zeroblob(500) WHERE id = 1", lambda study: study.runs[0].population),
+        ("DELETE FROM block WHERE run = 2", lambda study: study.evaluations()),
+        ("UPDATE block SET data = zeroblob(99) WHERE run = 1", lambda study: study.runs[0].fittest),
+        ("DELETE FROM tested WHERE run = 1", lambda study: study.retests(1)),
+        ("UPDATE meta SET json = '{}' WHERE key = 'tasks'", lambda study: study.facts("light-seeking")),
+        ("UPDATE meta SET json = '[]' WHERE key = 'sessions'", lambda study: study.versions()),
+    ],
+)  # fmt: skip
+def test_a_changed_row_is_refused(copy, command, read):
+    """In every table; and the study does not go on from it."""
+    change(copy, command)
+    with pytest.raises(StudyError, match=r"study.db: .*does not hold what was written there"):
+        read(load_study(copy))
+    with pytest.raises(StudyError, match="does not hold"):
+        run_study(copy, resume=True, workers=1)
+
+
+def test_flipped_bits_are_noticed(copy):
+    """Of flipped bits in the database none is read as other data (a slice of `tests/hostile/flips.py`)."""
+    found = flips(copy, 60, seed=3)
+    assert found[BELIEVED] == 0 and found[NOTICED] > found[HARMLESS] / 8 > 0
+
+
+def test_what_is_read_is_what_was_checked_while_another_process_writes(folder):
+    """A study that is being worked on is read as of one moment, then as of the next."""
+    folder.mkdir()
+    workshop = Workshop(open_folder(folder, gather(small()), resume=False))
+    messages: list = []
+    workshop.carry_out(Job(2, None), messages.append)
+    with Store(folder / DATABASE) as store:
+        for k, message in enumerate(messages):
+            store.keep([message])
+            study, done = load_study(folder), min(20 * (k + 1), 90)
+            assert study.evaluations(2)["number"].tolist() == list(range(done))
+            assert study.query("SELECT count(*) AS n FROM evaluations")["n"] == [done]
+            assert (study.runs[1].fittest == study.genotype(2, study.runs[1].fittest_number)).all()
+
+
+@pytest.mark.parametrize("kind", [None, NoiseConfig, Realities])
+def test_no_study(tmp_path, kind):
+    """A folder without one, and one that is not there; an experiment's says which command made it."""
+    with pytest.raises(StudyError, match="no such folder"):
+        load_study(tmp_path / "nowhere")
+    if kind is not None:
+        (tmp_path / kind.FILE).touch()
+    made = (
+        "Give a study" if kind is None else f".*`{kind.COMMAND} --out {tmp_path} --resume` makes its results"
+    )
+    with pytest.raises(StudyError, match=f"no study there .*{made}"):
+        load_study(tmp_path)
+
+
+def test_a_place_that_cannot_be_written(copy, tmp_path, monkeypatch):
+    """Ends in one message with the path; a study that cannot be locked can still be read."""
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match=r"file.*Check the path and its rights"):
         run_study(tmp_path / "file" / "study", small())
-    (tmp_path / "link").symlink_to("nowhere")
-    for there in ("file", "link"):
-        with pytest.raises(StudyError, match=rf"{there}: a file, or a link to nothing, is there\. Check"):
-            run_study(tmp_path / there, small())
-
-
-def test_a_read_only_folder(copy, monkeypatch):
-    """A study that cannot be locked for writing can still be read."""
 
     def refuse(*_, **__):
         raise PermissionError(13, "Permission denied", str(copy / "study.lock"))
@@ -124,18 +137,15 @@ def test_a_read_only_folder(copy, monkeypatch):
     assert load_study(copy).runs[0].finished
 
 
-def test_sqlite_says_that_the_disk_is_full(tmp_path):
-    """SQLite's own "database or disk is full" says what is kept and how to go on."""
-    with closing(sqlite3.connect(tmp_path / "study.db", isolation_level=None)) as database:
+def test_a_full_disk(finished, folder, tmp_path):
+    """By SQLite's own word, and to a process whose files may not grow: what was saved resumes to the same
+    bits."""
+    with closing(sqlite3.connect(tmp_path / "x.db", isolation_level=None)) as database:
         database.execute("CREATE TABLE t (x)")
         database.execute("PRAGMA max_page_count = 2")
         words = r"the disk is full. What was saved is kept: free some space"
-        with pytest.raises(StudyError, match=words), told(tmp_path / "study.db"):
+        with pytest.raises(StudyError, match=words), database_errors(tmp_path / "x.db"):
             database.execute("INSERT INTO t VALUES (zeroblob(100000))")
-
-
-def test_a_file_that_cannot_grow(finished, folder):
-    """A process whose files may not grow fails clearly; what was saved resumes to the same bits."""
     folder.with_suffix(".toml").write_text(small().to_toml())
     code, said = end(start(folder, "--limit", "150000"))
     assert code == 2 and said.startswith("StudyError: ") and "What was saved is kept" in said
@@ -143,3 +153,40 @@ def test_a_file_that_cannot_grow(finished, folder):
     assert 0 < sum(run.evaluations for run in load_study(folder).runs) < 180
     run_study(folder, resume=True, workers=1)
     assert content(folder) == content(finished.folder)
+
+
+def test_sql_says_what_the_study_says(finished):
+    """A run with its champion, its tests and the settings; its evaluations; its trials."""
+    runs = finished.query("SELECT * FROM runs ORDER BY run")
+    assert (runs["set_seed"][0], runs["set_task_seconds"][0]) == (7, 0.5)
+    for k, run in enumerate(finished.runs):
+        for name in ("name", "best_fitness", "champion_fitness", "index"):
+            assert runs[name][k] == getattr(run, name)
+        for who in ("fittest", "champion"):
+            assert runs[f"{who}_fresh"][k] == pytest.approx(run.tests[who, run.noise].mean(), abs=1e-12)
+    rows = finished.query("SELECT * FROM evaluations WHERE run = 2 ORDER BY number")
+    there = finished.evaluations(2)
+    assert all(np.array_equal(rows[key], there[key]) for key in there)
+    best = finished.query("SELECT max(score) AS best FROM tests WHERE who = 'population' AND run = 1")
+    assert best["best"][0] == finished.retests(1)["score"].max()
+    every = finished.query("SELECT count(*) AS n FROM tests")["n"][0]
+    assert every == len(finished.tests()["run"]) + len(finished.retests()["run"])
+
+
+@pytest.mark.parametrize(
+    ("sql", "words"),
+    [
+        ("SELECT colour FROM runs", "sql: no such column: colour.*SELECT from runs, evaluations, tests"),
+        ("DELETE FROM runs", "sql: attempt to write a readonly database"),
+        ("SELECT 1 AS a, 2 AS a", "two columns have one name"),
+        ("", "sql: expected a SELECT from runs.*got ''"),
+        ("ATTACH 'x.db' AS y", "sql: "),
+        ("VACUUM INTO 'x.db'", "sql: "),
+    ],
+)
+def test_sql_that_cannot_be_is_refused(finished, tmp_path, monkeypatch, sql, words):
+    """With what is wrong and what there is to select from; nothing is written anywhere."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(StudyError, match=words):
+        finished.query(sql)
+    assert not list(tmp_path.iterdir())

@@ -10,7 +10,7 @@ import pytest
 
 from realitygap.control.genotype import Genotype
 from realitygap.errors import TaskError
-from realitygap.robots.loop import drive
+from realitygap.robots.drive import drive
 from realitygap.simulation.body import SimulatedBody, network_inputs
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import Task, load_task

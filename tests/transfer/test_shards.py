@@ -16,7 +16,6 @@ from realitygap.errors import StudyError
 from realitygap.files import to_toml
 from realitygap.robots.address import Address
 from realitygap.study.load import load_study
-from realitygap.study.merge import all_shards
 from realitygap.transfer.load import load_transfers
 from realitygap.transfer.merge import _copy_cameras, merge_trials
 from realitygap.transfer.options import Transfer
@@ -26,7 +25,7 @@ from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import WORK, _facts, run_transfer
 from realitygap.transfer.score_rows import jobs_of
 from realitygap.values import Pose
-from realitygap.work.shard import Mark, Shard
+from realitygap.work.shard import Mark, Shard, all_shards
 
 
 def drive(study: Path, *, shard: Shard | str | None = None, starts: int = 2) -> list[Path]:

@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError
 from realitygap.kernels.trial import scale_input
-from realitygap.report.gather import chosen, parts_of
+from realitygap.report.evolution import chosen, parts_of
 from realitygap.simulation.simulation import Simulation
-from realitygap.study.lock import locked
 from realitygap.tasks import load_task
 from realitygap.track import Track, read_track
 from realitygap.transfer import film
@@ -26,6 +25,7 @@ from realitygap.transfer.options import Transfer
 from realitygap.transfer.paths import of_counters, of_track, score
 from realitygap.transfer.work import _in_order
 from realitygap.values import Pose
+from realitygap.work.folder import locked
 from realitygap.world.arena import load_arena
 from realitygap.world.robot import load_profile
 

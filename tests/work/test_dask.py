@@ -18,7 +18,7 @@ import pytest
 
 pytest.importorskip("distributed", reason="needs the extra: pip install 'realitygap[cluster]'")
 
-from realitygap.cli.kinds import NumberOrPool
+from realitygap.cli.options import NumberOrPool
 from realitygap.errors import ConfigError, StudyError
 from realitygap.study.runner import run_study
 from realitygap.testing import PoolContract

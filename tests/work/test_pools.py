@@ -7,10 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from realitygap.errors import ConfigError
-from realitygap.study.folder import open_folder
+from realitygap.study.folder import gather, input_files, open_folder
 from realitygap.study.jobs import Job, Workshop
-from realitygap.study.materials import gather
-from realitygap.study.reader import Reader
 from realitygap.study.runner import workshop_of
 from realitygap.testing import PoolContract
 from realitygap.work.cluster import named_pool
@@ -69,8 +67,7 @@ def test_a_worker_needs_nothing_but_messages(tmp_path):
     folder = tmp_path / "study"
     folder.mkdir()
     own = Workshop(open_folder(folder, gather(small()), resume=False))
-    sources = Reader(folder / "study.db").sources()
-    far = workshop_of((str(tmp_path / "elsewhere"), sources))
+    far = workshop_of((str(tmp_path / "elsewhere"), input_files(folder)))
     near, away = ([], [])
     own.carry_out(Job(1, None), near.append)
     far.carry_out(Job(1, None), away.append)

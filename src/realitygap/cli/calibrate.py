@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from realitygap.cli import option
-from realitygap.cli.kinds import FileToWrite
-from realitygap.cli.output import Figure, print_json, table, warn
+from realitygap.cli import options
+from realitygap.cli.console import print_json, shown, table, warn
 
 if TYPE_CHECKING:
-    from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.channel_fit import ChannelFit
+    from realitygap.calibration.calibrate import Calibration, ChannelFit
     from realitygap.calibration.judge import Judgement
     from realitygap.work.pool import Workers
 
@@ -43,17 +41,17 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
     "[default: what the recorded robot names, or paper].",
 )  # fmt: skip
 @click.option(
-    "--out", type=FileToWrite(".toml", name="TOML"),
+    "--out", type=options.OutFile(".toml"),
     help="The profile to write; its report is saved beside it.",
 )  # fmt: skip
 @click.option(
-    "--report", "page", type=FileToWrite(".html", ".htm", name="HTML"),
+    "--report", "page", type=options.OutFile(".html", ".htm"),
     help="Where to write the report instead.",
 )  # fmt: skip
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option("--check", is_flag=True, help="Judge a profile (last argument) by the recordings before it.")
-@option.workers
-@option.as_json
+@options.workers
+@options.as_json
 def calibrate(
     recordings: tuple[str, ...],
     form: str,
@@ -67,13 +65,14 @@ def calibrate(
     workers: Workers,
     json_output: bool,
 ) -> None:
-    """Fit a robot's constants to recordings, and write a profile for --profile.
+    """Fit a robot's constants to recordings.
 
-    A RECORDING is a folder made by `realitygap record` (or a folder of several), a .sam table, or a
-    Thymio's series (sensor02_light.csv). Forms: paper has the paper's laws with common constants and its
-    printed gains; individual has constants for each sensor, linear light, and refitted gains; extended adds
-    directions, distance offset, exponents, Lambertian surfaces and the lamp's height; measured has no law but
-    rays, a lobe, a curve and noise for each sensor; lookup replays the recorded readings.
+    Writes a profile for --profile. A RECORDING is a folder made by `realitygap record` (or a folder of
+    several), a .sam table, or a Thymio's series (sensor02_light.csv). Forms: paper has the paper's laws with
+    common constants and its printed gains; individual has constants for each sensor, linear light, and
+    refitted gains; extended adds directions, distance offset, exponents, Lambertian surfaces and the lamp's
+    height; measured has no law but rays, a lobe, a curve and noise for each sensor; lookup replays the
+    recorded readings.
 
     \b
     Examples: a profile from two tables; judged on a third
@@ -154,11 +153,11 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             by_reading = ", ".join(f"{size:.2f} at {reading:.0f}" for reading, size in e.bins)
             tail += f", depends on the reading: {by_reading}" if e.depends else ""
             click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
-        ratios = ", ".join(f"{m.sensor} {Figure(m.lit_ratio, '.2f')}" for m in fit.judged)
+        ratios = ", ".join(f"{m.sensor} {shown(m.lit_ratio, '.2f')}" for m in fit.judged)
         share = fit.ratio * fit.deviation / made.profile.channel(fit.kind).top
         click.echo(
             "  model error over noise, held out, neither dark nor saturated: "
-            f"{Figure(fit.ratio, '.2f')} ({ratios}), {Figure(share, '.1%')} of the full scale"
+            f"{shown(fit.ratio, '.2f')} ({ratios}), {shown(share, '.1%')} of the full scale"
         )
         _tell_misplaced(fit)
         _tell_alike(fit.fit.alike)
@@ -206,7 +205,7 @@ def _refuse_unused() -> None:
 
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
     from realitygap.api import load_recordings
-    from realitygap.calibration.checks import refuse_twice
+    from realitygap.calibration.calibrate import refuse_twice
     from realitygap.calibration.judge import judge
     from realitygap.world.robot import load_profile
 
@@ -244,7 +243,7 @@ def _tell_judgement(one: Judgement) -> None:
         click.echo(f"  {what_differs}: fitted out")
     head = [what, "rmse", "bias", "error/noise where lit", "over all"]
     keys = (("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))[: used - 1]
-    rows = [[m.sensor, *(Figure(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
+    rows = [[m.sensor, *(shown(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
     click.echo(table(head[:used], rows))
     if isfinite(one.ratio):
         click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; "

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap.cli import option
-from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import DISTANCES, ROBOT, Reflectance, Whole
-from realitygap.cli.output import print_json
+from realitygap.cli import options
+from realitygap.cli.console import StoppedError, print_json
 from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -22,13 +20,21 @@ if TYPE_CHECKING:
 
 __all__ = ["record"]
 
+DISTANCES = options.Parsed("CM,CM,…", "realitygap.calibration.plan:distances_of", "distances: ")
 PLANS = ("infrared", "ambient", "wheels", "all")
+
+
+class Reflectance(click.FloatRange):
+    """How much light a surface throws back; "unknown" is NaN."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return math.nan if value == "unknown" else super().convert(value, param, ctx)
 
 
 @click.command()
 @click.option(
     "--robot",
-    type=ROBOT,
+    type=options.ROBOT,
     required=True,
     help="twin:UNIT, stranger:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT, "
     "epuck2:HOST or thymio:PORT (placed by you), or a body of your own, file.py:Class.",
@@ -40,15 +46,15 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     help="The object for infrared: wall or cylinder:RADIUS_CM [default: a wall, then a cylinder of 4 cm].",
 )  # fmt: skip
 @click.option(
-    "--reflectance", type=Reflectance(0.01, 10.0), default=1.0,
+    "--reflectance", type=Reflectance(0.01, 10.0), default=1.0, metavar="R",
     help="Reflectance of the object's surface, relative to the surfaces that the profile assumes; "
     "unknown: calibrate fits it.",
 )  # fmt: skip
 @click.option(
-    "--repeats", type=Whole(1, 1000), default=10, help="Readings at each place, which measure the noise."
+    "--repeats", type=click.IntRange(1), default=10, help="Readings at each place, which measure the noise."
 )
 @click.option(
-    "--bearings", type=Whole(1, 720),
+    "--bearings", type=click.IntRange(1, 720),
     help="Bearings of the infrared's places, evenly all round [default: 24; of Enki's robots 180].",
 )  # fmt: skip
 @click.option(
@@ -56,11 +62,11 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     help="Distances of the infrared's places, rising [default: 0.5,1,1.5,2,3,4,5.5,8; of Enki's robots "
     "10,12.5,15 too].",
 )  # fmt: skip
-@option.seed(says=" It does not change a twin's constants: those depend on its unit alone.")
-@option.twin_noise()
-@option.baud()
-@option.base
-@option.marker
+@options.seed(says=" It does not change a twin's constants: those depend on its unit alone.")
+@options.twin_noise()
+@options.baud()
+@options.base
+@options.marker
 @click.option(
     "--notes",
     default="",
@@ -69,7 +75,7 @@ PLANS = ("infrared", "ambient", "wheels", "all")
     help="Notes kept with the recording: which robot, where, by whom.",
 )
 @click.option("--resume", is_flag=True, help="Continue interrupted recordings.")
-@option.as_json
+@options.as_json
 def record(
     robot: Address, out: str, twin_noise: float | None, baud: int | None, resume: bool, json_output: bool,
     **words: Any,
@@ -78,8 +84,7 @@ def record(
 
     Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away (Enki's robots: to 15 cm). Ambient:
     poses all over the arena of light seeking. Wheels: speed steps, standing starts, straight lines and
-    turns. Each finished place is saved at once; --resume continues after an interruption. A robot that
-    places itself at 120 bearings or more is also read between them, where readings jump.
+    turns. Each finished place is saved at once; --resume continues after an interruption.
 
     \b
     Examples: all that a calibration of a twin needs; a robot at a wall, and how to continue after "q";
@@ -92,7 +97,6 @@ def record(
     from realitygap.calibration.plan import Plan
     from realitygap.world.robot import load_profile
 
-    option.check_baud(robot)
     plan, base = words.pop("plan"), words.pop("base")
     for key in ("object", "bearings", "distances_cm"):
         if words[key] is not None and plan not in ("infrared", "all"):
@@ -121,8 +125,7 @@ def record(
         print_json(_facts(made, plan, out, facts))
         return
     for one in made:
-        more = f" and {one.between} between them, where readings jump," if one.between else ","
-        click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places{more} {one.seconds:.1f} s")
+        click.echo(f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s")
     if not all(one.finished for one in made):
         click.echo("not finished: the same command with --resume continues")
 
@@ -133,17 +136,14 @@ def _recorded(
     """What was recorded, and the facts of the robot."""
     from realitygap.calibration.record import record as make
     from realitygap.errors import RobotStoppedError
-    from realitygap.robots.body import Placing, facts_of
-    from realitygap.robots.signals import Stopping
+    from realitygap.robots.drive import StopOnSignal
 
     with ExitStack() as stack:
         if robot.unit is None:
-            stack.enter_context(Stopping())
+            stack.enter_context(StopOnSignal())
         body = stack.enter_context(closing(robot.open(**settings)))
-        facts = {name: fact for name, fact in facts_of(body).items() if name != "units"}
-        report: Progress = (
-            stack.enter_context(ProgressLine()).places if isinstance(body, Placing) else _written
-        )
+        facts = {name: fact for name, fact in body.description().items() if name != "units"}
+        report: Progress = stack.enter_context(ProgressLine()).places if body.places_itself else _written
         if robot.unit is not None:
             report = _stoppable(stack, report)
         try:
@@ -190,7 +190,7 @@ def _facts(made: list[Result], plan: str, out: str, facts: dict[str, Any]) -> di
     recordings = [
         {
             "folder": str(one.folder), "kind": one.kind, "places": one.places, "done": one.done,
-            "between": one.between, "finished": one.finished, "seconds": round(one.seconds, 3),
+            "finished": one.finished, "seconds": round(one.seconds, 3),
         }
         for one in made
     ]  # fmt: skip

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from realitygap.cli import option
-from realitygap.cli.kinds import ROBOT, Finite
-from realitygap.cli.output import print_json, table
+from realitygap.cli import options
+from realitygap.cli.console import print_json, table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from realitygap.robots.address import Address
     from realitygap.robots.body import Body, Channel
-    from realitygap.robots.recording import Recording
+    from realitygap.robots.drive import Recording
     from realitygap.values import Readings
 
 __all__ = ["robot"]
@@ -47,16 +46,18 @@ def robot() -> None:
 @click.option(
     "--robot",
     "where",
-    type=ROBOT,
+    type=options.ROBOT,
     required=True,
     help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, "
     "or a body of your own, file.py:Class.",
 )
-@option.baud()
-@option.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
-@click.option("--seconds", type=Finite(0.1, 3600), default=3.0, help="Seconds for which to show the sensors.")
+@options.baud()
+@options.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
+@click.option(
+    "--seconds", type=click.FloatRange(0.1), default=3.0, help="Seconds for which to show the sensors."
+)
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
-@option.as_json
+@options.as_json
 def check(
     where: Address,
     baud: int | None,
@@ -65,9 +66,10 @@ def check(
     yes: bool,
     json_output: bool,
 ) -> None:
-    """Check that a robot works: sensors, counters, the timing of its loop, and whatever else it has.
+    """Check that a robot works.
 
-    It moves only with your consent.
+    Shows its sensors, counters, the timing of its loop, and whatever else it has. It moves only with your
+    consent.
 
     \b
     Examples: a robot with factory settings; one of your own
@@ -76,22 +78,20 @@ def check(
     """
     from contextlib import closing
 
-    from realitygap.robots.body import Inspected, Placing, facts_of
-    from realitygap.robots.signals import Stopping
+    from realitygap.robots.drive import StopOnSignal
     from realitygap.transfer.plan import check_fit
     from realitygap.values import Pose
     from realitygap.world.robot import load_profile
 
-    option.check_baud(where)
     named = click.get_current_context().get_parameter_source("profile") is not ParameterSource.DEFAULT
     load_profile(profile)  # refused before the robot is asked anything
-    with Stopping(), closing(where.open(baud=baud)) as body:
-        known = load_profile(profile if named else facts_of(body).get("base", profile))
+    with StopOnSignal(), closing(where.open(baud=baud)) as body:
+        known = load_profile(profile if named else body.description().get("base", profile))
         if named:  # another robot's commands could be ten times as fast
             seen = [one.name for one in body.channels if known.channel(one.name).sensors]
             check_fit(body, known, seen)
         units = round(MOVE_CM_S / known.wheels.speed_per_unit_cm_s[0])
-        if isinstance(body, Placing):
+        if body.places_itself:
             body.enter({"size_cm": [ROOM_CM] * 2}, 0, Pose(x=ROOM_CM / 2, y=ROOM_CM / 2, heading=0.0))
         facts = _about(where, body)
         if not json_output:
@@ -102,7 +102,7 @@ def check(
         if not json_output:
             _tell(facts, body.channels)
         facts["movement"] = _movement(body, units) if _agreed(yes, json_output) else None
-        found = body.inspect() if isinstance(body, Inspected) else {}
+        found = body.inspect()
     if json_output:
         print_json({**facts, **found})
         return
@@ -114,11 +114,10 @@ def check(
 
 
 def _about(where: Address, body: Body) -> dict[str, Any]:
-    from realitygap.robots.body import facts_of
 
     known = {
         name: fact
-        for name, fact in facts_of(body).items()
+        for name, fact in body.description().items()
         if name not in ("units", "robot", "base", "pulses_per_mm")
     }
     baud = getattr(body, "baud", None)
@@ -128,21 +127,20 @@ def _about(where: Address, body: Body) -> dict[str, Any]:
 def _sensors(body: Body, seconds: float, *, live: bool) -> dict[str, Any]:
     """Run a standing robot through the control loop, and show what it reads."""
     from realitygap.errors import BaudError
-    from realitygap.robots.body import attend
 
     note, kinds = None, [one.name for one in body.channels]
     try:
-        attend(body, *kinds)
+        body.attend(*kinds)
     except BaudError as error:
         note = str(error)
-        attend(body, kinds[0])
+        body.attend(kinds[0])
     steps = max(1, round(seconds / body.period_s))
     recording = _drive(body, 0, steps * body.period_s, live)
     late, wire_ms = recording.late * 1000, getattr(body, "wire_ms", None)
     read = {kind: getattr(recording, kind)[-1] for kind in kinds if getattr(recording, kind).size}
     for kind in kinds:
         if kind not in read:  # a step has no room for it
-            attend(body, kind, turns=False)
+            body.attend(kind, turns=False)
             read[kind] = getattr(body.sense(), kind)
     return {
         **{kind: read[kind] for kind in kinds},
@@ -161,10 +159,10 @@ def _sensors(body: Body, seconds: float, *, live: bool) -> dict[str, Any]:
 
 def _drive(body: Body, units: int, seconds: float, live: bool = False) -> Recording:
     """Straight on; 0: stand."""
-    from realitygap.robots.loop import Steady, drive
+    from realitygap.robots.drive import ConstantController, drive
     from realitygap.values import Command
 
-    steady = Steady(Command(left=units, right=units))
+    steady = ConstantController(Command(left=units, right=units))
 
     def run(show: Callable[[Readings], object]) -> Recording:
         def look(readings: Readings) -> list[int]:
@@ -201,11 +199,10 @@ def _bars(readings: Readings, channels: Sequence[Channel]) -> Any:
 
 
 def _counters(body: Body) -> tuple[int, int] | None:
-    from realitygap.robots.body import attend, odometry_of
 
-    attend(body)
+    body.attend()
     body.sense()
-    return odometry_of(body).counters
+    return body.odometry.counters
 
 
 def _tell(facts: dict[str, Any], channels: Sequence[Channel]) -> None:
@@ -235,13 +232,12 @@ def _agreed(yes: bool, json_output: bool) -> bool:
 
 def _movement(body: Body, units: int) -> dict[str, int | None]:
     """Ahead, look at the counters, back, stand."""
-    from realitygap.robots.body import attend
 
-    attend(body, body.channels[0].name)
+    body.attend(body.channels[0].name)
     body.reset()
     steps = max(1, round(MOVE_S / body.period_s))
     _drive(body, units, steps * body.period_s)
     left, right = _counters(body) or (None, None)
-    attend(body, body.channels[0].name)
+    body.attend(body.channels[0].name)
     _drive(body, -units, steps * body.period_s)
     return {"left": left, "right": right}

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from realitygap.cli import option
-from realitygap.cli.kinds import MOST, Whole
-from realitygap.cli.output import tell
+from realitygap.cli import options
+from realitygap.cli.console import tell
 
 if TYPE_CHECKING:
     from realitygap.values import Pose
@@ -31,14 +30,14 @@ def twin() -> None:
 @click.option(
     "--arena", "arena_name", required=True, metavar="TASK", help="A task, or an arena's name or TOML file."
 )
-@click.option("--unit", type=Whole(0, MOST), default=1, help="Which robot.")
-@option.twin_noise()
-@option.seed(says=" It does not change the unit's constants: those depend on --unit alone.")
-@option.baud("Baud rate set by its jumper.", any_rate=False)
-@option.pose(required=False)
-@option.as_json
+@click.option("--unit", type=click.IntRange(0), default=1, help="Which robot.")
+@options.twin_noise()
+@options.seed(says=" It does not change the unit's constants: those depend on --unit alone.")
+@options.baud("Baud rate set by its jumper.", any_rate=False)
+@options.pose(required=False)
+@options.as_json
 def serve(
-    arena_name: str, unit: int, twin_noise: float | None, seed: int, baud: int, pose: option.Numbers | None,
+    arena_name: str, unit: int, twin_noise: float | None, seed: int, baud: int, pose: options.Numbers | None,
     json_output: bool,
 ) -> None:  # fmt: skip
     """Put a twin on a pseudo-terminal and serve it until Ctrl-C.
@@ -56,7 +55,7 @@ def serve(
 
     arena, start = _arena(arena_name)
     if pose is not None:
-        start = option.checked_pose(pose, arena, load_profile("paper"))
+        start = options.checked_pose(pose, arena, load_profile("paper"))
     noise = 1.0 if twin_noise is None else twin_noise
     body = TwinBody(arena.plain(), unit=unit, noise=noise, seed=seed)
     if start is not None:

@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
 
-from realitygap.errors import ConfigError, StudyError, StudyInterruptedError
-from realitygap.files import atomic_write, read_toml, to_csv, to_toml
+from realitygap.errors import StudyError, StudyInterruptedError
+from realitygap.files import atomic_write, to_csv
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import exists
 from realitygap.study.load import Study
-from realitygap.study.lock import lock, refuse_strangers
+from realitygap.study.provenance import versions
 from realitygap.study.runner import COMPILING, FINISHED, run_study
-from realitygap.study.schema import told
-from realitygap.study.settings import refuse_difference, refuse_edited_settings
-from realitygap.study.versions import versions
+from realitygap.work.folder import RunFolder, file_errors, lock, refuse_strangers
 from realitygap.work.pool import Pool, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import MARK
@@ -77,21 +75,13 @@ class Settings(Value):
         """The settings of the experiment in a folder.
 
         Raises:
-            StudyError: no such experiment there.
-            ConfigError: its file is broken.
+            StudyError: no such experiment there, or its file is broken or was edited.
         """
-        path, cure = folder / cls.FILE, f"Give the folder of `{cls.COMMAND}`."
-        if not path.exists():
+        place = RunFolder(folder, cls.FILE, cls.WHAT)
+        if not place.begun:
+            cure = f"Give the folder of `{cls.COMMAND}`."
             raise StudyError(f"{folder}: no {cls.WHAT} there ({cls.FILE} is missing). {cure}")
-        table = read_toml(path, ConfigError, cure, broken="Restore it from a copy.")
-        try:
-            return cls._built(table)
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error}") from None
-
-    @classmethod
-    def _built(cls, table: Mapping[str, Any]) -> Self:
-        return build(cls, {key: value for key, value in table.items() if key != "versions"})
+        return build(cls, place.settings())
 
     @classmethod
     def begun(cls, folder: Path, *, resume: bool) -> Self:
@@ -112,28 +102,22 @@ def open_folder(folder: Path, kind: type[S], requested: S | None, *, resume: boo
         StudyError: there is one but `resume` is not set, or it was made with other settings, or
             there is none to resume, or the folder holds something else.
     """
-    file, copy = folder / kind.FILE, folder / f".{kind.FILE}"  # a person may have edited the visible one
-    if not file.is_file():
+    place = RunFolder(folder, kind.FILE, kind.WHAT)
+    if not place.begun:
         if requested is None:
             raise StudyError(f"{folder}: no {kind.WHAT} there. Start it without --resume.")
         refuse_strangers(folder, kind.WHAT, (MARK,))
-        text = to_toml({**requested.to_dict(), "versions": versions()})
-        header = f"# {kind.WHAT.capitalize()}: all that its results depend on.\n"
+        head = f"# {kind.WHAT.capitalize()}: all that its results depend on.\n"
         again = f"# To continue it: {requested.resuming('THIS_FOLDER')}\n"
-        with told(folder):
-            atomic_write(copy, text)
-            atomic_write(file, f"{header}{again}\n{text}")
+        place.begin(requested.to_dict(), head=head + again, versions=versions())
         return requested
     there = kind.from_folder(folder)
-    made = kind._built(read_toml(copy, StudyError, "", broken="Restore it from a copy."))
-    refuse_edited_settings(file, made.to_dict(), there.to_dict())
     if not resume:
         done = "a finished" if kind.FACTS and (folder / RESULTS / kind.FACTS).is_file() else "an unfinished"
         cure = "Resume it (--resume) or choose another --out."
         raise StudyError(f"{folder} already holds {done if kind.FACTS else 'an'} {kind.WHAT}. {cure}")
     if requested is not None:
-        made_as = f"{folder}: the {kind.WHAT.split()[0]} was made"
-        refuse_difference(made_as, there.to_dict(), requested.to_dict())
+        place.refuse_other(there.to_dict(), requested.to_dict())
     return there
 
 
@@ -307,7 +291,7 @@ class Phases:
 
         def heard(message: float | Made) -> None:
             if isinstance(message, Made):
-                with told(self._folder):
+                with file_errors(self._folder):
                     file = self._folder / message.file
                     file.parent.mkdir(parents=True, exist_ok=True)
                     atomic_write(file, message.content)

@@ -12,6 +12,7 @@ import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from hashlib import blake2b
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,8 +24,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.unit import PROFILE
 from realitygap.control.encoding import Encoding, genotype_of
 from realitygap.correspondence.names import common_name, namer
-from realitygap.correspondence.scale import Scale, exemplar_scale
-from realitygap.correspondence.score import compare
+from realitygap.correspondence.score import Scale, compare, exemplar_scale
 from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.errors import LineError, StudyError, TrackError
@@ -34,17 +34,14 @@ from realitygap.files import atomic_write, read_toml, to_toml
 from realitygap.kernels.types import Networks
 from realitygap.plugins import place_of, placed
 from realitygap.robots.address import Address
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
-from realitygap.study.config import StudyConfig
-from realitygap.study.digest import check_of
+from realitygap.study.config import LARGEST, Condition, StudyConfig, TaskSettings
+from realitygap.study.config import whole as whole_number
 from realitygap.study.load import Study, load_study
-from realitygap.study.parts import Condition, TaskSettings
 from realitygap.study.plan import named
-from realitygap.study.settings import LARGEST
-from realitygap.study.settings import whole as whole_number
-from realitygap.study.versions import versions
+from realitygap.study.provenance import versions
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track, settled
@@ -725,3 +722,8 @@ def _mean(values: Sequence[float]) -> float:
     """Mean of the known values; NaN for none."""
     known = [value for value in values if math.isfinite(value)]
     return math.fsum(known) / len(known) if known else math.nan
+
+
+def check_of(facts: object) -> str:
+    """A digest of JSON data, to be stored beside it in its file."""
+    return blake2b(json.dumps(facts).encode(), digest_size=8).hexdigest()

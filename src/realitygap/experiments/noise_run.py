@@ -31,17 +31,15 @@ from realitygap.experiments.noise import (
     NoiseExperiment,
     Rigs,
     calibration_folder,
+    check_of,
 )
 from realitygap.robots.address import Address
-from realitygap.robots.body import Placing, Seen
 from realitygap.streams import named_stream
 from realitygap.study.config import StudyConfig
-from realitygap.study.digest import check_of
 from realitygap.study.folder import exists
-from realitygap.study.merge import merge_runs, new_folder
-from realitygap.study.schema import told
-from realitygap.study.settings import refuse_difference
+from realitygap.study.runner import merge_runs
 from realitygap.tasks.load import TASKS, load_task
+from realitygap.work.folder import file_errors, new_folder, refuse_difference
 from realitygap.work.pool import Pool, Setup, Tell, Workers, far, near
 from realitygap.work.progress import OnProgress
 from realitygap.work.shard import MARK, Mark, Shard, marked
@@ -95,7 +93,7 @@ class Bench:
         """Carry out a job; `tell` receives the share done since its last call, then the result."""
         experiment, one = self._experiment, job.controller
         experiment.known = {one: job.genes}
-        with told(experiment.folder):
+        with file_errors(experiment.folder):
             if job.driven is None:
                 made, file = experiment.drive(self._rigs, one, tell), experiment.driven_file(one)
             else:
@@ -164,7 +162,7 @@ def noise_experiment(
         left.carry_out(near(workers), engine)
         if mark is None:
             return experiment.write_results()
-        with told(folder):
+        with file_errors(folder):
             mark.write(folder, finished=True)
         return folder
 
@@ -175,7 +173,7 @@ def _opened(
     """The folder's settings; a new shard is marked before it is created, and a refusal changes nothing."""
     try:
         if mark is not None:
-            with told(folder):
+            with file_errors(folder):
                 mark.write(folder, finished=False)
         return open_folder(folder, kind, config, resume=resume)
     except RealityGapError:
@@ -255,7 +253,7 @@ class _Left(Phases):
                     f"robot {config.robot}: expected one that the cluster's workers have too: its file is on "
                     "this machine. Leave out --workers, or give a number."
                 )
-            with told(made.folder):
+            with file_errors(made.folder):
                 profiles = map(made.profile_file, config.every_unit)
                 files = {str(file.relative_to(made.folder)): file.read_bytes() for file in profiles}
             if config.arena is not None:
@@ -284,10 +282,10 @@ def check_robot(config: NoiseConfig) -> None:
     base = None if config.base is None else load_profile(config.base)
     with closing(Address.parse(config.address(config.every_unit[0])).open()) as body:
         who = f"robot {config.robot}: expected"
-        if not isinstance(body, Placing):
+        if not body.places_itself:
             cure = "Give it one; a robot that a person carries is driven by `realitygap transfer`."
             raise UsageError(f"{who} one that places itself; it has no `enter`. {cure}")
-        if not (isinstance(body, Seen) or body.counts_turns):
+        if not (body.knows_pose or body.counts_turns):
             raise UsageError(f"{who} one whose path is known; it has neither a `pose` nor counters.")
         if base is not None:
             check_period(body, base)

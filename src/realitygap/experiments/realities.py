@@ -12,7 +12,7 @@ from realitygap.experiments.experiment import Settings, open_folder
 from realitygap.experiments.noise import CONFIG, NoiseConfig
 from realitygap.experiments.noise_run import check_robot, noise_experiment
 from realitygap.robots.address import Address
-from realitygap.study.lock import lock
+from realitygap.work.folder import lock
 from realitygap.work.pool import Workers, opened
 from realitygap.work.progress import OnProgress, Progress
 from realitygap.world.toml import require
@@ -46,7 +46,7 @@ class Realities(Settings):
         ConfigError: names the key, what was expected and what came.
     """
 
-    FILE, WHAT, COMMAND = ASKED, "experiment on realities", "realitygap realities"
+    FILE, WHAT, COMMAND = ASKED, "experiment on realities", "realitygap experiment robots"
 
     robots: tuple[str, ...] = ()
     only: bool = False

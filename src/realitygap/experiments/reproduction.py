@@ -9,20 +9,17 @@ from pathlib import Path
 from typing import Self
 
 from realitygap.errors import ConfigError, StudyError
-from realitygap.files import atomic_write, read_toml, to_toml
-from realitygap.study.config import StudyConfig
-from realitygap.study.folder import exists, open_to_begin, own_config
+from realitygap.files import read_toml
+from realitygap.study.config import LARGEST, StudyConfig, whole
+from realitygap.study.folder import exists, gather, open_to_begin, own_config
 from realitygap.study.load import Study
-from realitygap.study.lock import lock
-from realitygap.study.materials import gather
 from realitygap.study.run import Bench
-from realitygap.study.schema import told
-from realitygap.study.settings import LARGEST, refuse_difference, whole
 from realitygap.tasks import load_task
 from realitygap.transfer.chosen import shown_runs
 from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.run import run_transfer
+from realitygap.work.folder import RunFolder, lock, settings_in
 from realitygap.work.pool import Workers, near
 from realitygap.work.progress import OnProgress
 from realitygap.world.robot import load_profile
@@ -79,7 +76,7 @@ class Reproduction(Value):
         cure = "Remove it, or choose another --out."
         table = read_toml(path, ConfigError, cure, broken=cure)
         try:
-            return build(cls, table)
+            return build(cls, settings_in(table))
         except ConfigError as error:
             raise ConfigError(f"{path}: {error} {cure}") from None
 
@@ -186,16 +183,13 @@ def compile_ahead() -> None:
 
 def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:
     """Save the requested settings, or check that they equal the saved ones."""
-    path = folder / ASKED
-    if not path.is_file():
+    place = RunFolder(folder, ASKED, "reproduction", ("starts",))
+    if not place.begun:
         open_to_begin(folder)
-        with told(path):
-            atomic_write(path, HEADER + to_toml(requested.to_dict()))
+        place.begin(requested.to_dict(), head=HEADER, versions={})
         return
     if not resume:
         raise StudyError(
             f"{folder}: a reproduction was started there. Resume it (--resume) or choose another --out."
         )
-    there = Reproduction.from_toml(path)
-    made, asked = ({**one.to_dict(), "starts": 0} for one in (there, requested))
-    refuse_difference(f"{folder}: the reproduction was started", made, asked)
+    place.refuse_other(Reproduction.from_toml(folder / ASKED).to_dict(), requested.to_dict())

@@ -14,11 +14,10 @@ from realitygap.errors import StudyError, UsageError
 from realitygap.files import as_path, atomic_path, must_be
 from realitygap.film.video import FilmReader
 from realitygap.lazy import needed
-from realitygap.report.arenas import rays_of
+from realitygap.report.drawing import front, rays_of
 from realitygap.report.network import network_drawing
-from realitygap.report.player_tracks import activity, decided
-from realitygap.report.robots import front
-from realitygap.robots.recording import Recording
+from realitygap.report.player import activity, decided
+from realitygap.robots.drive import Recording
 from realitygap.study.load import Run
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory, read_track

@@ -1,47 +1,161 @@
-"""A study's folder: created once, locked while in use, opened only with its original configuration."""
+"""A study's folder: its configuration and its own copies of all that it is made of, and who trusts them.
 
+A study reads only its own folder once it is created. It can be moved, or the user's files changed, and it
+still resumes and replays with the same bits.
+"""
+
+import os
 import shlex
-import tomllib
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from functools import cache
+from hashlib import sha256
 from pathlib import Path
 
 from realitygap.errors import ConfigError, StudyError
-from realitygap.files import atomic_write, to_toml
 from realitygap.study.config import StudyConfig
-from realitygap.study.lock import LOCK, refuse_strangers
-from realitygap.study.materials import Materials, gather, own, program_files
-from realitygap.study.reader import DATABASE, Reader
-from realitygap.study.schema import told
-from realitygap.study.settings import refuse_difference, refuse_edited_settings
-from realitygap.study.sources import agree_to, changed, inside, refuse_edited, refuse_strange, strange
-from realitygap.study.versions import versions
+from realitygap.study.provenance import versions
+from realitygap.study.store import DATABASE, Reader
+from realitygap.tasks import TASKS, copy_task, load_task
+from realitygap.tasks.task import Task
+from realitygap.values import Closing
+from realitygap.work.folder import (
+    LOCK,
+    RunFolder,
+    file_errors,
+    inside,
+    refuse_difference,
+    refuse_strangers,
+)
+from realitygap.work.pool import Pool, far
 from realitygap.work.shard import MARK
+from realitygap.world.arena import load_arena
 from realitygap.world.robot import Profile, load_profile
 
 __all__ = [
-    "CONFIG", "agree", "exists", "open_folder", "open_to_begin", "own_config", "programs", "read_config",
-    "read_materials", "read_profile", "refuse_other", "take_back",
+    "CONFIG", "Home", "Inputs", "Materials", "agree", "agree_to", "exists", "gather", "home_of",
+    "input_files", "inputs_for", "open_folder", "open_to_begin", "own", "own_config", "programs",
+    "read_config", "read_materials", "read_profile", "refuse_other", "strange", "take_back", "write_files",
 ]  # fmt: skip
 
-CONFIG = "study.toml"
-OURS = {CONFIG, LOCK, MARK, "profile.toml", "arenas", "tasks", "evolution", "encoding", "report"}
-OURS |= {f"{DATABASE}{end}" for end in ("", "-wal", "-shm", "-journal", ".new", ".new-journal")}
+CONFIG, PROFILE = "study.toml", "profile.toml"
+OURS = {CONFIG, LOCK, MARK, PROFILE, "arenas", "tasks", "evolution", "encoding", "report"}
+OURS |= {f"{DATABASE}{end}" for end in ("", "-wal", "-shm", "-journal")}
 OURS |= {"reproduce.toml", "calibration"}
 """What a study that was killed while it was being made may have left."""
+LOOSE = ("title", "checkpoint_every")
+"""Settings that results do not depend on."""
 
 EXPERIMENTS = {
     "noise-study.toml": "experiment noise",
-    "measure-or-randomise.toml": "experiment measure-or-randomise",
-    "realities.toml": "realities",
+    "realities.toml": "experiment robots",
     "reproduce.toml": "reproduce",
 }
 """Settings of what is no study itself, or not yet, and the command that made them."""
 
-_HEADER = """\
+HEAD = """\
 # A realitygap study: all that its results depend on. Files are named from this folder.
 # To make another like it: realitygap evolve TASK --config THIS_FILE --out ANOTHER_FOLDER
 """
+
+
+@dataclass(frozen=True, kw_only=True)
+class Materials:
+    """A study's robot and tasks (with its settings and arenas), loaded and checked."""
+
+    config: StudyConfig
+    profile: Profile
+    tasks: tuple[Task, ...]
+    """One for each condition, in order."""
+
+    def task(self, name: str) -> Task:
+        """The task of a name.
+
+        Raises:
+            ConfigError: the study has no such task.
+        """
+        for task in self.tasks:
+            if task.name == name:
+                return task
+        known = ", ".join(dict.fromkeys(task.name for task in self.tasks))
+        raise ConfigError(f"task: expected one of the study's ({known}), got {name!r}.")
+
+    def own_code(self) -> Iterator[bytes]:
+        """The text of each program that is not the package's: tasks, algorithm, encoding."""
+        tasks = [Path(task.source) for task in self.tasks if task.source is not None]
+        return (path.read_bytes() for path in (*tasks, *self.config.own_files().values()))
+
+    def copies(self) -> tuple[StudyConfig, dict[str, bytes]]:
+        """The configuration with every file name inside the study's folder, and those files."""
+        files = {PROFILE: self.profile.to_toml().encode()}
+        arenas: dict[str, str] = {}
+        conditions = []
+        for condition, task in zip(self.config.conditions, self.tasks, strict=True):
+            name = task.plain_name
+            arenas[name] = f"arenas/{name}.toml"
+            files[arenas[name]] = task.arena.to_toml().encode()
+            if task.source is not None:
+                home = f"tasks/{name}"
+                name = f"{home}/{Path(task.source).name}"
+                files.update({f"{home}/{path}": content for path, content in _task_files(task).items()})
+            conditions.append(replace(condition, task=name))
+        for part, file in self.config.own_files().items():
+            files[f"{part}/{file.name}"] = file.read_bytes()
+        config = self.config.with_own_files(lambda part, file: f"{part}/{file.name}")
+        config = replace(config, profile=PROFILE, conditions=tuple(conditions), arenas=arenas)
+        return config, files
+
+
+def gather(config: StudyConfig) -> Materials:
+    """Load and check everything that a configuration names; this runs users' files.
+
+    Raises:
+        UsageError: says which file, task or key cannot be used.
+    """
+    profile = load_profile(config.profile)
+    loaded = {c.task: load_task(c.task) for c in config.conditions}
+    sources: dict[str, str | None] = {}
+    for task in loaded.values():
+        if sources.setdefault(task.name, task.source) != task.source:
+            raise ConfigError(
+                f"conditions: two different tasks are both named {task.name!r}. Give one another `name`."
+            )
+    for name in config.arenas:
+        if name not in sources:
+            near = get_close_matches(name, sources, n=1) or sorted(sources)
+            raise ConfigError(f"arenas.{name}: no such task in this study. Did you mean {near[0]!r}?")
+    for key, task in loaded.items():
+        if task.name in config.arenas:
+            task = replace(task, arena=load_arena(config.arenas[task.name]))
+        task = replace(task, **config.task.changes()).of(profile)
+        task.to_kernel(profile)  # the robot fits the start and has the sensors
+        config.evolution.make(config.encoding_for(task))  # the genotype has room for the inputs
+        loaded[key] = task
+    tasks = tuple(loaded[c.task].under(c.spread or None, c.spread_wheels) for c in config.conditions)
+    pairs = [(task.name, c.noise) for task, c in zip(tasks, config.conditions, strict=True)]
+    for i, pair in enumerate(pairs):
+        if pair in pairs[:i]:
+            raise ConfigError(
+                f"conditions[{i}]: {pair[0]} at noise {pair[1]:g} appears twice. Leave one out."
+            )
+    return Materials(config=config, profile=profile, tasks=tasks)
+
+
+def _task_files(task: Task) -> dict[str, bytes]:
+    """A user's task file and its arena's: relative path and content."""
+    with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
+        folder = Path(name)
+        copy_task(task, folder)
+        found = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+        return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
+
+
+def _run_folder(folder: Path) -> RunFolder:
+    """A study's folder as one with settings."""
+    return RunFolder(folder, CONFIG, "study", LOOSE)
 
 
 def exists(folder: Path) -> bool:
@@ -56,13 +170,13 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
         StudyError: there is a study but `resume` is not set, or it was made with another
             configuration, or there is none to resume, or the folder holds something else.
     """
-    from realitygap.study.store import create  # includes the engine, which reading a study does not need
-
     if exists(folder):
         if not resume:
             open_to_begin(folder)
         if requested is not None:
-            _refuse_difference(folder, requested)
+            own_config(folder)  # edits of the study's own copies are reported as such
+            config, files = requested.copies()
+            _run_folder(folder).refuse_other(read_config(folder).to_dict(), config.to_dict(), files)
             agree_to(requested.own_code())
         return read_materials(folder)
     if requested is None:
@@ -72,35 +186,30 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
         if task.source is not None:
             task.compiled_score()  # before anything is written, so that errors name the user's own file
     agree_to(requested.own_code())
-    local, files = requested.copies()
-    text = f"{_HEADER}\n{to_toml({**local.to_dict(), 'versions': versions()})}"
-    sources = {**files, CONFIG: _encoded(text)}
-    with told(folder):
-        for name, content in sources.items():
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            atomic_write(path, content)
-    create(folder / DATABASE, requested, sources)
+    config, files = requested.copies()
+    _run_folder(folder).begin(config.to_dict(), head=HEAD, versions=versions(), files=files)
+    _create(folder, requested)
     return read_materials(folder)
 
 
-def _encoded(text: str) -> bytes:
-    """A configuration as it is written; a name in bytes of another encoding is refused."""
-    try:
-        return text.encode()
-    except UnicodeEncodeError as why:
-        line = text[: why.start].count("\n")
-        raise ConfigError(
-            f"{CONFIG}: expected text in UTF-8, got {text.splitlines()[line]!r}. Name the title or file anew."
-        ) from None
+def _create(folder: Path, materials: Materials) -> None:
+    """Create the database."""
+    from realitygap.control.encoding import facts_of
+    from realitygap.study.plan import plans
+    from realitygap.study.store import create
+
+    config, tasks = materials.config, materials.tasks
+    local = materials.copies()[0].encoding  # a user's file by its name in the folder
+    own = {"kind": local.kind, **local.to_dict()}
+    forms = [facts_of(config.encoding_for(task), {**own, "inputs": len(task.sensors)}) for task in tasks]
+    rows = [(p.id, p.name, p.task, p.noise, p.index, forms[p.condition]) for p in plans(materials)]
+    create(folder / DATABASE, rows, {task.name: task.to_dict() for task in tasks})
 
 
 def take_back(folder: Path, requested: Materials) -> None:
     """Remove a study that failed to start before any evaluation was saved."""
-    if exists(folder):
-        with Reader(folder / DATABASE).reading() as database:
-            if database.execute("SELECT sum(evaluations) FROM run").fetchone()[0]:
-                return
+    if exists(folder) and any(row["evaluations"] for row in Reader(folder / DATABASE).runs()):
+        return
     files = [folder / name for name in requested.copies()[1]]
     made = [folder / f"{DATABASE}{end}" for end in ("", "-wal", "-shm")]
     for path in (*made, folder / CONFIG, folder / MARK, *files):
@@ -126,29 +235,17 @@ def read_config(folder: Path) -> StudyConfig:
     """The configuration that a study was made with, with paths relative to the folder.
 
     Raises:
-        StudyError: no study there.
-        ConfigError: its file is broken.
+        StudyError: no study there, or its file is missing, broken or was edited.
     """
-    path = folder / CONFIG
     if not exists(folder):
         what = "no such folder" if not folder.exists() else f"no study there ({DATABASE} is missing)"
-        raise StudyError(f"{folder}: {what}. {_cure(folder)}")
-    if not path.is_file():
-        raise StudyError(f"{path}: missing. Restore it from a copy: the study cannot be read without it.")
-    there = StudyConfig.from_toml(path, local=True)
-    sources = Reader(folder / DATABASE).sources()
-    made = StudyConfig.from_dict(tomllib.loads(sources[CONFIG].decode()))
-    refuse_edited_settings(path, _decisive(made.to_dict()), _decisive(there.to_dict()))
-    return there
-
-
-def _cure(folder: Path) -> str:
-    """What to do about a folder without a study."""
-    made = next((command for file, command in EXPERIMENTS.items() if (folder / file).is_file()), None)
-    if made is None:
-        return "Give a study's folder, such as `realitygap evolve` makes."
-    again = f"`realitygap {made} --out {shlex.quote(str(folder))} --resume`"
-    return f"It is an experiment's folder: {again} makes its results and page again; its studies are in it."
+        made = next((command for file, command in EXPERIMENTS.items() if (folder / file).is_file()), None)
+        cure = "Give a study's folder, such as `realitygap evolve` makes."
+        if made is not None:
+            again = f"`realitygap {made} --out {shlex.quote(str(folder))} --resume`"
+            cure = f"It is an experiment's folder: {again} makes its results and page again."
+        raise StudyError(f"{folder}: {what}. {cure}")
+    return StudyConfig.from_dict(_run_folder(folder).settings())
 
 
 def own_config(folder: Path) -> StudyConfig:
@@ -157,10 +254,27 @@ def own_config(folder: Path) -> StudyConfig:
     Raises:
         StudyError, ConfigError: as of `read_config`; or a file is missing, leads elsewhere or was edited.
     """
-    config = read_config(folder)
-    sources = Reader(folder / DATABASE).sources()
-    refuse_edited(folder, {name: was for name, was in sources.items() if name != CONFIG})
-    return own(config, folder)
+    config = own(read_config(folder), folder)
+    _run_folder(folder).check_files()
+    return config
+
+
+def own(config: StudyConfig, folder: Path) -> StudyConfig:
+    """A study's configuration with absolute paths, all in its own folder.
+
+    Raises:
+        StudyError: a file is missing, or lies elsewhere.
+    """
+
+    def place(name: str) -> str:
+        return str(inside(folder, name).resolve())
+
+    return replace(
+        config.with_own_files(lambda _, file: place(file.as_posix())),
+        profile=place(config.profile),
+        conditions=tuple(c if c.task in TASKS else replace(c, task=place(c.task)) for c in config.conditions),
+        arenas={task: place(arena) for task, arena in config.arenas.items()},
+    )
 
 
 def read_materials(folder: Path) -> Materials:
@@ -170,7 +284,7 @@ def read_materials(folder: Path) -> Materials:
         StudyError: a copy is missing or was edited since, or is a program that is not trusted.
     """
     config = own_config(folder)
-    refuse_strange(folder, program_files(config))
+    refuse_strange(folder, _program_files(config))
     return gather(config)
 
 
@@ -181,46 +295,9 @@ def read_profile(folder: Path) -> Profile:
         StudyError: the copy is missing or was edited since.
     """
     config = read_config(folder)
-    sources = Reader(folder / DATABASE).sources()
-    refuse_edited(folder, {name: was for name, was in sources.items() if name == config.profile})
-    return load_profile(inside(folder, config.profile))
-
-
-def programs(folder: Path) -> list[Path]:
-    """The study's programs that this user has not agreed to run.
-
-    Raises:
-        StudyError, ConfigError: as of `own_config`.
-    """
-    return strange(program_files(own_config(folder)))
-
-
-def agree(folder: Path) -> None:
-    """Agree to run the study's programs from now on, whoever wrote them."""
-    agree_to(path.read_bytes() for path in programs(folder))
-
-
-def _refuse_difference(folder: Path, requested: Materials) -> None:
-    """Refuse to resume with a configuration that differs from the study's."""
-    own_config(folder)  # edits of the study's own copies are reported as such
-    config, files = requested.copies()
-    cure = "Leave it as it was, or choose another --out."
-    there = _decisive(read_config(folder).to_dict())
-    refuse_difference(f"{folder}: the study was made", there, _decisive(config.to_dict()), cure)
-    for name, content in files.items():
-        path = inside(folder, name)
-        with told(path):
-            kept = path.read_bytes()
-        where = changed(name, kept, content)
-        if where is not None:
-            raise StudyError(
-                f"{folder}: the study keeps a different {name} from the one given now: {where}. {cure}"
-            )
-
-
-def _decisive(table: Mapping[str, object]) -> dict[str, object]:
-    """A configuration without settings that do not affect results."""
-    return {key: value for key, value in table.items() if key not in ("title", "checkpoint_every")}
+    place = inside(folder, config.profile)
+    _run_folder(folder).check_files(config.profile)
+    return load_profile(place)
 
 
 def refuse_other(folder: Path, other: Path) -> None:
@@ -229,13 +306,134 @@ def refuse_other(folder: Path, other: Path) -> None:
     Raises:
         StudyError: names the first setting or file in which they differ.
     """
-    cure = "Only shards of one study are merged."
     for one in (folder, other):
         own_config(one)  # its files are as they were
-    here, there = (_decisive(read_config(one).to_dict()) for one in (folder, other))
-    refuse_difference(f"{folder}: the study was made", here, there, f"{other} has that. {cure}")
-    ours, theirs = (Reader(one / DATABASE).sources() for one in (folder, other))
-    for name in sorted((ours.keys() | theirs.keys()) - {CONFIG}):
-        where = changed(name, ours.get(name, b""), theirs.get(name, b""))
-        if where is not None:
-            raise StudyError(f"{folder} and {other} keep different files {name}: {where}. {cure}")
+    here, there = (
+        {k: v for k, v in read_config(one).to_dict().items() if k not in LOOSE} for one in (folder, other)
+    )
+    cure = f"{other} has that. Only shards of one study are merged."
+    refuse_difference(f"{folder}: the study was made", here, there, cure)
+    ours, theirs = (_run_folder(one).seals() for one in (folder, other))
+    for name in sorted(ours.keys() | theirs.keys()):
+        if ours.get(name) != theirs.get(name):
+            raise StudyError(
+                f"{folder} and {other} keep different files {name}. Only shards of one study are merged."
+            )
+
+
+# Trust
+
+
+def programs(folder: Path) -> list[Path]:
+    """The study's programs that this user has not agreed to run.
+
+    Raises:
+        StudyError, ConfigError: as of `own_config`.
+    """
+    return strange(_program_files(own_config(folder)))
+
+
+def agree(folder: Path) -> None:
+    """Agree to run the study's programs from now on, whoever wrote them."""
+    agree_to(path.read_bytes() for path in programs(folder))
+
+
+def _program_files(config: StudyConfig) -> list[Path]:
+    """The users' own programs that a configuration names: tasks, algorithm, encoding."""
+    tasks = [Path(task) for task in dict.fromkeys(c.task for c in config.conditions) if task not in TASKS]
+    return [*tasks, *config.own_files().values()]
+
+
+def agree_to(contents: Iterable[bytes]) -> None:
+    """Agree to run programs of this content from now on."""
+    new = {sha256(content).hexdigest() for content in contents} - _known()
+    if not new:
+        return
+    _known().update(new)
+    with suppress(OSError):  # the home folder cannot be written: the question will be asked again
+        _list().parent.mkdir(parents=True, exist_ok=True)
+        with _list().open("a", encoding="utf-8") as lines:
+            lines.writelines(f"{one}\n" for one in sorted(new))
+
+
+def strange(files: Iterable[Path]) -> list[Path]:
+    """Those of some programs that this user has neither evolved with nor agreed to."""
+    return [file for file in files if sha256(file.read_bytes()).hexdigest() not in _known()]
+
+
+def refuse_strange(folder: Path, files: Iterable[Path]) -> None:
+    """Refuse to run such programs.
+
+    Raises:
+        StudyError: names the file and the cure.
+    """
+    for file in strange(files):
+        raise StudyError(
+            f"{folder}: the study was made elsewhere and brings a program, {file}, that would be run. "
+            "Read it; if you trust its author, give --trust (in Python: trust=True)."
+        )
+
+
+@cache
+def _known() -> set[str]:
+    """Digests of the files that this user agreed to: those on the list, and those of this process."""
+    try:
+        return set(_list().read_text("utf-8").split())
+    except (OSError, UnicodeDecodeError):
+        return set()
+
+
+def _list() -> Path:
+    home = Path(os.environ.get("XDG_STATE_HOME", ""))
+    return (home if home.is_absolute() else Path.home() / ".local" / "state") / "realitygap" / "trusted-tasks"
+
+
+# Workers that do not see the folder
+
+Inputs = tuple[str, Mapping[str, bytes]]
+"""A study's folder ("" if workers cannot see it) and the content of its files, as sent to workers."""
+
+
+class Home(Closing):
+    """The folder that a worker reads a study from: its own, or a temporary one that `close` removes."""
+
+    def __init__(self, folder: Path, made: tempfile.TemporaryDirectory[str] | None = None) -> None:
+        self.folder, self._made = folder, made
+
+    def close(self) -> None:
+        """Remove a temporary folder."""
+        if self._made is not None:
+            self._made.cleanup()
+
+
+def input_files(folder: Path) -> dict[str, bytes]:
+    """The content of all files that a study follows from, its configuration too."""
+    with file_errors(folder):
+        return {name: (folder / name).read_bytes() for name in (CONFIG, *_run_folder(folder).seals())}
+
+
+def inputs_for(folder: Path, pool: Pool) -> Inputs:
+    """What a pool's workers are sent of a study."""
+    return "" if far(pool) else str(folder.resolve()), input_files(folder)
+
+
+def home_of(inputs: Inputs) -> Home:
+    """The study's folder, in a worker."""
+    place, files = Path(inputs[0]), inputs[1]
+    if inputs[0] and exists(place) and input_files(place) == files:
+        agree(place)  # the parent has asked
+        return Home(place)
+    made = tempfile.TemporaryDirectory(prefix="realitygap-")
+    folder = Path(made.name)
+    write_files(folder, files)
+    materials = gather(own(StudyConfig.from_toml(folder / CONFIG, local=True), folder))
+    agree_to(materials.own_code())
+    _create(folder, materials)
+    return Home(folder, made)
+
+
+def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files by their names into a folder."""
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)

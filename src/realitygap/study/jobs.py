@@ -15,19 +15,19 @@ from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import State
 from realitygap.plugins import blamed_on
 from realitygap.study import fleet
-from realitygap.study.materials import Materials
+from realitygap.study.folder import Materials
 from realitygap.study.plan import plans
 from realitygap.study.run import (
     WHO,
     Asked,
     Bench,
     Records,
-    Results,
     advance,
     begin,
     finish,
     tested_levels,
 )
+from realitygap.study.store import Advanced, Finished, Message
 from realitygap.tasks.task import Task
 from realitygap.values import Closing
 from realitygap.work.pool import Tell
@@ -51,25 +51,6 @@ class Rehearsal(NamedTuple):
     breeding: bool
 
 
-class Advanced(NamedTuple):
-    """Evaluations of a run, and the state after them."""
-
-    run: int
-    records: Records
-    evaluations: int
-    best_fitness: float
-    best_number: int
-    state: bytes
-
-
-class Finished(NamedTuple):
-    """A run's tests: the run is complete."""
-
-    run: int
-    results: Results
-
-
-Message = Advanced | Finished
 Steps = Generator[Asked | Message, Any, None]
 
 

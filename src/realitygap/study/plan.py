@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from realitygap.compiled import routine
 from realitygap.kernels.rng import substream
-from realitygap.study.materials import Materials
+from realitygap.study.folder import Materials
 from realitygap.world.robot import noise_level, noise_name
 
 __all__ = ["Plan", "named", "plans", "run_stream", "trial_streams"]

@@ -19,8 +19,9 @@ from realitygap.evolution.algorithm import Algorithm, Batch, Genes, State, check
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
-from realitygap.study.materials import Materials
+from realitygap.study.folder import Materials
 from realitygap.study.plan import Plan, trial_streams
+from realitygap.study.store import WHO
 from realitygap.world.robot import NOISE_LEVELS
 
 __all__ = [
@@ -28,9 +29,6 @@ __all__ = [
 ]  # fmt: skip
 
 Scores = NDArray[np.float64]
-
-WHO = ("fittest", "champion")
-"""Who is tested: the highest fitness ever stored (the paper's choice), and the best of the retest."""
 
 
 class Asked(NamedTuple):

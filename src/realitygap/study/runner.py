@@ -1,27 +1,40 @@
-"""Carries out a study: creates or resumes its folder, gives its runs to workers, writes their results."""
+"""Carries out a study: creates or resumes its folder, gives its runs to workers, writes their results.
 
-from collections.abc import Iterator, Mapping
+Shards, which were carried out apart, are merged to the same bits as in one piece.
+"""
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from realitygap.errors import StudyInterruptedError
+from realitygap.errors import StudyError, StudyInterruptedError
 from realitygap.files import as_path, must_be
 from realitygap.study.config import StudyConfig
-from realitygap.study.far import Words, home_of, words_for
-from realitygap.study.folder import exists, open_folder, read_materials, take_back
+from realitygap.study.folder import (
+    Inputs,
+    Materials,
+    exists,
+    gather,
+    home_of,
+    input_files,
+    inputs_for,
+    open_folder,
+    read_materials,
+    refuse_other,
+    take_back,
+    write_files,
+)
 from realitygap.study.jobs import Advanced, Job, Message, Rehearsal, Workshop
 from realitygap.study.load import Study, load_study
-from realitygap.study.lock import lock
-from realitygap.study.materials import Materials, gather
-from realitygap.study.reader import DATABASE
-from realitygap.study.schema import told
-from realitygap.study.store import Store
-from realitygap.study.versions import versions
+from realitygap.study.provenance import versions
+from realitygap.study.store import DATABASE, Reader, Store
+from realitygap.work.folder import file_errors, lock, new_folder
 from realitygap.work.pool import Pool, Processes, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import Mark, Shard, marked
 
-__all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "WORK", "Progress", "run_study"]
+__all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "WORK", "Progress", "merge_runs", "run_study"]
 
 COMPILING = "compiling (once)"
 EVOLVING = "evolving"
@@ -74,12 +87,12 @@ def run_study(
             with lock(folder), _taken_back(folder, requested):
                 mark = marked(folder, shard, WORK, begun=exists(folder))
                 if mark is not None and not exists(folder):
-                    with told(folder):
+                    with file_errors(folder):
                         mark.write(folder, finished=False)
                 workshop = Workshop(open_folder(folder, requested, resume=resume), engine)
                 _carry_out(folder, workshop, pool, mark, on_progress)
                 if mark is not None:
-                    with told(folder):
+                    with file_errors(folder):
                         mark.write(folder, finished=True)
     except KeyboardInterrupt:
         kept = f"What was saved in {folder} is kept: resume it (--resume)."
@@ -110,7 +123,7 @@ def _carry_out(
         if not left:
             return
         store.begin_session({**versions(), "engine": workshop.engine})
-        setup = Setup(workshop_of, (words_for(folder, pool),), here=workshop)
+        setup = Setup(workshop_of, (inputs_for(folder, pool),), here=workshop)
         if isinstance(pool, Processes) and min(pool.size, len(left)) > 1 and workshop.engine == "cores":
             pool.work(setup, (Rehearsal(False), Rehearsal(True)), lambda message: None)
         workshop.compile()
@@ -170,9 +183,50 @@ class _Keeper:
             reporter.add(self._workshop.tests_cost(run), of=TESTING, runs_done=self._runs_done)
 
 
-def workshop_of(words: Words) -> Workshop:
+def workshop_of(inputs: Inputs) -> Workshop:
     """A study's workshop, in any worker."""
-    home = home_of(words)
+    home = home_of(inputs)
     workshop = Workshop(read_materials(home.folder))
     workshop.home = home  # Numba looks for its tasks there
     return workshop
+
+
+def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
+    """The study of all shards' runs, in a new folder, complete or not at all.
+
+    Args:
+        shards: their folders, as from `work.shard.all_shards`.
+        out: the new folder.
+
+    Raises:
+        StudyError: shards of different studies, a damaged or unfinished one, or `out` exists.
+    """
+    first, *others = shards.values()
+    for folder in shards.values():
+        refuse_other(first, folder)
+    with new_folder(out, f"realitygap report {shlex.quote(str(out))}") as half:
+        runs = {folder: _finished(folder, shard) for shard, folder in shards.items()}
+        write_files(half, input_files(first))
+        Reader(first / DATABASE).copy(half / DATABASE)
+        with Store(half / DATABASE) as store:
+            for folder in others:
+                store.take(folder / DATABASE, runs[folder])
+    return load_study(out)
+
+
+def _finished(folder: Path, shard: Shard) -> Sequence[int]:
+    """A shard's runs.
+
+    Raises:
+        StudyError: it is damaged, or one is not finished, although the shard is marked as finished.
+    """
+    reader = Reader(folder / DATABASE)
+    reader.check()
+    own = shard.own(reader.runs())
+    for run in own:
+        if not run["finished"]:
+            raise StudyError(
+                f"{folder}: run {run['id']} of shard {shard} is not finished, though the shard is marked so: "
+                "it was copied while it was worked on. Copy it once more, or finish the copy (--resume)."
+            )
+    return [run["id"] for run in own]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.task import Task

@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from realitygap.errors import UsageError
-from realitygap.robots.body import Body, Odometry, Paced, Seen, attend, known_pose, odometry_of
-from realitygap.robots.loop import Controller, drive
-from realitygap.robots.recording import Recorder, Recording
+from realitygap.robots.body import Body, Odometry
+from realitygap.robots.drive import Controller, Recorder, Recording, drive
 from realitygap.simulation.body import SimulatedBody
 from realitygap.tasks.task import Task
 from realitygap.track import Track, settled
@@ -114,11 +113,11 @@ def driven(
     poses: list[Pose] = []
     ended: list[Odometry] = []
     sensors = task.of(profile).sensors
-    seen = body if isinstance(body, Seen) else None
+    seen = body if body.knows_pose else None
 
     def look() -> None:
         if seen is not None:
-            poses.append(known_pose(seen))
+            poses.append(seen.known_pose())
 
     def inputs(readings: Readings) -> list[int]:
         look()
@@ -126,11 +125,11 @@ def driven(
 
     def look_again() -> None:
         look()
-        attend(body)
+        body.attend()
         body.sense()
-        ended.append(odometry_of(body))
+        ended.append(body.odometry)
 
-    attend(body, *task.kinds)
+    body.attend(*task.kinds)
     commands = controller if isinstance(body, SimulatedBody) else Scaled(controller, profile)
     made = drive(body, commands, seconds=seconds, inputs=inputs, recorder=recorder, at_end=look_again)
     last, unknown = ended[0], (np.nan, np.nan)
@@ -165,9 +164,9 @@ def turned(
         counters, speeds: [rows, 2] as read, in the body's units, NaN where missing.
         times: [rows] s.
     """
-    if not body.counts_turns and isinstance(body, Paced):
+    if not body.counts_turns and body.measures_speeds:
         ways = np.cumsum((speeds[1:] + speeds[:-1]) / 2 * np.diff(times)[:, None], axis=0)
         return np.vstack([np.zeros(2), ways]), profile.wheels.speed_per_unit_cm_s
-    told, nominal = profile.provenance, getattr(body, "pulses_per_mm", None)
+    told, nominal = profile.provenance, body.pulses_per_mm
     known = told.pulses_per_mm or nominal is not None
     return counters, told.cm_per_pulse(1.0 if nominal is None else nominal) if known else None

@@ -20,9 +20,9 @@ from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.camera import CameraModel, load_camera
 from realitygap.film.disk import Disk, load_disk
 from realitygap.film.tag import Marker
-from realitygap.study.lock import locked
 from realitygap.track import Track
 from realitygap.values import Pose
+from realitygap.work.folder import locked
 from realitygap.world.arena import Arena
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class Watcher:
     @cached_property
     def eye(self) -> OverheadCamera:
         """The camera itself, drawn, in grey."""
-        from realitygap.calibration.floor_camera import plate_of
+        from realitygap.calibration.record import plate_of
         from realitygap.twin.camera import OverheadCamera
 
         plate = plate_of(self.marker)

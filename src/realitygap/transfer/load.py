@@ -8,12 +8,12 @@ from typing import Any
 
 from realitygap.errors import StudyError
 from realitygap.files import as_path, parse_toml, refuse_unknown
-from realitygap.study.settings import refuse_difference
 from realitygap.track import Track, read_track
 from realitygap.transfer.packed import content, every, placed
 from realitygap.transfer.plan import FOLDER, SOURCES, Situation
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
 from realitygap.values import Pose
+from realitygap.work.folder import refuse_difference
 
 __all__ = ["Transferred", "is_done", "load_transfer", "load_transfers", "read_trial"]
 

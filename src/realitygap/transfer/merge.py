@@ -10,15 +10,12 @@ from realitygap.errors import StudyError
 from realitygap.robots.address import Address
 from realitygap.study.folder import exists
 from realitygap.study.load import load_study
-from realitygap.study.lock import lock
-from realitygap.study.schema import told
-from realitygap.study.settings import refuse_difference
-from realitygap.study.sources import refuse_links
 from realitygap.transfer.folder import files_in, keep, keep_camera
 from realitygap.transfer.load import Transferred, load_transfer, load_transfers, read_trial
 from realitygap.transfer.packed import Packed, content, placed
 from realitygap.transfer.plan import FOLDER
 from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
+from realitygap.work.folder import file_errors, lock, refuse_difference, refuse_links
 from realitygap.work.shard import Shard, read_mark
 
 __all__ = ["merge_trials"]
@@ -51,12 +48,12 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
                     _refuse_overwriting(trial, there)
         left = [(trial, place) for place, trial in todo.items() if content(place / TRIAL) is None]
         home = folder / FOLDER
-        with told(home):
+        with file_errors(home):
             home.mkdir(exist_ok=True)
         packed = any(not trial.is_dir() for trial, _ in left)
         archive = opened.enter_context(Packed(home)) if packed else None
         for trial, place in left:
-            with told(place):
+            with file_errors(place):
                 _copy_cameras(trial.parent.parent, place.parent.parent)
                 with placed(trial) as here:
                     files = files_in(here)

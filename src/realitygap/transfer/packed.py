@@ -14,7 +14,7 @@ from pathlib import Path
 from shutil import copy, copytree, ignore_patterns
 
 from realitygap.errors import StudyError
-from realitygap.study.schema import told
+from realitygap.study.store import database_errors
 from realitygap.transfer.columns import columns_of, text_of
 from realitygap.values import Closing
 
@@ -42,7 +42,7 @@ class Packed(Closing):
 
     def __init__(self, home: Path) -> None:
         self._path = home / PACKED
-        with told(self._path):
+        with database_errors(self._path):
             self._database = sqlite3.connect(self._path, isolation_level=None)
             self._database.execute("PRAGMA page_size = 512")
             self._database.execute(_TABLE)
@@ -54,7 +54,7 @@ class Packed(Closing):
             columns = columns_of(text) if name.endswith(".csv") else None
             member, data = (name, text) if columns is None else (name + COLUMNS, columns)
             rows.append((f"{folder}/{member}", _MODE, len(data), min(data, zlib.compress(data, 9), key=len)))
-        with told(self._path):
+        with database_errors(self._path):
             self._database.execute("BEGIN IMMEDIATE")
             self._database.execute(f"DELETE FROM sqlar WHERE {_IN}", _in(folder))
             self._database.executemany("INSERT INTO sqlar VALUES (?, ?, 0, ?, ?)", rows)
@@ -70,7 +70,7 @@ def content(file: Path) -> bytes | None:
     Raises:
         StudyError: the archive is damaged.
     """
-    with told(file):
+    with database_errors(file):
         if file.is_file():
             return file.read_bytes()
     if len(file.parts) < DEPTH + 1:
@@ -130,7 +130,10 @@ def _rows(home: Path, which: str, values: tuple[str, ...]) -> Iterator[tuple[Pat
     path = home / PACKED
     if not path.is_file():
         return
-    with told(path), closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+    with (
+        database_errors(path),
+        closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database,
+    ):
         query = f"SELECT name, sz, data FROM sqlar WHERE {which} ORDER BY name"
         (begun,) = database.execute("PRAGMA schema_version").fetchone()  # 0: its writer has just opened it
         rows = database.execute(query, values).fetchall() if begun else []

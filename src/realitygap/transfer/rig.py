@@ -19,9 +19,8 @@ from realitygap.errors import RealityGapError, UsageError
 from realitygap.film.tag import Marker
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
-from realitygap.robots.body import Body, Filmed, Placing, Seen, abandon, known_pose
-from realitygap.robots.loop import Controller
-from realitygap.robots.recording import Recorder, Recording
+from realitygap.robots.body import Body
+from realitygap.robots.drive import Controller, Recorder, Recording
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
 from realitygap.track import Track, read_track
@@ -126,12 +125,12 @@ class Rig(Closing):
             body = self._fresh(int(substream(np.uint64(stream), np.uint64(TWIN_NOISE))))
             body.stop()
             body.reset(pose)
-            if isinstance(body, Seen):
-                _refuse_elsewhere(known_pose(body), pose)
-            if sealed is not None and isinstance(body, Filmed):
+            if body.knows_pose:
+                _refuse_elsewhere(body.known_pose(), pose)
+            if sealed is not None and body.is_filmed:
                 body.film(sealed)
             made = driven(body, controller, recorder=recorder, **settings)
-            if sealed is not None and isinstance(body, Filmed):
+            if sealed is not None and body.is_filmed:
                 body.film(None)
         except BaseException:
             self._leave()  # its state is unknown
@@ -167,7 +166,7 @@ class Rig(Closing):
 
     def _fresh(self, seed: int) -> Body:
         """The robot in the arena with noise of a seed, unaffected by earlier trials."""
-        if not isinstance(self.body, Placing):
+        if not self.body.places_itself:
             raise UsageError(f"robot {self.robot}: expected one that places itself, by `enter`.")
         self.body.enter(self._arena, seed, None)
         return self.body
@@ -182,7 +181,7 @@ class Rig(Closing):
     def _leave(self) -> None:
         body, self._body = self._body, None
         if body is not None:
-            abandon(body)
+            body.abandon()
 
 
 def _refuse_elsewhere(told: Pose, asked: Pose) -> None:

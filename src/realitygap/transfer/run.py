@@ -18,8 +18,6 @@ from realitygap.files import must_be
 from realitygap.film.camera import CameraModel, load_camera
 from realitygap.study.folder import exists
 from realitygap.study.load import Study, as_study
-from realitygap.study.lock import lock
-from realitygap.study.schema import told
 from realitygap.transfer.load import Transferred, is_done, load_transfer, load_transfers
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.overhead import Found, Overhead
@@ -27,6 +25,7 @@ from realitygap.transfer.packed import MANY
 from realitygap.transfer.plan import FOLDER, Situation, situations
 from realitygap.transfer.trial import Carry
 from realitygap.transfer.work import by_hand, on_twins
+from realitygap.work.folder import file_errors, lock
 from realitygap.work.pool import Workers, opened
 from realitygap.work.progress import OnProgress
 from realitygap.work.shard import Shard, marked
@@ -102,7 +101,7 @@ def run_transfer(
                 "carry: expected a function that asks a person to carry the real robot to its starts."
             )
         real, twins = _left(place, requested)  # a refusal leaves the mark unchanged
-        with told(place / FOLDER):
+        with file_errors(place / FOLDER):
             (place / FOLDER).mkdir(exist_ok=True)
             if mark is not None:
                 mark.write(place, finished=False)

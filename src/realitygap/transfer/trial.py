@@ -17,13 +17,12 @@ import numpy as np
 from realitygap.evolution.algorithm import Genes
 from realitygap.files import atomic_write, to_toml, written_together
 from realitygap.robots.address import Address
-from realitygap.robots.body import Body, attend
-from realitygap.robots.loop import Controller
-from realitygap.robots.recording import Recorder
+from realitygap.robots.body import Body
+from realitygap.robots.drive import Controller, Recorder
 from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
-from realitygap.study.versions import versions
+from realitygap.study.provenance import versions
 from realitygap.track import Track
 from realitygap.transfer.driven import Driven, driven
 from realitygap.transfer.film import TRACK, film_and_track
@@ -126,7 +125,7 @@ class Stage:
         genes = self.genes(one)
         with made(self.place / one.folder, one.robot) as folder:
             pose = requested = self.simulation(one.task, one.noise).start(one.stream)
-            attend(body, *self.study.task(one.task).kinds)  # refuses a line that is too slow
+            body.attend(*self.study.task(one.task).kinds)  # refuses a line that is too slow
             body.stop()
             carry(one, requested)
             body.reset()
@@ -188,7 +187,7 @@ class Stage:
 
     def _camera(self, one: Situation) -> OverheadCamera:
         """The camera that films a trial."""
-        from realitygap.calibration.floor_camera import plate_of
+        from realitygap.calibration.record import plate_of
         from realitygap.twin.camera import OverheadCamera
 
         arena, unit, noise = self.study.task(one.task).arena.plain(), one.robot.unit, one.twin_noise

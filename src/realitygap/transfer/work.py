@@ -10,15 +10,14 @@ from typing import NamedTuple
 
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Genes
-from realitygap.robots.body import abandon
-from realitygap.study.far import Home, Words, home_of, words_for
+from realitygap.study.folder import Home, Inputs, home_of, inputs_for
 from realitygap.study.load import Study, load_study
-from realitygap.study.schema import told
 from realitygap.transfer.folder import blamed, files_in, keep, keep_camera, put_aside
 from realitygap.transfer.overhead import Overhead
 from realitygap.transfer.packed import Packed
 from realitygap.transfer.plan import FOLDER, Situation, check_body
 from realitygap.transfer.trial import Carry, Stage
+from realitygap.work.folder import file_errors
 from realitygap.work.pool import Pool, Setup, Tell, far
 from realitygap.work.progress import OnProgress, Reporter
 
@@ -65,7 +64,7 @@ class Bench:
         """Carry out a job; `tell` receives its film's progress, then its files."""
         one = job.situation
         camera = self._stage.camera_file(one)
-        with told(self._shown / one.folder):
+        with file_errors(self._shown / one.folder):
             if job.camera is not None:
                 keep_camera(camera, job.camera)
             if job.genes is not None:
@@ -103,7 +102,7 @@ class Bench:
             self._home.close()
 
 
-def bench_in(words: Words, shown: str) -> Bench:
+def bench_in(words: Inputs, shown: str) -> Bench:
     """A bench for a study, in any worker."""
     home = home_of(words)
     place = Path(shown) if words[0] else home.folder
@@ -150,7 +149,7 @@ def on_twins(
             camera = file.read_bytes() if away and file in watched else None
             yield Job(one, stage.genes(one), camera)
 
-    words = (words_for(study.folder, pool), str(place.resolve()))
+    words = (inputs_for(study.folder, pool), str(place.resolve()))
     with Packed(place / FOLDER) if pack else nullcontext() as archive:
         keeper = _Keeper(place=place, stage=stage, archive=archive, reporter=reporter)
         for jobs in (cameras, trials()) if away else (chain(cameras, trials()),):
@@ -176,7 +175,7 @@ class _Keeper:
             keep_camera(file, files[file.name])
             return
         folder = self.place / one.folder
-        with told(folder):
+        with file_errors(folder):
             if self.archive is not None and message.finished and one.robot.unit is not None and not one.film:
                 self.archive.keep(str(Path(one.folder).relative_to(FOLDER)), files)
                 put_aside(folder, one.robot, "earlier")
@@ -236,9 +235,9 @@ def by_hand(
         for one in todo:
             check_body(study, one.task, body)
         for one in todo:
-            with told(place / one.folder):
+            with file_errors(place / one.folder):
                 stage.by_hand(replace(one, baud=getattr(body, "baud", None)), body, carry, overhead)
     except BaseException:
-        abandon(body)  # it was told to stop first, wherever this came from
+        body.abandon()  # it was told to stop first, wherever this came from
         raise
     body.close()

@@ -7,7 +7,7 @@ A shard's folder is marked, so that only shards that belong together are merged.
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self, TypeVar
@@ -15,7 +15,7 @@ from typing import Any, Self, TypeVar
 from realitygap.errors import ConfigError, StudyError
 from realitygap.files import atomic_write
 
-__all__ = ["MARK", "Mark", "Shard", "marked", "read_mark", "whole_of"]
+__all__ = ["MARK", "Mark", "Shard", "all_shards", "marked", "read_mark", "whole_of"]
 
 MARK = "shard.json"
 MOST = 10**5
@@ -151,3 +151,39 @@ def marked(folder: Path, shard: Shard | None, work: str, *, begun: bool, **facts
             f"{folder} holds shard {there.shard} of {there.work!r}, not {asked} of {work!r}. {cure}"
         )
     return replace(there, facts=facts)
+
+
+def all_shards(folders: Sequence[Path]) -> dict[Shard, Path]:
+    """The folders of all finished shards of one study, in order.
+
+    Raises:
+        StudyError: a folder without a shard, a shard of another study, a repeated, unfinished or missing one:
+            says which.
+    """
+    found: dict[Shard, Path] = {}
+    first: Mark | None = None
+    for folder in folders:
+        mark = read_mark(folder)
+        if mark is None:
+            raise StudyError(
+                f"{folder}: expected a shard's folder, such as `--shard 1/3` makes ({MARK} is missing)."
+            )
+        first = first or mark
+        if (mark.work, mark.shard.of) != (first.work, first.shard.of):
+            raise StudyError(
+                f"{folder} holds shard {mark.shard} of {mark.work!r}; {folders[0]} holds {first.shard} of "
+                f"{first.work!r}. Merge shards of one work only."
+            )
+        if mark.shard in found:
+            raise StudyError(f"shard {mark.shard} is given twice: {found[mark.shard]}, {folder}. Give one.")
+        if not mark.finished:
+            raise StudyError(f"{folder}: shard {mark.shard} is not finished. Finish it first.")
+        found[mark.shard] = folder
+    if first is None:
+        raise StudyError("expected the folders of all shards, got none.")
+    every = [Shard(number, first.shard.of) for number in range(1, first.shard.of + 1)]
+    missing = [str(shard) for shard in every if shard not in found]
+    if missing:
+        shown = ", ".join(missing[:10]) + (f" … ({len(missing)} in all)" if len(missing) > 10 else "")
+        raise StudyError(f"missing: shard {shown}. Give the folders of all {first.shard.of} shards.")
+    return {shard: found[shard] for shard in every}
