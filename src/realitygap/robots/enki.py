@@ -230,14 +230,7 @@ class EnkiProcess:
     def enter(
         self, room: Mapping[str, Any], *, model: str, unit: int, noise: float, seed: int
     ) -> NDArray[np.float64]:
-        """Be a unit in a new room.
-
-        Args:
-            room: plain numbers, cm: size_cm, cylinders, walls; Enki's robots see no lamps.
-            model: "khepera", "epuck" or "thymio2".
-            unit: its number; 0 is the published model.
-            noise: the scale of Enki's noise.
-            seed: of that noise.
+        """Be a unit of a model in a new room, with Enki's noise at a scale.
 
         Returns:
             What is published: axle, top speed, wheels' noise, radius (cm, cm/s, share, cm), and of each
