@@ -66,8 +66,8 @@ def serve(
         facts = {"device": server.device, "channel": server.channel, "unit": unit, "noise": noise,
                  "seed": seed, "baud": baud, "arena": arena.plain(),
                  "pose": None if start is None else (start.x, start.y, start.heading)}  # fmt: skip
-        told = f"{baud} baud, unit {unit}; Ctrl-C ends it"
-        tell(json_output, facts, f"device: {server.device}", f"second channel: {server.channel}", told)
+        line = f"{baud} baud, unit {unit}; Ctrl-C ends it"
+        tell(json_output, facts, f"device: {server.device}", f"second channel: {server.channel}", line)
         try:
             server.serve()
         except KeyboardInterrupt:

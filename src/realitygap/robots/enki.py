@@ -249,11 +249,11 @@ class EnkiProcess:
 
     def place(self, x_cm: float, y_cm: float, heading: float) -> StepResult:
         """Set the robot down; it stands for a step."""
-        return self._moment(1, self._ask("place", (x_cm, y_cm, heading)))
+        return self._result(1, self._ask("place", (x_cm, y_cm, heading)))
 
     def run(self, steps: int, left_cm_s: float, right_cm_s: float) -> StepResult:
         """Run some steps with these speeds of the wheels."""
-        return self._moment(steps, self._ask("run", (steps, left_cm_s, right_cm_s)))
+        return self._result(steps, self._ask("run", (steps, left_cm_s, right_cm_s)))
 
     @property
     def alive(self) -> bool:
@@ -263,8 +263,8 @@ class EnkiProcess:
     def close(self) -> None:
         self._finalizer()
 
-    def _moment(self, steps: int, told: NDArray[np.float64]) -> StepResult:
-        poses, rest = told[: 3 * steps].reshape(steps, 3), told[3 * steps :]
+    def _result(self, steps: int, answer: NDArray[np.float64]) -> StepResult:
+        poses, rest = answer[: 3 * steps].reshape(steps, 3), answer[3 * steps :]
         return StepResult(poses, rest[:2], rest[2:4], rest[4:])
 
     def _ask(self, word: str, numbers: Iterable[float]) -> NDArray[np.float64]:

@@ -253,11 +253,11 @@ class Sensors:
         scales = self._unit.lamp_power, self._noise
         return self._counts(_ambient, self._light, self._laws, scales, time_ms, history)
 
-    def _counts(self, law: Any, *told: Any) -> list[int]:
+    def _counts(self, law: Any, *known: Any) -> list[int]:
         """What a compiled law reads."""
         out = np.empty(SENSORS, np.int64)
         with _wrapping():
-            law(self.eyes, *told, out)
+            law(self.eyes, *known, out)
         counts: list[int] = out.tolist()
         return counts
 
