@@ -38,7 +38,6 @@ from realitygap.film.calibrate import calibrate_camera
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body as RobotBody
 from realitygap.robots.body import Channel
-from realitygap.robots.khepera import KheperaBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import Body, load_profile
@@ -290,10 +289,10 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
     pose = Pose(x=0, y=0, heading=0)
     trial = Trial(number=7, kind="straight", commands=((5, 5), (0, 0)), pose=pose, filmed=True, says="room")
     assert site.go(trial)
-    rows, _ = drive_trial(KheperaBody(khepera), trial)
+    rows, _ = drive_trial(khepera, trial)
     seen = site.poses(trial)
     assert [row[-2:] for row in rows] == [("7", "straight")] * 2
-    assert int(rows[1][3]) > 0 and khepera.speeds() == (0, 0)
+    assert int(rows[1][3]) > 0 and khepera.read("E") == (0, 0)
     assert seen[0].heading == pytest.approx(math.pi / 2) and (seen[1].x, seen[1].y) == (10, 22.5)
     with pytest.raises(StoppedByUserError):
         site.go(trial)

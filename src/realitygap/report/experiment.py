@@ -532,12 +532,7 @@ def _share(place: Place, channel: str) -> float:
 
 
 def matrix(places: Sequence[Place], *, few: bool) -> PageTable:
-    """All robots side by side, and the real tables beside them.
-
-    Args:
-        places: the robots.
-        few: with too few runs for means of scores to say anything, these are left out.
-    """
+    """All robots side by side, and the real tables beside them; means of scores unless runs are too `few`."""
     robots = read_robots(places)
     tried = [place for place in places if not place.why]
     levels = [f"{level:g}" for level in next(iter(robots.values())).levels]
