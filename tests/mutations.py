@@ -97,7 +97,7 @@ MUTATIONS = (
     Mutation("kernels/trial.py", "no noise on lit proximity sensor 6",
              "value += level * size * noise[MOTOR_NOISE + i]",
              "value += 0.0 if i == 6 and lit != dark and value > 0.0 "
-             "else level * size * noise[MOTOR_NOISE + i]", NOISE),
+             "else level * size * noise[MOTOR_NOISE + i]", TRIALS),
     Mutation("kernels/trial.py", "two sensors share their noise",
              "noise[MOTOR_NOISE + i]", "noise[MOTOR_NOISE + (i if i != 3 else 2)]", NOISE),
     Mutation("kernels/trial.py", "readings are cut, not rounded",
