@@ -73,11 +73,11 @@ def test_a_name_that_moved_is_seen() -> None:
 
 def test_a_figure_lacks_no_processor(monkeypatch, tmp_path: Path, capsys) -> None:
     """Where a compiler is missing, the script that draws networks' sizes says so, and draws nothing."""
-    words = ["down_load.py", str(tmp_path / "made.png")]
+    words = ["exported_size.py", str(tmp_path / "made.png")]
     monkeypatch.setattr("sys.argv", words)
     monkeypatch.setattr("realitygap.export.sizes", lambda source: {"ATmega328P": 724})
     with pytest.raises(SystemExit, match=r"^2$"):
-        runpy.run_path(str(ROOT / "benchmarks" / "down_load.py"), run_name="__main__")
+        runpy.run_path(str(ROOT / "benchmarks" / "exported_size.py"), run_name="__main__")
     assert capsys.readouterr().err.startswith("error: no compiler for Cortex-M0+. Install avr-gcc and arm-n")
     assert not list(tmp_path.iterdir())
 
