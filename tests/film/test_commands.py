@@ -51,34 +51,3 @@ def test_track(tmp_path, clean_film, camera_file):
     )
     assert facts["lost"] == 0
     assert len(facts["x_cm"]) == 40
-
-
-def test_cut_off_film_is_told(tmp_path, clean_film, camera_file):
-    """A film that was cut off is tracked as far as it goes, with a warning."""
-    data, film = clean_film.read_bytes(), tmp_path / "cut.mp4"
-    film.write_bytes(data[: int(0.6 * len(data))])
-    result = run("camera", "track", film, "--camera", camera_file, "--out", tmp_path / "track.csv")
-    assert result.exit_code == 0, result.output
-    assert "warning: the film is cut off" in result.stderr
-    assert 3 < len(read_track(tmp_path / "track.csv")) < 40
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (
-            ("camera", "track", "none.mp4", "--camera", "none.json", "--out", "t.csv"),
-            "error: none.json: no such file. Make it with",
-        ),
-        (("camera", "track", "none.mp4", "--camera", "none.json"), "Missing option '--out'"),
-        (("camera", "track", "none.mp4", "--camera", "none.json", "--out", "t.txt"), "ending in .csv"),
-        (("camera", "calibrate", "--frames", "no", "--poses", "p", "--out", "c.json"), "no: no such folder"),
-    ],
-)
-def test_mistakes_end_in_one_line(words, says):
-    """A person's mistake is one line on stderr and exit code 2."""
-    with CliRunner().isolated_filesystem():
-        result = run(*words)
-    assert result.exit_code == 2
-    assert says in result.stderr and result.stderr.count("no such") <= 1
-    assert len(result.stderr.splitlines()) == 1
