@@ -19,7 +19,7 @@ from studies.correspondence.ladders import setting_for
 from studies.correspondence.naming import named
 
 from realitygap.correspondence.names import namer
-from realitygap.correspondence.reading import read_trials
+from realitygap.correspondence.trials import read_trials
 from realitygap.robots.address import Address
 from realitygap.robots.drive import drive
 from realitygap.simulation.simulation import Simulation

@@ -38,7 +38,6 @@ from realitygap.film.calibrate import calibrate_camera
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body as RobotBody
 from realitygap.robots.body import Channel
-from realitygap.robots.enki import EnkiBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import Body, load_profile
@@ -210,17 +209,6 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
         assert (tmp_path / "broken" / table).read_text() == (tmp_path / "whole" / table).read_text(), table
 
 
-GRIDS = [
-    (["--bearings", 0], "expected 1 or more"),
-    (["--bearings", 2.5], "expected a whole number"),
-    (["--distances", "1,x"], "expected numbers of cm, as in 0.5,1,2, got '1,x'"),
-    (["--distances", "2,1"], "expected rising ones from 0.1 to 20 cm, got 2, 1"),
-    (["--distances", "1,30"], "expected rising ones from 0.1 to 20 cm"),
-    (["--distances", "nan"], "expected rising ones"),
-    (["wheels", "--bearings", 8], "belongs to the infrared's plan"),
-]
-
-
 def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
     """So many bearings at these distances; another plan does not go on with them."""
     chosen = [*WORDS, "--robot", "twin:3", "--out", tmp_path / "a", "--bearings", 5, "--distances", "1,12"]
@@ -236,24 +224,6 @@ def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
     ):
         code, _, told = run(*WORDS, "--robot", "twin:3", "--out", tmp_path / "a", *other, "--resume")
         assert code == 2 and f"bearings: this recording was begun with {begun};" in told
-
-
-def test_each_robot_has_its_own_places():
-    """Enki's are recorded closely and farther out; others as ever; all as a person asks."""
-
-    def grid(body: EnkiBody | None, **asked: object) -> tuple[int, float, int]:
-        bearings, distances = Plan(kind="infrared", **asked).grid(body)
-        return bearings, distances[-1], len(distances)
-
-    enki = SimpleNamespace(infrared_grid=EnkiBody.infrared_grid)
-    assert grid(None) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
-    assert grid(enki, bearings=6) == (6, 15.0, 11) and grid(enki, distances_cm=(1.0,)) == (180, 1.0, 1)
-    usual = infrared_task("cylinder:4")
-    assert (
-        len(usual.stops) == 192
-        and usual.room["size_cm"] == [100.0, 100.0]
-        and usual.facts == {"object": "cylinder:4"}
-    )
 
 
 def test_ctrl_c_ends_a_recording_in_order(tmp_path):

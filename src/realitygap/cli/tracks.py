@@ -174,8 +174,7 @@ def track(
 
 def _doubts(tracked: Tracked, source: str) -> tuple[str, ...]:
     """Whether the robot went where its disk says that it looks; nothing of a film that shows too little."""
-    from realitygap.correspondence.reading import doubt_of_disk
-    from realitygap.correspondence.trials import resampled
+    from realitygap.correspondence.trials import doubt_of_disk, resampled
 
     try:
         return doubt_of_disk(resampled(tracked.track, source=source))
@@ -226,9 +225,9 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
         realitygap score simulated.csv filmed/ --task avoidance
         realitygap score out/reproduce/transfer/twin-1/obstacle-avoidance-observed-1
     """
-    from realitygap.correspondence.reading import doubts_of, read_transfer, read_trials
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
+    from realitygap.correspondence.trials import doubts_of, read_transfer, read_trials
     from realitygap.tasks.load import load_task
     from realitygap.transfer.packed import unpacked
 
@@ -256,7 +255,7 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
 def _task_of(folder: Path, trials: Path) -> Task | None:
     """The task of a transfer in its study, whose arena it is; None for trials that left their study, and
     where the task is a program that nobody agreed to run."""
-    from realitygap.correspondence.reading import TRANSFER
+    from realitygap.correspondence.trials import TRANSFER
     from realitygap.files import read_toml
     from realitygap.study.load import load_study
     from realitygap.study.store import DATABASE
@@ -302,8 +301,8 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
         realitygap classify track.csv --task light
     """
     from realitygap.correspondence.names import common_name, namer
-    from realitygap.correspondence.reading import doubts_of, read_trials
     from realitygap.correspondence.setting import setting_of
+    from realitygap.correspondence.trials import doubts_of, read_trials
     from realitygap.tasks.load import load_task
 
     trials = read_trials(tracks)
@@ -352,13 +351,13 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
         realitygap judge page pairs/ --out judge.html --key key.json
     """
     from realitygap.correspondence.judging import blind_pairs
-    from realitygap.correspondence.judging import page as page_of
-    from realitygap.correspondence.reading import doubts_of
+    from realitygap.correspondence.trials import doubts_of
     from realitygap.files import atomic_write
+    from realitygap.report.player import judge_page
 
     found, setting = _pairs(Path(pairs), task)
     data, rows = blind_pairs(found, setting, seed=seed)
-    atomic_write(out, page_of(data))
+    atomic_write(out, judge_page(data, setting.arena, found[0].a[0].radius_cm))
     atomic_write(key, json.dumps(rows, indent=1) + "\n")
     warn(doubts_of(trial for pair in found for trial in (*pair.a, *pair.b)))
     click.echo(f"{len(found)} pairs: open {out} in a browser; keep {key} from the judges")
@@ -397,9 +396,9 @@ def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
 
 def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
     from realitygap.correspondence.judging import Pair
-    from realitygap.correspondence.reading import read_trials
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
+    from realitygap.correspondence.trials import read_trials
     from realitygap.tasks.load import load_task
 
     read = []

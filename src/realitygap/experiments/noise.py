@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.unit import PROFILE
 from realitygap.control.encoding import Encoding, genotype_of
 from realitygap.correspondence.names import common_name, namer
-from realitygap.correspondence.scale import Scale, exemplar_scale
-from realitygap.correspondence.score import compare
+from realitygap.correspondence.score import Scale, compare, exemplar_scale
 from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.errors import LineError, StudyError, TrackError

@@ -6,18 +6,21 @@ little-endian int16 or int8 in base64: a tenth of the size of JSON.
 """
 
 import base64
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.control.genotype import Genotype
 from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, front
 from realitygap.report.evolution import PER_CONDITION, NoiseClass, Paths, Row, TaskPart, chosen, individual
 from realitygap.report.network import network_drawing
+from realitygap.report.page import rendered
 from realitygap.report.style import noise_styles
 from realitygap.report.transfers import Pair, robots_of
 from realitygap.robots.drive import Recording
@@ -32,8 +35,8 @@ from realitygap.world.robot import TOP_INPUT, Profile, noise_name
 from realitygap.world.sensors import RAY_ANGLES_DEG, AmbientSensor, ProximitySensor
 
 __all__ = [
-    "LOST", "MOST_RUNS", "MOST_TRIALS", "activity", "arena_json", "decided", "pack", "player_data",
-    "player_json", "replay_data", "track",
+    "LOST", "MOST_RUNS", "MOST_TRIALS", "activity", "arena_json", "decided", "judge_page", "pack",
+    "player_data", "player_json", "replay_data", "track",
 ]  # fmt: skip
 
 Json = dict[str, object]
@@ -62,14 +65,7 @@ def player_json(data: Json) -> str:
 def player_data(
     study: Study, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
 ) -> Json | None:
-    """The player's data, with transfers by task; None if no run has started.
-
-    Args:
-        study: the study.
-        parts: its tasks.
-        pairs: transfers by task.
-        paths: drives the champions.
-    """
+    """The player's data, with transfers by task; None if no run has started."""
     gather = _Gather(study, paths, {c.level for part in parts for c in part.conditions})
     tasks = [
         gather.task(part, pairs[part.task.name]) for part in parts if any(c.begun for c in part.conditions)
@@ -80,14 +76,7 @@ def player_data(
 def replay_data(
     simulation: Simulation, genotype: Genotype, lived: tuple[Trajectory, float], name: str
 ) -> Json:
-    """The player's data of one simulated trial.
-
-    Args:
-        simulation: of the trial.
-        genotype: whose network drove.
-        lived: the trial and its score.
-        name: of the individual, for display.
-    """
+    """The player's data of one simulated trial: whose network drove, the trial and its score, and a name."""
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genotype, task, profile)
     cast = _Cast(task=task, genotype=genotype, slots=slots, profile=profile)
@@ -246,6 +235,22 @@ def _sensor(one: ProximitySensor | AmbientSensor, reach_cm: float, limits: Json)
     return {"x": one.x_cm, "y": one.y_cm, "direction": one.direction_deg, "reach": reach, **limits}
 
 
+def judge_page(data: Mapping[str, object], arena: Arena | None, radius_cm: float) -> str:
+    """The page on which people rate pairs, from `correspondence.blind_pairs`; it keeps ratings in the
+    browser and as a file. Without an arena an empty one is drawn around all of them."""
+    body = {
+        "radius": radius_cm,
+        "front": radius_cm,
+        "outline": [],
+        "track": 1.8 * radius_cm,
+        "wheel": WHEEL_CM,
+    }
+    empty = {"size_cm": data["size_cm"], "cylinders": [], "walls": [], "lamps": []}
+    text = player_json({**data, "arena": arena_json(arena) if arena else empty, "robot": body})
+    name = hashlib.sha256(text.encode()).hexdigest()[:16]  # ratings of another page are kept apart
+    return rendered("judge.html.j2", {"data": Markup(text[:-1] + f',"id":"{name}"}}')})
+
+
 # One drive
 
 
@@ -275,14 +280,9 @@ def decided(drive: Trajectory | Recording, profile: Profile) -> NDArray[np.int64
 def activity(
     genotype: Genotype, inputs: NDArray[np.int64], commands: NDArray[np.int64], slots: Sequence[int]
 ) -> NDArray[np.int64] | None:
-    """Outputs [n, slots] of a network's neurons at the end of each step, by replaying a drive.
+    """Outputs [n, slots] of a network's neurons at the end of each step, by replaying inputs [n, I].
 
-    Args:
-        genotype: whose network it is.
-        inputs: its inputs [n, I].
-        commands: the commands [n, 2]; if the network's differ, it is not the one that drove, and the result
-            is None.
-        slots: the neurons.
+    None if its commands [n, 2] are not the network's: another one drove.
     """
     controller = genotype.controller()
     shown = np.zeros((len(inputs), len(slots)), np.int64)
@@ -305,17 +305,8 @@ def track(
     commands: NDArray[np.int64] | None = None,
     outputs: NDArray[np.int64] | None = None,
 ) -> dict[str, object]:
-    """One drive for the page; rows of internal data belong to the first n poses.
-
-    Args:
-        who: the driver, in words.
-        score: as in the tables.
-        poses: [n + 1, 3] cm, cm, degrees.
-        unit_cm: unit of packed positions.
-        readings: [n, S] counts of the sensors that the task feeds, if known.
-        commands: [n, 2], −10 to 10, if known.
-        outputs: [n, N] of the network's neurons, if known.
-    """
+    """One drive for the page: poses [n + 1, 3] in cm, cm, degrees; readings (counts), commands and outputs
+    (−10 to 10) [n, …] of the first n poses, as far as they are known."""
     steps = len(poses) - 1
     packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
     inside = {"readings": (readings, "<i2"), "commands": (commands, "i1"), "outputs": (outputs, "i1")}

@@ -14,10 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.correspondence.distances import matched_starts
 from realitygap.correspondence.names import Namer, common_name, namer
-from realitygap.correspondence.scale import Scale, exemplar_scale
-from realitygap.correspondence.score import behaviour_score, compare, ends_of
+from realitygap.correspondence.score import (
+    Scale,
+    behaviour_score,
+    compare,
+    ends_of,
+    exemplar_scale,
+    matched_starts,
+)
 from realitygap.correspondence.setting import Setting, fits, setting_of
 from realitygap.correspondence.trials import SHORTEST_S, Trial, resampled, trial_of
 from realitygap.errors import TrackError, UsageError
