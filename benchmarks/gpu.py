@@ -22,8 +22,7 @@ from steps import random_networks
 from realitygap.errors import UsageError
 from realitygap.simulation import cuda
 from realitygap.simulation.simulation import Simulation, batch_streams
-from realitygap.study.config import StudyConfig
-from realitygap.study.config import Condition
+from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.tasks import TASKS
 

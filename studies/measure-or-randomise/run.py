@@ -48,9 +48,8 @@ from realitygap.files import atomic_write, to_toml
 from realitygap.robots.address import Address
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
-from realitygap.study.config import StudyConfig
 from realitygap.study.config import Condition as Evolved
-from realitygap.study.config import TaskSettings
+from realitygap.study.config import StudyConfig, TaskSettings
 from realitygap.study.plan import named
 from realitygap.study.provenance import versions
 from realitygap.tasks.load import load_task
@@ -305,7 +304,7 @@ class Bench:
                 self._rig.close()
             self._rig = Rig(config.task, truth, robot=address, twin_noise=config.twin_noise,
                             folder_for_camera=self._cameras)  # fmt: skip
-            _ = self._rig.watcher  # before the profile is replaced
+            _ = self._rig.tracker  # before the profile is replaced
         return self._rig
 
     def close(self) -> None:

@@ -57,7 +57,7 @@ def test_an_array_job_is_the_study(call, json_of, refused, monkeypatch, tmp_path
     assert "many exists already" in said and "`realitygap report many` makes that" in said
     (tmp_path / "many-shard-2-of-2" / "transfer").mkdir()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.transfer.score_rows.marks_of", _stopped)
+        patch.setattr("realitygap.transfer.scores.marks_of", _stopped)
         told = call("merge", "many-shard-1-of-2", "many-shard-2-of-2", "--out", "again")
     assert told.exit_code == 130 and "in again; resume with `realitygap report again`" in told.stderr
     assert "warning: many-shard-2-of-2: its transfers stay there" in told.stderr

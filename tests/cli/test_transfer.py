@@ -23,7 +23,8 @@ from realitygap.film.video import FilmWriter
 from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
-from realitygap.transfer.film import Watcher
+from realitygap.transfer.camera import OverheadTracker
+from realitygap.transfer.record import trial_content
 from realitygap.twin.camera import OverheadCamera
 from realitygap.values import Pose
 from realitygap.world.arena import Arena
@@ -59,7 +60,7 @@ def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of,
         folder = study / "controllers" / "champion" / "transfer" / "twin-1"
         assert Path(mine["folder"]).parents[1] == folder and mine["pose"] == theirs["pose"]
         for name in ("simulated.csv", "situated.csv"):
-            assert Path(mine["folder"], name).read_bytes() == Path(theirs["folder"], name).read_bytes()
+            assert trial_content(Path(mine["folder"]), name) == trial_content(Path(theirs["folder"]), name)
     turned = json_of(*words, "--controller", f"{own}:Turn")["transfers"]
     assert [(one["run"], one["individual"]) for one in turned] == [(1, "own-Turn"), (2, "own-Turn")]
     assert len(load_transfers(study)) == 1 and turned[0]["fitness_situated"] < 0.5
@@ -80,7 +81,7 @@ def test_two_units_as_json_and_as_text(study, json_of, call):
     assert [(one["robot"], one["run"], one["start"]) for one in made] == [
         (robot, run, start) for robot in ("twin-1", "twin-2") for run in (1, 2) for start in (1, 2)
     ]
-    assert all(Path(one["folder"], "situated.csv").is_file() for one in made)
+    assert all(trial_content(Path(one["folder"]), "situated.csv") for one in made)
     assert all(one["fitness_simulated"] > 0 and one["late_steps"] == 0 for one in made)
     result = call(*words)
     assert result.exit_code == 0
@@ -173,7 +174,7 @@ def test_a_person_is_told_where_the_camera_sees_the_robot(study, tmp_path):
     """Not seen: asked again; seen far off: asked; seen near: started from there, and filmed."""
     arena = load_task("avoidance").arena
     camera = tmp_path / "camera.json"
-    Watcher(camera, arena, unit=1, noise=1.0, radius_cm=2.9)
+    OverheadTracker(camera, arena, unit=1, noise=1.0, radius_cm=2.9)
     with Served(arena.plain(), unit=1) as twin:
         words = ["transfer", str(study), "1", "--robot", f"serial:{twin.device}", "--seconds", "0.5"]
         told = CliRunner().invoke(realitygap, words, input="")
@@ -264,7 +265,7 @@ def test_reproduce_transfers_before_it_reports(json_of, refused, monkeypatch, tm
 def test_distances_without_a_camera(study, call):
     """A transferred controller's row has distances of what its robot read and did; others have none."""
     from realitygap.study.load import load_study
-    from realitygap.transfer.score_rows import marks_of
+    from realitygap.transfer.scores import marks_of
 
     call("transfer", study, 1, "--robot", "twin:1", "--starts", 2, "--no-watch", *SHORT)
     driven, *others = marks_of(load_study(study))

@@ -172,7 +172,7 @@ def _reproduction(folder: Path) -> object:
 
 
 def _transfers(folder: Path) -> object:
-    from realitygap.transfer.load import load_transfers
+    from realitygap.transfer.record import load_transfers
 
     return [(one.to_dict(), one.simulated, one.situated) for one in load_transfers(folder)]
 

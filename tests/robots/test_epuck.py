@@ -33,7 +33,7 @@ from realitygap.robots.recording import Recording
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.testing import BodyContract
-from realitygap.transfer.load import load_transfers
+from realitygap.transfer.record import load_transfers
 from realitygap.values import Command
 from tests.robots.conftest import ROOT
 from tests.robots.controllers import Constant

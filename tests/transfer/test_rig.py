@@ -88,7 +88,7 @@ def test_a_twin_that_wears_a_tag_is_tracked_by_it(tmp_path: Path) -> None:
         one.marker = tag
         one.trial(DRIVER, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
         truth = one.truth(tmp_path / "sealed.csv", 1.0)
-        track = one.watcher.track(truth, 9)
+        track = one.tracker.track(truth, 9)
     assert track.lost == 0
     rows = np.searchsorted(truth.t, truth.t[0] + track.t + 1e-6, side="right") - 1
     assert np.hypot(track.x - truth.x[rows], track.y - truth.y[rows]).max() < 0.03

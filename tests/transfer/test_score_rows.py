@@ -21,9 +21,9 @@ from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.track import Track
-from realitygap.transfer import score_row as module
-from realitygap.transfer.packed import Packed
-from realitygap.transfer.score_rows import MARKS, marks_of
+from realitygap.transfer import scores as module
+from realitygap.transfer.record import archive
+from realitygap.transfer.scores import MARKS, marks_of
 from realitygap.work.pool import messages_of
 from realitygap.world.robot import load_profile
 from tests.study.helpers import small
@@ -121,13 +121,13 @@ def test_a_trial_in_which_the_robot_was_lost_is_left_out_and_said(study: Study) 
 def test_a_body_with_an_outline_may_stand_with_its_side_at_an_obstacle(x: float, fits: bool) -> None:
     """A Thymio's middle comes 3 cm near with its back, not only 8, the radius about it, and no nearer."""
     study = SimpleNamespace(profile=load_profile("thymio"))
-    controller = SimpleNamespace(bench=SimpleNamespace(study=study, task=load_task("avoidance")))
+    controller = SimpleNamespace(context=SimpleNamespace(study=study, task=load_task("avoidance")))
     t = np.arange(0.0, 5.0, 0.1)
     track = Track(t=t, x=np.full_like(t, x), y=np.full_like(t, 15.0), heading=0.01 * t, seen_by="camera")
     with (
         nullcontext() if fits else pytest.raises(TrackError, match="its path leaves the room or goes through")
     ):
-        made = module.Job._trial(controller, track, SimpleNamespace(start=1), "enki-thymio2-1")
+        made = module.ScoreJob._trial(controller, track, SimpleNamespace(start=1), "enki-thymio2-1")
         assert made.radius_cm == study.profile.body.radius_cm
 
 
@@ -136,8 +136,8 @@ def test_marks_are_computed_once(study: Study, monkeypatch) -> None:
     drive(study, AVOIDER)
     before = marks_of(study)
     made = []
-    original = module.Job.mark
-    monkeypatch.setattr(module.Job, "mark", lambda job: made.append(job.run.id) or original(job))
+    original = module.ScoreJob.mark
+    monkeypatch.setattr(module.ScoreJob, "mark", lambda job: made.append(job.run.id) or original(job))
     assert marks_of(load_study(study.folder)) == before and made == []
     drive(study, SEEKER)
     marks_of(study)
@@ -160,7 +160,7 @@ def test_rows_of_another_version_are_made_anew(finished, tmp_path, monkeypatch):
     study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
     marks_of(study)
     before = set(json.loads((study.folder / MARKS).read_text()))
-    monkeypatch.setattr("realitygap.transfer.score_row._version", lambda: ("0", "another"))
+    monkeypatch.setattr("realitygap.transfer.scores._version", lambda: ("0", "another"))
     marks_of(study)
     assert not before & set(json.loads((study.folder / MARKS).read_text()))
 
@@ -190,7 +190,7 @@ def test_rows_are_the_same_whoever_makes_them(study: Study, monkeypatch) -> None
     here, file = marks_of(study), study.folder / MARKS
     kept = file.read_bytes()
     file.unlink()
-    monkeypatch.setattr("realitygap.transfer.score_rows.FEW", 0)
+    monkeypatch.setattr("realitygap.transfer.scores.FEW", 0)
     assert marks_of(study, workers=Posted()) == here and file.read_bytes() == kept
 
 
@@ -200,17 +200,12 @@ def test_packed_trials_are_scored_as_folders_are(study: Study) -> None:
     home = study.folder / "transfer"
     places = [study.folder, home, home / "twin-1", next(home.glob("*/*"))]
     before = [scored(place) for place in places]
-    with Packed(home) as archive:
-        for trial in sorted(home.glob("*/*/start-[23]")):
-            files = {file.name: file.read_bytes() for file in trial.iterdir()}
-            archive.keep(trial.relative_to(home).as_posix(), files)
-            shutil.rmtree(trial)
+    track = next(home.glob("*/*")) / "start-1" / "situated.csv"
+    named = CliRunner().invoke(realitygap, ["classify", str(track), "--json"]).stdout
+    archive(track.parents[1])
+    assert not [*home.glob("*/*/start-*")]
     assert [scored(place) for place in places] == before
-    (start,) = home.glob("*/*/start-1")
-    with Packed(home) as archive:
-        archive.keep(start.relative_to(home).as_posix(), {f.name: f.read_bytes() for f in start.iterdir()})
-    shutil.rmtree(home / "twin-1")
-    assert [scored(place) for place in places] == before
+    assert CliRunner().invoke(realitygap, ["classify", str(track), "--json"]).stdout == named != ""
 
 
 def scored(place: Path) -> dict:

@@ -20,7 +20,7 @@ from realitygap.film.tag import load_marker
 from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
-from realitygap.transfer.film import Watcher
+from realitygap.transfer.camera import OverheadTracker
 from realitygap.transfer.run import load_transfers
 from realitygap.twin import camera as twin_camera
 from realitygap.twin.camera import OverheadCamera
@@ -52,14 +52,14 @@ def arena(finished):
 def camera(arena, tmp_path_factory) -> CameraModel:
     """The camera's calibration."""
     file = tmp_path_factory.mktemp("eye") / "camera.json"
-    return Watcher(file, arena, unit=1, noise=1.0, radius_cm=2.9).camera
+    return OverheadTracker(file, arena, unit=1, noise=1.0, radius_cm=2.9).camera
 
 
 @pytest.fixture(scope="module")
 def tag_camera(arena, tmp_path_factory) -> CameraModel:
     """Its calibration by a robot that wears a tag."""
     file, tag = tmp_path_factory.mktemp("eye") / "camera.json", load_marker("apriltag:16h5:4")
-    return Watcher(file, arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag).camera
+    return OverheadTracker(file, arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag).camera
 
 
 @pytest.fixture(scope="module")

@@ -18,12 +18,12 @@ from realitygap.report.gather import chosen, parts_of
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.track import Track, read_track
-from realitygap.transfer import film
-from realitygap.transfer.chosen import shown_runs
-from realitygap.transfer.film import Watcher, known_poses
+from realitygap.transfer import camera as film
+from realitygap.transfer.camera import OverheadTracker, known_poses
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.paths import of_counters, of_track, score
-from realitygap.transfer.work import _in_order
+from realitygap.transfer.run import _in_order
+from realitygap.transfer.spec import shown_runs
 from realitygap.values import Pose
 from realitygap.work.folder import locked
 from realitygap.world.arena import load_arena
@@ -185,4 +185,4 @@ def test_no_camera_is_waited_for_without_end(tmp_path, monkeypatch):
         locked(tmp_path / ".camera.lock"),
         pytest.raises(StudyError, match=r"camera\.json: another process .* for 0\.05 s\. End it"),
     ):
-        Watcher(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9)
+        OverheadTracker(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9)

@@ -17,11 +17,10 @@ from realitygap.robots.enki import EnkiBody
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
 from realitygap.study.runner import run_study
-from realitygap.transfer.driven import driven
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.plan import check_body, situations
-from realitygap.transfer.run import run_transfer
-from realitygap.transfer.trial import Stage
+from realitygap.transfer.rig import driven
+from realitygap.transfer.run import TransferContext, run_transfer
+from realitygap.transfer.spec import check_body, trial_specs
 from realitygap.values import Command, Pose
 from tests.robots.aseba import Node, at_a_node
 
@@ -72,9 +71,9 @@ def test_it_drives_enkis_thymio(study: Study) -> None:
 @needs_enki
 def test_its_path_is_reckoned_from_the_speeds_that_its_motors_measure(study: Study) -> None:
     """Over the line a Thymio tells no pose and counts no turns: by speeds its path ends near Enki's."""
-    (one,) = situations(study, Transfer(robots=("thymio:somewhere:33333",)))
+    (one,) = trial_specs(study, Transfer(robots=("thymio:somewhere:33333",)))
     assert one.source == "speeds"
-    pose, task = Stage(study).simulation(one.task, one.noise).start(one.stream), study.task(TASK)
+    pose, task = TransferContext(study).simulation(one.task, one.noise).start(one.stream), study.task(TASK)
     controller = study.controller(TASK, study.genotype(one.run, one.evaluation))
     profile = replace(
         study.profile, wheels=replace(study.profile.wheels, speed_per_unit_cm_s=(0.0332, 0.0332))

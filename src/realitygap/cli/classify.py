@@ -1,5 +1,7 @@
 """`realitygap classify`: what kind of behaviour tracks show."""
 
+from pathlib import Path
+
 import click
 
 from realitygap.cli import option
@@ -27,8 +29,10 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
     from realitygap.correspondence.reading import doubts_of, read_trials
     from realitygap.correspondence.setting import setting_of
     from realitygap.tasks.load import load_task
+    from realitygap.transfer.record import unpacked
 
-    trials = read_trials(tracks)
+    with unpacked(Path(tracks)) as there:
+        trials = read_trials(there)
     setting = setting_of(trials, load_task(task) if task else None)
     warnings = doubts_of(trials)
     named = namer(setting, trials[0].radius_cm).name(trials, setting)

@@ -63,7 +63,7 @@ def reproduce(
     from realitygap import api
     from realitygap.experiments.reproduction import ASKED
     from realitygap.study.store import DATABASE
-    from realitygap.transfer.load import load_transfers
+    from realitygap.transfer.record import load_transfers
 
     requested = api.reproduction(out, resume, options)
     if not resume:

@@ -78,7 +78,7 @@ def check(
 
     from realitygap.robots.body import Inspected, Placing, facts_of
     from realitygap.robots.signals import Stopping
-    from realitygap.transfer.plan import check_fit
+    from realitygap.transfer.spec import check_fit
     from realitygap.values import Pose
     from realitygap.world.robot import load_profile
 

@@ -39,7 +39,7 @@ def score(
     A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
     a column start separates several trials and a column unit several robots; or what `realitygap track`
     or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
-    transfer`, its trials packed or not, needs no B: its simulated trials are compared with its situated
+    transfer`, its trials filmed or not, needs no B: its simulated trials are compared with its situated
     ones. 10 means as alike as the same robot twice, 0 a different behaviour; the output says what these ends
     were measured on.
 
@@ -52,7 +52,7 @@ def score(
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
     from realitygap.tasks.load import load_task
-    from realitygap.transfer.packed import unpacked
+    from realitygap.transfer.record import unpacked
 
     whose = None
 

@@ -22,8 +22,8 @@ from realitygap.work.progress import ProgressLine
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from realitygap.transfer.plan import Situation
-    from realitygap.transfer.run import Transferred
+    from realitygap.transfer.run import TransferredTrial
+    from realitygap.transfer.spec import TrialSpec
     from realitygap.values import Pose
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
@@ -85,12 +85,6 @@ SIDES = (
     metavar="FILE",
     help="TOML file of the disk that a real robot wears [default: the shipped disk].",
 )
-@click.option(
-    "--pack/--no-pack",
-    default=None,
-    help="Keep unfilmed trials on a twin in one file, transfer/trials.sqlar, instead of a folder each "
-    "[default: from 1000 trials on].",
-)
 @option.twin_noise()
 @option.seed(None, " [default: the study's]")
 @option.seconds
@@ -122,8 +116,8 @@ def transfer(
     """
     from realitygap.study.load import load_study
     from realitygap.transfer.options import Transfer
-    from realitygap.transfer.plan import FOLDER
-    from realitygap.transfer.run import Attendant, place_of, run_transfer, shard_folder
+    from realitygap.transfer.run import Operator, place_of, run_transfer, shard_folder
+    from realitygap.transfer.spec import FOLDER
 
     ask_trust(study, trust)
     loaded = load_study(study)
@@ -131,11 +125,11 @@ def transfer(
     option.check_baud(*options.bodies)
     carry = partial(_carry, seen=options.eye is not None)
     home = place_of(loaded.folder, options) if shard is None else shard_folder(loaded.folder, shard)
-    attendant = Attendant(carry, _found, partial(click.echo, err=True))
+    operator = Operator(carry, _found, partial(click.echo, err=True))
     try:
         with ProgressLine(after_s=0) as line:  # a person may be asked things first
             made = run_transfer(
-                loaded, options, workers=workers, attendant=attendant, shard=shard, on_progress=line.show
+                loaded, options, workers=workers, operator=operator, shard=shard, on_progress=line.show
             )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
         raise StoppedError(_stopped(stop, str(home / FOLDER))) from None
@@ -147,7 +141,7 @@ def transfer(
     tell(json_output, {"study": study, **facts}, *lines, *where)
 
 
-def told_transfers(made: list[Transferred]) -> Iterator[str]:
+def told_transfers(made: list[TransferredTrial]) -> Iterator[str]:
     """A table with a line per trial, then what went wrong."""
     rows = [
         [
@@ -167,7 +161,7 @@ def told_transfers(made: list[Transferred]) -> Iterator[str]:
             yield f"{one.robot}, {one.name}, start {one.start}: {one.trouble}"
 
 
-def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:
+def _carry(one: TrialSpec, pose: Pose, *, seen: bool) -> None:
     """Ask a person to put the robot at its start."""
     side = SIDES[round(pose.heading_deg / 45.0) % len(SIDES)]
     click.echo(
@@ -180,7 +174,7 @@ def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:
     click.prompt(enter, default="", show_default=False, prompt_suffix=" ", err=True)
 
 
-def _found(one: Situation, requested: Pose, seen: Pose | None) -> bool:
+def _found(one: TrialSpec, requested: Pose, seen: Pose | None) -> bool:
     """Tell a person where the camera sees the robot; ask where it is not seen, or far from its start."""
     if seen is None:
         click.echo("The camera does not see the robot.", err=True)

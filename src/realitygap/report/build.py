@@ -24,7 +24,7 @@ from realitygap.report.tables import TaskPart
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.address import ROBOT
 from realitygap.study.load import Study, load_study
-from realitygap.transfer.score_rows import marks_of
+from realitygap.transfer.scores import marks_of
 from realitygap.work.pool import Workers
 
 __all__ = ["build_report", "figures_of", "scripts"]

@@ -20,7 +20,7 @@ from realitygap.report.statistics import mean_of
 from realitygap.report.tables import NoiseClass, TaskPart, table_csv
 from realitygap.report.transfers import Pair, transfers_csv
 from realitygap.study.load import Run, Study
-from realitygap.transfer.score_rows import ScoreRow
+from realitygap.transfer.scores import ScoreRow
 
 __all__ = ["Sections"]
 

@@ -18,7 +18,7 @@ from realitygap.report.style import SIMULATED, SITUATED
 from realitygap.report.tables import TaskPart, number
 from realitygap.report.transfers import Group, Pair
 from realitygap.report.words import about, pair_words, transfer_sheet_words
-from realitygap.transfer.plan import WHEELS
+from realitygap.transfer.spec import WHEELS
 
 __all__ = ["SituatedPart", "make_situated"]
 

@@ -16,7 +16,7 @@ from realitygap.robots.address import ROBOT, StandIn
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track
-from realitygap.transfer.load import Transferred, load_transfers
+from realitygap.transfer.record import TransferredTrial, load_transfers
 
 __all__ = ["Group", "Pair", "groups_of", "kinds_of", "pairs_of", "robots_of", "shown_pair", "transfers_csv"]
 
@@ -30,7 +30,7 @@ MAKES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pair(Transferred):
+class Pair(TransferredTrial):
     """One transfer of a run, which is number `index` among those evolved at its noise level."""
 
     level: float
@@ -106,7 +106,7 @@ def pairs_of(study: Study, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
     return {part.task.name: [p for p in pairs if p.task == part.task.name] for part in parts}
 
 
-def _pair(one: Transferred, level: float, index: int) -> Pair:
+def _pair(one: TransferredTrial, level: float, index: int) -> Pair:
     known = {field.name: getattr(one, field.name) for field in fields(one)}
     return Pair(**known, level=level, index=index)
 

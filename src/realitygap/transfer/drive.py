@@ -22,22 +22,21 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track
-from realitygap.transfer.driven import driven
 from realitygap.transfer.paths import score
-from realitygap.transfer.plan import check_fit
-from realitygap.transfer.rig import Rig
-from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
+from realitygap.transfer.record import SIMULATED, SITUATED, TRIAL
+from realitygap.transfer.rig import Rig, driven
+from realitygap.transfer.spec import check_fit
 from realitygap.values import Pose, as_stream, shown
 from realitygap.world.robot import Profile, load_profile
 
-__all__ = ["Drove", "Pair", "drive", "pairs"]
+__all__ = ["DriveResult", "Pair", "drive", "pairs"]
 
 MUST = ("reset", "sense", "act")
 """Methods without which nothing is a body."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drove:
+class DriveResult:
     """The results of a drive.
 
     Attributes:
@@ -59,7 +58,7 @@ def drive(
     profile: Profile | str | PathLike[str] | None = None,
     start: Pose | None = None,
     seconds: float | None = None,
-) -> Drove:
+) -> DriveResult:
     """Drive a body at a task with a controller, and score its track.
 
     Args:
@@ -92,16 +91,16 @@ def drive(
     if isinstance(controller, str):
         controller = named_controller(controller, task.feeds, len(task.of(profile).sensors))
     controller = as_controller(controller)
-    body = _held_to_its_word(body)
+    body = _checked_body(body)
     check_fit(body, profile, task.kinds)
     body.reset(start)
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
     track = made.known(task, profile) if made.poses else made.counted(start, profile)
-    return Drove(track=track, score=score(track, task, profile), recording=made.recording)
+    return DriveResult(track=track, score=score(track, task, profile), recording=made.recording)
 
 
-def _held_to_its_word(body: Body) -> Body:
+def _checked_body(body: Body) -> Body:
     """A body of the user's own as `--robot` opens it: its readings are checked, its errors told by line."""
     home = type(body).__module__
     if isinstance(body, SimulatedBody) or home.startswith("realitygap."):

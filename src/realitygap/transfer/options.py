@@ -81,7 +81,6 @@ class Transfer:
         eye: the live camera over a real robot: a camera's number, a video file, a stream.
         disk: a real robot's disk, or its file; the shipped one if None.
         marker: what the robots wear instead: a tag, or its text for `Tag.parse`.
-        pack: keep unfilmed trials on a twin in one file instead of a folder each; from a thousand on if None.
 
     Raises:
         UsageError: invalid values, or invalid combinations.
@@ -103,7 +102,6 @@ class Transfer:
     eye: str | int | None = None
     disk: Disk | str | Path | None = None
     marker: Marker | str | None = None
-    pack: bool | None = None
 
     def __post_init__(self) -> None:
         for name, given in {"runs": self.runs, "robots": self.robots}.items():
@@ -179,7 +177,6 @@ class Transfer:
         must_be(self.baud, int | None, "baud", "Give a number, or None to try all.")
         must_be(self.marker, Marker | str | None, "marker", 'Give its text, such as "aruco:4x4_50:7".')
         must_be(self.watch, bool, "watch", "Give True or False.")
-        must_be(self.pack, bool | None, "pack", "Give True, False or None.")
         film: object = self.film
         listed = isinstance(film, Collection) and not isinstance(film, str | bytes)
         if not isinstance(film, bool) and not (listed and all(map(_films, film))):  # type: ignore[call-overload]
