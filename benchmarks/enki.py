@@ -13,8 +13,8 @@ import tempfile
 import time
 from dataclasses import replace
 
-from realitygap.enki.unit import MODELS
 from realitygap.robots.address import Address
+from realitygap.robots.enki import MODELS
 from realitygap.tasks import load_task
 from realitygap.tasks.task import Task
 from realitygap.transfer.rig import Rig

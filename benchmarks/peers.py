@@ -73,7 +73,7 @@ def contestants(kheperax: str) -> dict[str, Timed]:
     pillars = [(c.x_cm, c.y_cm, c.radius_cm) for c in task.arena.cylinders]
     timed = {"realitygap, 64 networks": ours(64, 4), "realitygap, 64 trials": ours(16, TRIALS)}
     try:
-        from realitygap.enki.process import program
+        from realitygap.robots.enki import program
 
         room = [STEP_S, *task.arena.size_cm, task.start.x_cm, task.start.y_cm]
         numbers = [*room, len(pillars), *(v for pillar in pillars for v in pillar)]

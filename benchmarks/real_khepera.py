@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 from realitygap.calibration.calibrate import calibrate
-from realitygap.calibration.recordings import find_recordings, load_recording
+from realitygap.calibration.load import find_recordings, load_recording
 from realitygap.calibration.unit import calibrated_unit
 from realitygap.world.robot import Profile, load_profile
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from realitygap.control.genotype import Genotype
 from realitygap.robots.address import Address
-from realitygap.robots.loop import drive
+from realitygap.robots.drive import drive
 from realitygap.tasks import load_task
 from realitygap.track import read_track
 from realitygap.transfer.rig import Rig

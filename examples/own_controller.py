@@ -1,6 +1,6 @@
 """Controllers of your own: a function for obstacle avoidance, a class for light seeking.
 
-    realitygap simulate avoidance --controller examples/own_controller.py:avoid --pose 25 25 90
+    realitygap simulate avoidance --controller examples/own_controller.py:avoid --pose 25,25,90
     realitygap drive light --controller examples/own_controller.py:Homing --robot twin:1 --starts 2
 
 `inputs` are whole numbers from −10 to 10, one for each sensor that the task feeds; of a Khepera's eight, 0

@@ -9,20 +9,17 @@ from collections import deque
 
 import numpy as np
 
-from realitygap.robots.body import Channel
-from realitygap.robots.clock import SteppedClock
+from realitygap.robots import Body, Channel, SteppedClock
 from realitygap.values import Command, Pose, Readings
 
 EYES, RAYS, WEIGHTS = np.radians([60, 30, 0, -30, -60]), np.radians([-25, 0, 25]), [0.25, 0.5, 0.25]
 
 
-class FiveEyes:
+class FiveEyes(Body):
     channels = (Channel(name="proximity", sensors=5, high=4095),)
-    period_s, counts_turns = 0.1, False
 
     def __init__(self):
         self.clock = SteppedClock(self.step, self.period_s)
-        self.close = self.stop
         self.enter({"size_cm": [60, 60]}, 0, None)
 
     def enter(self, room, seed, pose):

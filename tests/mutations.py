@@ -24,8 +24,8 @@ CONTACT = ("tests/kernels/test_contact.py",)
 RANDOM = ("tests/kernels/test_rng.py",)
 TRIALS = ("tests/kernels/test_trials.py",)
 FITS = ("tests/calibration/test_fits.py",)
-EDGES = ("tests/calibration/test_edges.py",)
 MISFIT = ("tests/calibration/test_misfit.py",)
+MEASURED = ("tests/calibration/test_measured.py",)
 WHEEL_FITS = ("tests/calibration/test_wheels.py",)
 TRACKER = ("tests/film/test_tracker.py",)
 TAG = ("tests/film/test_tag.py",)
@@ -148,32 +148,22 @@ MUTATIONS = (
              "spread = np.sqrt(many / np.maximum(many - 1, 1))", "spread = np.sqrt(many / many)", FITS),
     Mutation("calibration/noise.py", "saturated readings measure noise",
              " & (sample.level < top - edge)", "", FITS),
-    Mutation("calibration/misfit.py", "noise is not taken out of the model's error",
+    Mutation("calibration/noise.py", "noise is not taken out of the model's error",
              "noisy = noise.measured * noise.deviation**2", "noisy = 0 * noise.deviation**2", MISFIT),
     Mutation("calibration/judge.py", "the bias has the sign turned",
-             "off = (model - recording.counts)[:, live]", "off = (recording.counts - model)[:, live]",
+             "off = (read - recording.counts)[:, live]", "off = (recording.counts - read)[:, live]",
              MISFIT),
-    Mutation("calibration/edges.py", "readings left out count as 0",
-             "use=np.isfinite(read)", "use=np.ones(read.shape, bool)", EDGES),
-    Mutation("calibration/edges.py", "the beams' angle is not looked for",
-             '"aperture_deg": 1.0}', "}", EDGES),
-    Mutation("calibration/rows.py", "readings between tell of places held out",
-             "edges and _without(edges, slice(None), _beside(places, there, edges))", "edges", EDGES),
-    Mutation("calibration/record_edges.py", "both halves of a gap are looked into",
-             "still = sensors & (np.abs(off) > least)", "still = sensors", EDGES),
-    Mutation("calibration/record_edges.py", "a slope is followed",
-             "& (step > STEEPER * beside)", "", EDGES),
-    Mutation("calibration/record_edges.py", "noise is followed",
-             "max(LEAST * top, SURE * noise)", "LEAST * top", EDGES),
-    Mutation("calibration/record_edges.py", "a place that was read is read again",
-             "mean |= {key", "_ = {key", EDGES),
-    Mutation("calibration/wheels/intervals.py", "steps of one trial are taken for independent",
+    Mutation("calibration/calibrate.py", "a fold's readings are fitted",
+             "self._fitted(self._data.without(out), form", "self._fitted(self._data, form", MEASURED),
+    Mutation("calibration/fit.py", "a form with more constants needs no margin",
+             "errors[name] * MARGIN < errors[best]", "errors[name] < errors[best]", MEASURED),
+    Mutation("calibration/wheels.py", "steps of one trial are taken for independent",
              "spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))",
              "spread = np.diag(bread)", WHEEL_FITS),
-    Mutation("calibration/wheels/odometry.py", "pictures of something else count",
+    Mutation("calibration/odometry.py", "pictures of something else count",
              "seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))\n        if seen",
              "seen = np.ones(len(beyond), bool)\n        if seen", WHEEL_FITS),
-    Mutation("calibration/wheels/odometry.py", "a chord is taken for the way along the arc",
+    Mutation("calibration/odometry.py", "a chord is taken for the way along the arc",
              "chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)", "chord", WHEEL_FITS),
     # tracker
     Mutation("film/disk.py", "the heading is looked back",
@@ -221,7 +211,7 @@ MUTATIONS = (
     Mutation("twin/wheels.py", "a robot rests while its motors are uncontrolled",
              "self._state[MODE] == SPEED and self._state[WANTED] == 0.0", "self._state[WANTED] == 0.0",
              PHYSICS),
-    Mutation("calibration/forward.py", "rows of a second recording are read at the first's places",
+    Mutation("calibration/model.py", "rows of a second recording are read at the first's places",
              "[scene.row + begin for scene", "[scene.row for scene", ROOM),
     Mutation("correspondence/statistics.py", "a two-sample p may be 0",
              "return (1 + at_least) / (1 + permutations)", "return at_least / permutations", SCORE),

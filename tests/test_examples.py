@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from realitygap import load_profile, load_study, load_transfers
-from realitygap.calibration.recordings import STEP_COLUMNS, load_recording
+from realitygap.calibration.load import STEP_COLUMNS, load_recording
 from realitygap.cli import realitygap
 from realitygap.control.encoding import Encoding, Variation, genotype_of, make_encoding
 from realitygap.errors import StudyInterruptedError, UsageError
@@ -90,7 +90,7 @@ def test_an_algorithm_of_ones_own_evolves_and_resumes(tmp_path, monkeypatch, set
         assert half.genotypes(1).dtype == np.float64 and half.genotypes(1).shape == (37, 3, 12)
     shown = run("show", tmp_path / "moved", "1")
     assert "realitygap genotype 1" in shown
-    lived = json.loads(run("replay", tmp_path / "moved", "1", "--json", "--pose", "25", "25", "90"))
+    lived = json.loads(run("replay", tmp_path / "moved", "1", "--json", "--pose", "25,25,90"))
     genotype = genotype_of(half.encoding("obstacle-avoidance"), half.runs[0].champion)
     again = genotype.controller()
     decided = [again.decide(fed) for fed in lived["inputs"]]
@@ -250,7 +250,7 @@ def test_examples_are_short(file):
 def test_a_robot_and_an_arena_of_ones_own():
     """Another robot in another arena reads what is there, all of its sensors."""
     robot, arena = EXAMPLES / "hexagon.toml", EXAMPLES / "two_rooms.toml"
-    pose = ("--pose", "20", "20", "-90", "--noise", "zero", "--json")
+    pose = ("--pose", "20,20,-90", "--noise", "zero", "--json")
     read = json.loads(run("probe", "avoidance", "--profile", robot, "--arena", arena, *pose))
     assert len(read["proximity"][0]) == 6 and len(read["ambient"][0]) == 2
 

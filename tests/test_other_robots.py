@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from realitygap.calibration.calibrate import calibrate
-from realitygap.calibration.forward import proximity, scene_of
 from realitygap.calibration.judge import judge
-from realitygap.calibration.recordings import SensorRecording, WheelRecording, load_recording
+from realitygap.calibration.load import load_recording
+from realitygap.calibration.model import proximity, scene_of
+from realitygap.calibration.recordings import SensorRecording, WheelRecording
 from realitygap.control.encoding import Variation
 from realitygap.control.slots import decode
 from realitygap.correspondence.trials import trial_of

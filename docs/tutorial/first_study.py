@@ -49,8 +49,7 @@ for run in study.runs:
 # The best fitness is the highest of many noisy values, so it flatters. This is how fitness grew:
 
 # %%
-from realitygap.report.curves import Curves, curves_figure
-from realitygap.report.statistics import running_best
+from realitygap.report.evolution import Curves, curves_figure, running_best
 
 grown = {
     noise: [
@@ -73,7 +72,7 @@ curves_figure(Curves(runs=grown, names={0.0: "zero noise", 1.0: "observed noise"
 # trial, drawn as in the paper, with a tail from the robot's centre to its front at each step of 0.1 s:
 
 # %%
-from realitygap.report.paths import PathPanel, Scene, panels_figure
+from realitygap.report.drawing import PathPanel, Scene, panels_figure
 
 task, robot = study.task("obstacle-avoidance"), study.profile
 drives = []

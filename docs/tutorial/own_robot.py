@@ -34,7 +34,7 @@ folder = Path(mkdtemp())
 # roughly how they read. A wrong or missing key is refused by name.
 
 # %%
-from realitygap.report.robots import robot_figure
+from realitygap.report.drawing import robot_figure
 
 profile = realitygap.load_profile(examples / "five_eyes.toml")
 robot_figure(profile)
@@ -71,8 +71,8 @@ for run in study.runs:
 # %% [markdown]
 # ## The body
 #
-# [`own_robot.py`](../../examples/own_robot.py) is such a class: `channels` (what it can sense), `period_s`,
-# `reset`, `sense`, `act`, `stop` and `close`. On a real robot `sense` queries a serial port. This one is a
+# [`own_robot.py`](../../examples/own_robot.py) is such a class, a `realitygap.robots.Body`: `channels` (what it can sense),
+# `reset`, `sense`, `act` and `stop`. On a real robot `sense` queries a serial port. This one is a
 # small simulation of its own: its light follows a different law from ours, and its commands take effect two
 # steps late. `drive` keeps the time. However a drive ends, the robot is stopped first.
 
@@ -80,7 +80,7 @@ for run in study.runs:
 sys.path.insert(0, str(examples))
 from own_robot import FiveEyes
 
-from realitygap.robots.loop import drive
+from realitygap.robots.drive import drive
 from realitygap.track import Track
 
 champion = max(study.runs, key=lambda run: run.champion_fitness)
@@ -110,7 +110,7 @@ situated = Track(
 # Here it is beside its simulation from the same pose:
 
 # %%
-from realitygap.report.paths import PathPanel, Scene, panels_figure
+from realitygap.report.drawing import PathPanel, Scene, panels_figure
 from realitygap.report.style import SITUATED
 
 simulated, score = realitygap.Simulation(

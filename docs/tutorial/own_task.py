@@ -71,7 +71,7 @@ for run in study.runs:
     print(f"{run.name}: {fresh.mean():.2f} turns, sd {fresh.std(ddof=1):.2f}")
 
 # %%
-from realitygap.report.paths import PathPanel, Scene, panels_figure
+from realitygap.report.drawing import PathPanel, Scene, panels_figure
 
 task, robot = study.task("circles"), study.profile
 simulation = realitygap.Simulation(task, robot, noise="observed")

@@ -4,15 +4,15 @@ from realitygap.api import calibrate as calibrate
 from realitygap.api import evolve as evolve
 from realitygap.api import merge as merge
 from realitygap.api import reproduce as reproduce
-from realitygap.calibration.recordings import load_recording as load_recording
+from realitygap.calibration.load import load_recording as load_recording
 from realitygap.calibration.unit import calibrated_unit as calibrated_unit
 from realitygap.control.encoding import Variation as Variation
 from realitygap.control.genotype import Genotype as Genotype
 from realitygap.correspondence.descriptors import describe as describe
 from realitygap.correspondence.names import namer as namer
-from realitygap.correspondence.reading import read_trials as read_trials
 from realitygap.correspondence.score import compare as compare
 from realitygap.correspondence.setting import setting_of as setting_of
+from realitygap.correspondence.trials import read_trials as read_trials
 from realitygap.errors import RealityGapError as RealityGapError
 from realitygap.errors import UsageError as UsageError
 from realitygap.evolution import make_algorithm as make_algorithm

@@ -61,6 +61,7 @@ def evolve(
     resume: bool = False,
     watch: bool = False,
     shard: str | None = None,
+    trust: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Study:
     """Evolve controllers for a task and make the report, as `realitygap evolve` does.
@@ -86,6 +87,7 @@ def evolve(
         resume: continue what is there; arguments that are None keep their saved values.
         watch: keep watch.html in the folder up to date: how evolution goes.
         shard: "1/3": the first of three shares; None: all runs, or on resuming what the folder holds.
+        trust: agree to run the programs that `config` names.
         on_progress: called with each event; None shows them.
 
     Raises:
@@ -100,7 +102,7 @@ def evolve(
     name, share = reference(task), None if shard is None else Shard.parse(shard)
     folder = folder_of(name, None if out is None else Path(out), share)
     chosen = study_config(
-        folder, name, config=None if config is None else Path(config), resume=resume,
+        folder, name, config=None if config is None else Path(config), resume=resume, trust=trust,
         noise=[noise_level(level) for level in _several(noise)],
         spread=_several(() if spread is None else spread),
         settings=[f"{key}={json.dumps(value, default=repr)}" for key, value in (settings or {}).items()],
@@ -247,9 +249,9 @@ def carry_out(
     with _resumable(folder), _shown(on_progress) as tell, ExitStack() as stack:
         show = tell
         if watch:
-            from realitygap.report.watch import Watch
+            from realitygap.report.live import LivePage
 
-            watched = stack.enter_context(Watch(folder, tell))
+            watched = stack.enter_context(LivePage(folder, tell))
             sys.stderr.write(f"watch {watched.page.resolve().as_uri()}\n")
             show = watched.show
         if isinstance(config, Reproduction):
@@ -285,7 +287,7 @@ def report(
     with _resumable(folder), _shown(on_progress) as tell:
         marks_of(study, workers=workers, on_progress=counts(tell, "scoring behaviour", "runs"))
         drawn = counts(tell, "making the report", "figures")
-        return build_report(folder, workers=workers, on_progress=drawn)
+        return build_report(folder, on_progress=drawn)
 
 
 def folder_of(task: str, out: Path | None, shard: Shard | None) -> Path:
@@ -302,6 +304,7 @@ def study_config(
     *,
     config: Path | None,
     resume: bool,
+    trust: bool,
     noise: Sequence[float],
     spread: Sequence[float],
     settings: Iterable[str],
@@ -315,13 +318,17 @@ def study_config(
         task: as typed.
         config, resume: a study's TOML to start from; else the folder's own study if it is resumed, else one
             condition of the task.
+        trust: agree to run the programs that `config` names.
         noise, spread: a condition for each pair; those that it starts from where there are none.
         settings: KEY=VALUE each, as in --set.
         arena: the task's; None: as it starts from.
         fields: of a configuration by name; None: as it starts from.
+
+    Raises:
+        StudyError: `config` names a program that this user neither named nor agreed to run.
     """
     from realitygap.study.config import Condition, StudyConfig
-    from realitygap.study.folder import exists, own_config
+    from realitygap.study.folder import agree_to, exists, own_config, refuse_strange
     from realitygap.tasks import load_task
 
     if config is not None:
@@ -343,6 +350,12 @@ def study_config(
     name = load_task(task).name
     arenas = {key: value for key, value in begun.arenas.items() if key == name}
     made = replace(begun, conditions=conditions, arenas=arenas).with_settings(settings)
+    if config is not None:
+        theirs = set(begun.own_files().values()) & set(made.own_files().values())
+        programs = [file for file in theirs if file.is_file()]
+        if trust:
+            agree_to(file.read_bytes() for file in programs)
+        refuse_strange(config, programs)
     if arena is not None:
         fields["arenas"] = {name: arena}
     return replace(made, **_given(fields))
@@ -427,7 +440,7 @@ def calibrate(
 
 def load_recordings(paths: Iterable[str], objects: Sequence[str] = ()) -> list[Recording]:
     """Every recording at some places; `objects` as of `calibrate`."""
-    from realitygap.calibration.recordings import find_recordings, load_recording
+    from realitygap.calibration.load import find_recordings, load_recording
 
     found = [place for path in paths for place in find_recordings(path)]
     if len(objects) not in (0, 1, len(found)):

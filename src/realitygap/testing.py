@@ -37,9 +37,8 @@ from realitygap.errors import ConfigError, RealityGapError, StudyError, UsageErr
 from realitygap.evolution.algorithm import Algorithm, Batch, State, check_batch, check_state
 from realitygap.kernels.rng import substream
 from realitygap.kernels.types import Networks, Path
-from realitygap.robots.body import KINDS, Body, Placing, Seen, attend, odometry_of
-from realitygap.robots.clock import Clock
-from realitygap.robots.loop import Steady, drive
+from realitygap.robots.body import KINDS, Body, Clock
+from realitygap.robots.drive import ConstantController, drive
 from realitygap.simulation.simulation import Engine, Simulation, Streams
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
@@ -224,7 +223,7 @@ class BodyContract:
     def test_readings_are_whole_counts_in_range(self) -> None:
         """Of each kind as many as its channels say; none of a kind that it lacks."""
         with self.opened() as (body, _):
-            attend(body, *(one.name for one in body.channels))
+            body.attend(*(one.name for one in body.channels))
             body.reset(MIDDLE)
             readings, channels = body.sense(), {one.name: one for one in body.channels}
             for kind in KINDS:
@@ -235,17 +234,17 @@ class BodyContract:
     def test_it_goes_where_its_wheels_take_it(self) -> None:
         """Ahead is where it faces, and a faster right wheel turns it to the left."""
         with self.opened() as (body, clock):
-            if not isinstance(body, Seen):
+            if not body.knows_pose:
                 raise SkipTest("this body does not know where it is")
             body.reset(MIDDLE)
-            poses = [body.pose]
+            poses = [body.known_pose()]
             assert 0 < poses[0].x < 2 * MIDDLE.x and 0 < poses[0].y < 2 * MIDDLE.y, "cm, from a corner"
             off = np.hypot(poses[0].x - MIDDLE.x, poses[0].y - MIDDLE.y)
-            assert off < 1 or not isinstance(body, Placing), "it is where it was set down"
+            assert off < 1 or not body.places_itself, "it is where it was set down"
             for left, right in ((5, 5), (-3, 3)):
                 body.act(self._command(left, right))
                 clock.sleep_until(clock.now() + 0.6)
-                poses.append(body.pose)
+                poses.append(body.known_pose())
             body.stop()
         begin, there, turned = poses
         way = (there.x - begin.x) + 1j * (there.y - begin.y)
@@ -289,7 +288,7 @@ class BodyContract:
 
 def _counters(body: Body) -> NDArray[np.int64]:
     """[2] pulses, as read with the last `sense`; the test is skipped where a body does not count."""
-    counters = odometry_of(body).counters
+    counters = body.odometry.counters
     if counters is None:
         raise SkipTest("this body does not count its wheels' turns")
     return np.asarray(counters)
@@ -297,8 +296,8 @@ def _counters(body: Body) -> NDArray[np.int64]:
 
 def _place(body: Body) -> NDArray[Any]:
     """Its counters; else its pose, of which 2 are 5 mm or 2°."""
-    if odometry_of(body).counters is None and isinstance(body, Seen):
-        at = body.pose
+    if body.odometry.counters is None and body.knows_pose:
+        at = body.known_pose()
         return np.array([4 * at.x, 4 * at.y, 57 * np.cos(at.heading), 57 * np.sin(at.heading)])
     return _counters(body)
 
@@ -307,7 +306,9 @@ def _pace(body: Body, clock: Clock, command: Command, seconds: float) -> tuple[f
     """Pulses a second, left and right: the median, so that one late step of the computer does not count."""
     body.sense()
     _counters(body)
-    recording = drive(body, Steady(command), seconds=seconds, clock=clock, inputs=lambda readings: [])
+    recording = drive(
+        body, ConstantController(command), seconds=seconds, clock=clock, inputs=lambda readings: []
+    )
     taken = np.diff(recording.t)[:, None]
     left, right = np.median(np.diff(recording.counters, axis=0)[1:] / taken[1:], axis=0)
     return float(left), float(right)

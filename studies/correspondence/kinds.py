@@ -22,8 +22,7 @@ from studies.correspondence.avoiders import AVOIDERS, Draw, Rule
 from studies.correspondence.seekers import SEEKERS
 from studies.correspondence.wide import FAMILIES
 
-from realitygap.correspondence.evidence import tells
-from realitygap.correspondence.names import LARGE
+from realitygap.correspondence.names import LARGE, tells
 from realitygap.correspondence.trials import Trial
 from realitygap.errors import TaskError
 from realitygap.kernels.rng import substream

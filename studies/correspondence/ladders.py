@@ -20,11 +20,9 @@ import numpy as np
 from scipy.stats import spearmanr
 from studies.correspondence.kinds import KINDS, Behaviour
 
-from realitygap.correspondence.scale import exemplar_scale
-from realitygap.correspondence.score import Comparison, compare
+from realitygap.correspondence.score import ANOTHER, Comparison, compare, exemplar_scale
 from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial
-from realitygap.correspondence.words import ANOTHER
 from realitygap.report.scores import PAPER_ROWS
 from realitygap.tasks.load import load_task
 from realitygap.world.robot import Profile, load_profile

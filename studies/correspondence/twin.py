@@ -19,9 +19,9 @@ from studies.correspondence.ladders import setting_for
 from studies.correspondence.naming import named
 
 from realitygap.correspondence.names import namer
-from realitygap.correspondence.reading import read_trials
+from realitygap.correspondence.trials import read_trials
 from realitygap.robots.address import Address
-from realitygap.robots.loop import drive
+from realitygap.robots.drive import drive
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.values import Command, Readings

@@ -27,8 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.correspondence.evidence import tells
-from realitygap.correspondence.names import NONE, Name, namer
+from realitygap.correspondence.names import NONE, Name, namer, tells
 from realitygap.correspondence.setting import setting_of
 from realitygap.correspondence.trials import Trial, resampled
 from realitygap.robots.enki import EnkiBody

@@ -11,12 +11,11 @@ import sys
 import numpy as np
 
 from realitygap.api import load_recordings
-from realitygap.calibration.calibrate import base_of, calibrate
-from realitygap.calibration.channel_fit import ChannelFit
-from realitygap.calibration.lookup import rings, without
-from realitygap.calibration.misfit import Yardstick, misfits
+from realitygap.calibration.calibrate import ChannelFit, base_of, calibrate
+from realitygap.calibration.lookup import replayed, rings
+from realitygap.calibration.noise import Yardstick, misfits
+from realitygap.calibration.readings import Readings
 from realitygap.calibration.recordings import SensorRecording
-from realitygap.calibration.rows import Rows
 from realitygap.world.robot import Profile, load_profile
 
 FORMS = "paper,individual,extended,measured"
@@ -48,10 +47,10 @@ def fitted(found: list[SensorRecording], base: Profile, form: str) -> ChannelFit
 
 def tables(found: list[SensorRecording], base: Profile, deviation: float) -> None:
     """The rows of a look-up table: patches held out, as of all forms, and every other place."""
-    rows = Rows([r.of_robot(base) for r in found], base)
+    rows = Readings([r.of_robot(base) for r in found], base)
     round_object = rings(rows)
     noise = Yardstick(kind=found[0].kind, top=rows.top, deviation=deviation)
-    parts = {"patches": list(rows.held_out(lambda: None))}
+    parts = {"patches": list(rows.folds())}
     chess = np.zeros(len(rows.counts), bool)
     for ring in round_object.values():
         chess[ring.rows] = (ring.node // ring.bearings + ring.node % ring.bearings) % 2 == 0
@@ -59,7 +58,7 @@ def tables(found: list[SensorRecording], base: Profile, deviation: float) -> Non
     for name, outs in parts.items():
         read = np.zeros(rows.counts.shape)
         for out in outs:
-            read[out] = without(rows, round_object, out)[out]
+            read[out] = replayed(rows, ~out)[out]
         each = misfits(rows.live(), read, rows.place, noise)
         over = np.sqrt(np.nanmean([one.lit_ratio**2 for one in each]))
         print(f"| look-up table, {name} held out | {rows.rmse(read):.1f} | {over:.2f} |")

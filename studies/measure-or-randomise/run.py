@@ -25,8 +25,7 @@ from common import told
 
 from realitygap.calibration.unit import PROFILE, calibrated_again, calibrated_unit
 from realitygap.control.encoding import genotype_of
-from realitygap.correspondence.scale import exemplar_scale
-from realitygap.correspondence.score import compare
+from realitygap.correspondence.score import compare, exemplar_scale
 from realitygap.correspondence.setting import setting_of
 from realitygap.correspondence.trials import resampled
 from realitygap.errors import TrackError

@@ -25,7 +25,7 @@ from realitygap.experiments.experiment import write_table
 from realitygap.experiments.noise import Controller, NoiseConfig, NoiseExperiment, Trials
 from realitygap.experiments.noise_run import noise_experiment
 from realitygap.kernels.rng import substream
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import batch_streams
 from realitygap.streams import named_stream
 from realitygap.study.plan import named

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.calibration.forward import (
+from realitygap.calibration.model import (
     illumination,
     light_readings,
     proximity,

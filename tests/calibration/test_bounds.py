@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from realitygap.calibration.forward import Scene
-from realitygap.calibration.infrared import INFRARED_FORMS, infrared_frees, with_infrared
-from realitygap.calibration.light import LIGHT_FORMS, light_frees, with_light
-from realitygap.calibration.wheels.fit import _with
+from realitygap.calibration import forms as printed
+from realitygap.calibration.forms import INFRARED_FORMS, LIGHT_FORMS, with_infrared, with_light
+from realitygap.calibration.model import Scene
+from realitygap.calibration.wheels import _with
 from realitygap.world.arena import load_arena
 from realitygap.world.robot import Profile, load_profile
 from realitygap.world.toml import build
@@ -30,12 +30,15 @@ SCENE = Scene(arena=ROOM, poses=np.full((4, 3), 30.0), row=np.arange(4, dtype=np
 def forms(tight: bool):
     """What each form leaves free, and what makes a profile of it."""
     base = TIGHT if tight else PAPER
-    made = [(infrared_frees(form, base, ["turn"]), partial(with_infrared, base)) for form in INFRARED_FORMS]
+    made = [
+        (printed.infrared_parameters(form, base, ["turn"]), partial(with_infrared, base))
+        for form in INFRARED_FORMS
+    ]
     counts = np.random.default_rng(0).uniform(0, 1023, (4, 8))
     for form in LIGHT_FORMS:
         for falloff in (1.0, 2.0):
             lit = replace(base, ambient=replace(base.ambient, falloff=falloff))
-            frees = light_frees(form, lit, [("turn", SCENE)], counts, room=True)
+            frees = printed.light_parameters(form, lit, [("turn", SCENE)], counts, room=True)
             made.append((frees, partial(with_light, lit, form=form)))
     return made
 

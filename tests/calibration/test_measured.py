@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from realitygap.calibration import channels, measured, rows, searches
+from realitygap.calibration import calibrate as calibrating
+from realitygap.calibration import measured, readings
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.curves import Curves, Seen, on_curves
-from realitygap.calibration.forward import lit_readings, proximity, received, scene_of
+from realitygap.calibration.forms import fit_infrared
 from realitygap.calibration.judge import judge
-from realitygap.calibration.measured import Measured
-from realitygap.calibration.misfit import misplaced
+from realitygap.calibration.measured import fit_measured
+from realitygap.calibration.model import proximity, received, scene_of
 from realitygap.calibration.noise import Sample, noise_tables
-from realitygap.calibration.recordings import SensorRecording, find_recordings, load_recording
-from realitygap.calibration.rows import Rows, repeated_noise
-from realitygap.errors import RecordingError
+from realitygap.calibration.readings import Readings
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.world.robot import Profile, load_profile
 from tests.calibration.conftest import places
 
@@ -61,20 +59,12 @@ def before(
 
 @pytest.fixture
 def fewer_starts(monkeypatch):
-    """The quicker: one beam and two, of one width, the better one followed, in three stages; two folds, and
-    shorter searches."""
-    monkeypatch.setattr(measured, "WIDTHS_CM", (3.0,))
+    """The quicker: one beam and two, and two folds."""
     monkeypatch.setattr(measured, "LOBES", (measured.LOBES[0], measured.LOBES[2]))
-    monkeypatch.setattr(measured, "PROMISING", 1)
-    monkeypatch.setattr(measured, "COARSE", {share: measured.COARSE[share] for share in (0.05, 0.02, 0.003)})
-    for module in (rows, searches):
+    for module in (readings, calibrating):
         monkeypatch.setattr(module, "FOLDS", 2)
-    monkeypatch.setattr(searches, "SEARCHES", (searches.MEASURED, 0, 1, searches.PRINTED))
-    monkeypatch.setattr(measured, "DRAWS", 100)
-    monkeypatch.setattr(measured, "DRAWS_HELD_OUT", 50)
 
 
-@pytest.mark.usefixtures("fewer_starts")
 def test_a_sensor_outside_every_closed_form_is_found():
     """`auto` takes "measured" for it; an object not fitted it errs on by less than the noise, and places held
     out, each by a search that never saw them, by hardly more."""
@@ -88,25 +78,6 @@ def test_a_sensor_outside_every_closed_form_is_found():
     for sensor in made.profile.infrared.sensors:
         assert sensor.noise[0] == pytest.approx(4, abs=1.5) and 7 < sensor.noise[4] < 13
         assert np.diff(sensor.curve).min() >= 0 and max(sensor.curve) <= 1023
-
-
-@pytest.mark.usefixtures("fewer_starts")
-def test_a_sensor_that_faces_away_tells_its_dark_level():
-    """Of a robot that backs off a wall on each side, from 3 cm at most, with sensors that read something in
-    the dark: extrapolated it had been off by tens of counts."""
-    dark, draw = np.array([60.0, 90, 40, 120, 50, 80, 70, 100]), np.random.default_rng(1)
-    sides = []
-    for bearing in (0.0, 90.0, 180.0, -90.0):
-        away, repeat = (part.ravel() for part in np.meshgrid(np.linspace(0.5, 3, 6), np.arange(4)))
-        blank = SensorRecording(
-            kind="infrared", object="wall", distance_cm=away, bearing_deg=np.full(24, bearing), repeat=repeat,
-            counts=np.zeros((24, 8)), source=f"{bearing:g}",
-        )  # fmt: skip
-        read = 0.8 * proximity(PAPER, scene_of(blank)) + dark + 4.0 * draw.normal(size=(24, 8))
-        sides.append(replace(blank, counts=np.clip(np.rint(read), 0, 1023)))
-    made = calibrate(sides, PAPER, form="measured")
-    found = np.array([s.curve[0] for s in made.profile.infrared.sensors])
-    assert np.abs(found - dark).max() < 15 and np.median(np.abs(found - dark)) < 3
 
 
 @pytest.mark.usefixtures("fewer_starts")
@@ -128,8 +99,7 @@ def test_rays_that_end_and_beams_that_overlap_are_found():
     )
     robot = replace(HALF, infrared=law)
     recordings = [before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)]
-    rows = Rows(recordings, HALF)
-    profile, _ = Measured(rows, HALF, repeated_noise(rows)).fit()
+    profile = fit_measured(Readings(recordings, HALF), HALF).profile
     found = profile.infrared
     assert found.range_cm == pytest.approx(6.0, abs=0.1) and found.aperture_deg == pytest.approx(
         15.0, abs=1.0
@@ -138,19 +108,6 @@ def test_rays_that_end_and_beams_that_overlap_are_found():
     assert [sensor.direction_deg for sensor in found.sensors] == pytest.approx(looks, abs=1.0)
     told = judge(before(robot, "cylinder:3", seed=3, shift=0.15), profile)
     assert np.sqrt(np.mean([one.lit_ratio**2 for one in told.per_sensor])) < 1.0
-
-
-def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
-    """Each series of a real Thymio gets a shift; a millimetre's error of place explains what is left,
-    within a factor of two."""
-    base = load_profile("thymio")
-    rows = Rows([load_recording(path).of_robot(base) for path in find_recordings(thymio)], base)
-    noise = repeated_noise(rows)
-    profile, fit = Measured(rows, base, 0.004 * base.infrared.top).fit()
-    assert sum("shift_" in c.key for c in fit.constants) == 6
-    error = rows.rmse_lit(fit.model)
-    assert error < 0.02 * base.infrared.top
-    assert 0.5 * error < noise * misplaced(rows, profile, fit.values, noise) < 2.0 * error
 
 
 @pytest.mark.usefixtures("fewer_starts")
@@ -168,28 +125,27 @@ def test_auto_goes_by_places_held_out(recorded, monkeypatch, base):
     """A form that follows every fitted reading, and errs on places held out, is not taken; nor do a base's
     curves stay in the law that it is compared with."""
 
-    def too_good(rows, *rest, measured):
-        found = searches.searched(rows, *rest, measured=False)
-        (name,) = found.profiles
-        found.profiles["measured"] = found.profiles[name]
-        found.fits["measured"] = replace(found.fits[name], model=rows.counts.copy())
-        found.held_out["measured"] = found.held_out[name] + 50.0
-        return found
+    def too_good(data, base, *, intervals=True):
+        made = fit_infrared(data, base, "extended", intervals=intervals)
+        model = data.counts + np.where(data.use, 0.0, 50.0)
+        return replace(made, fit=replace(made.fit, model=model))
 
-    monkeypatch.setattr(channels, "searched", too_good)
+    monkeypatch.setattr(calibrating, "fit_measured", too_good)
     fit = calibrate([recorded("wall", repeats=2)], base, form="auto").infrared
     assert fit is not None and fit.by_form["measured"] < fit.by_form["extended"] < 16
     assert fit.form == "extended" and fit.held_out["extended"] < fit.held_out["measured"]
 
 
-def test_places_held_out_are_read_by_a_fit_that_never_saw_them(monkeypatch):
-    """Of a fold's readings none is in use in the search that reads them."""
-    seen = []
-    monkeypatch.setattr(Measured, "read", lambda fit: seen.append(fit._rows.use) or fit._rows.counts)
-    table = Rows([before(odd(), "wall", seed=1)], HALF)
-    out = table.fold(0)
-    measured.read_unseen(table, HALF, out)
-    assert out.any() and not seen[0][out].any() and seen[0].any()
+@pytest.mark.parametrize("form", ["extended", "measured"])
+def test_places_held_out_change_no_fit(form):
+    """What a fold's readings are changes nothing in the fit that reads them: no choice is made by them."""
+    data, read = Readings([before(odd(), "wall", seed=1)], HALF), []
+    out = next(data.folds())
+    for wrong in (0.0, 400.0):
+        data.counts[out] = np.abs(data.counts[out] - wrong)
+        tell = calibrating.Fits(data, HALF, room=False)
+        tell.carry_out((form, 0), lambda told: read.append(told[1][form]))
+    assert np.array_equal(*read)
 
 
 def test_light_is_read_by_a_curve_where_no_straight_law_holds(recorded):
@@ -269,29 +225,6 @@ def test_quiet_sensors_beside_loud_ones_keep_their_noise():
     assert np.abs(np.log(table / right)).mean(axis=1).max() < 0.35
 
 
-@pytest.mark.parametrize(("dead", "size"), [(1050.0, 0.0), (0.0, 400.0)])
-def test_readings_at_the_edge_of_a_dead_zone_are_no_noise_of_the_dark(dead, size):
-    """At one of eleven dark places most readings were above the dead zone: in the open such a robot reads 0
-    for certain. Without a dead zone they are readings of the dark as all others."""
-    counts, place = np.zeros((440, 1)), np.repeat(np.arange(11), 40)
-    counts[place == 0] = np.where(np.arange(40) % 8, 1060.0, 0.0)[:, None]
-    sample = Sample(z=np.full((440, 1), np.nan), level=counts, group=place, row=np.arange(440))
-    told = {"kind": "infrared", "dead": dead}
-    table, _ = noise_tables(sample, counts, 0.0 * counts, np.zeros(440), 4500.0, **told)
-    assert table[0, 0] == pytest.approx(size, rel=0.1)
-
-
-@pytest.fixture(scope="session")
-def thymio() -> Path:
-    """The folder of a real Thymio's readings."""
-    folder = Path(
-        os.environ.get("REALITYGAP_THYMIO", Path(__file__).parents[3] / "shared" / "data" / "thymio")
-    )
-    if not (folder / "sensor02_light.csv").is_file():
-        pytest.skip(f"no readings of a Thymio in {folder}; set REALITYGAP_THYMIO to their folder")
-    return folder
-
-
 def series(sensor: int, gain: float, background: float) -> SensorRecording:
     """Ten readings at each of 12 distances of a sensor that takes gain · (1 / (d + 0.5)² + background) for
     light and reads nothing below 1050 counts; 4 counts of noise. A plain formula: no rays."""
@@ -348,51 +281,3 @@ def test_workers_change_no_bit():
     assert one.profile == two.profile and one.infrared.held_out == two.infrared.held_out
     assert np.array_equal(one.infrared.model, two.infrared.model, equal_nan=True)
     assert told[0] == told[1] == [(k, 12) for k in range(13)]
-
-
-@pytest.mark.usefixtures("fewer_starts")
-def test_a_rig_in_another_light_is_found():
-    """Of a robot's two recordings, one in a room that adds 0.01/cm², the difference is found; none where
-    both were under one light."""
-    robot = odd()
-    dark, other = before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)
-    clean = lit_readings(robot, scene_of(other), 0.01)
-    lit = np.rint(clean + 10 * np.random.default_rng(3).normal(size=clean.shape))
-    found = []
-    for two in (other, replace(other, counts=np.clip(lit, 0, 1023))):
-        rows = Rows([dark, two], HALF)
-        _, fit = Measured(rows, HALF, repeated_noise(rows), judging=True).fit()
-        keys = sorted(key for key in fit.values if key.startswith("background"))
-        found.append([float(fit.values[key][0]) for key in keys])
-    assert found[0] == [] and found[1][1] - found[1][0] == pytest.approx(0.01, rel=0.25)
-
-
-def test_a_real_thymio_is_judged_by_the_shipped_profile(thymio):
-    """The profile `thymio` reads its sensors' series within 4 % of the full scale, dead zone included."""
-    profile, off, fits = load_profile("thymio"), [], []
-    for path in find_recordings(thymio):
-        recording = load_recording(path)
-        told, k = judge(recording, profile), recording.from_sensor
-        lit = (told.counts[:, k] > 0) & (told.model[:, k] > 0)
-        off.append(np.sqrt(np.mean((told.model - told.counts)[lit, k] ** 2)))
-        assert [one.sensor for one in told.per_sensor] == [k]
-        fits.append(told.noise_fits)  # readings in the dark have no noise, as the profile says
-        assert (told.model[recording.distance_cm > 10.5, k] == 0).all()
-    assert len(off) == 6 and max(off) < 0.04 * profile.infrared.top and any(fits)
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "words"),
-    [
-        ("front.csv", "1cm,5,5,5\n", "sensor's number"),
-        ("sensor02_x.csv", "near,5,5,5\n", "line 1: expected a distance"),
-        ("sensor02_x.csv", "0,5cm;5;5;5\n", "line 1: expected values separated by commas, got semicolons"),
-        ("sensor02_x.csv", "1cm,5,5,x\n", "line 1: expected .* more than 2 readings"),
-        ("sensor02_x.csv", "", "empty"),
-    ],
-)
-def test_a_broken_series_is_refused(tmp_path, name, text, words):
-    """File and line, what was expected and what came."""
-    (tmp_path / name).write_text(text)
-    with pytest.raises(RecordingError, match=words):
-        load_recording(tmp_path / name)

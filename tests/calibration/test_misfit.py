@@ -1,15 +1,12 @@
 """How far a model is from readings: its sign, and the noise that is not the model's."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from realitygap.calibration.channel_fit import doubts
 from realitygap.calibration.judge import judge
-from realitygap.calibration.misfit import Yardstick, misfits
-from realitygap.world.robot import load_profile
+from realitygap.calibration.noise import Yardstick, misfits
 
 
 @pytest.mark.parametrize("off", [0.0, 10.0])
@@ -33,13 +30,6 @@ def test_bias_is_model_minus_measured(recorded, robot):
     assert told.bias == pytest.approx(np.mean([one.bias for one in told.per_sensor]))
 
 
-def test_noise_that_nothing_tells_is_taken_from_the_channel(recorded, robot):
-    """Where neither readings nor profile tell it, light's usual noise stands in for light's."""
-    quiet = replace(robot, noise=replace(robot.noise, ambient=0.0))
-    told = judge(recorded("lamp", noise=0.0), quiet)
-    assert any("4.5" in warning for warning in told.warnings)
-
-
 @pytest.mark.parametrize("seen", ["near", "far", "driving"])
 def test_noise_by_the_reading_is_judged_at_the_readings(recorded, robot, seen):
     """A profile whose noise rises with the reading, and with the wheels' speed, fits readings with that very
@@ -58,20 +48,3 @@ def test_noise_by_the_reading_is_judged_at_the_readings(recorded, robot, seen):
     told = [judge(there, replace(robot, noise=replace(robot.noise, proximity=p))) for p in (1.0, 200.0)]
     for measured, stated in (one.noise["proximity"] for one in told):
         assert stated == pytest.approx(measured, rel=0.1)
-
-
-@pytest.mark.parametrize(
-    ("kind", "count", "words"),
-    [
-        ("ambient", 1, "more than 1 noise deviation (4.3 counts) for sensor 0 (9.0):"),
-        ("infrared", 2, "more than 2 noise deviations (4.3 counts) for sensors 0 (9.0), 1 (9.0):"),
-    ],
-)
-def test_one_is_no_plural(kind, count, words):
-    """The warning counts its limit and its sensors."""
-    judged = [SimpleNamespace(sensor=k, lit_ratio=9.0) for k in range(count)]
-    made = SimpleNamespace(
-        kind=kind, judged=judged, deviation=4.3, ratio=9.0, form="paper", held_out={"paper": 1.0}, rmse=1.0,
-        fit=SimpleNamespace(constants=()), dead={}, measured=True, profile=load_profile("paper"), sensors=(),
-    )  # fmt: skip
-    assert words in doubts(made)[0]

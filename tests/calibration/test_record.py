@@ -12,41 +12,38 @@ import sys
 import time
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap.calibration import floor_camera
 from realitygap.calibration import record as recorder
-from realitygap.calibration.forward import scene_of
+from realitygap.calibration.load import load_recording
+from realitygap.calibration.model import scene_of
 from realitygap.calibration.plan import (
     FLOOR_CM,
     ROOM,
     Plan,
     Trial,
-    ambient_task,
     infrared_task,
     wheel_trials,
 )
 from realitygap.calibration.record import OwnSite, PersonSite, StoppedByUserError, drive_trial, record
-from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording, load_recording
+from realitygap.calibration.recordings import BODY_RADIUS_CM, SensorRecording
 from realitygap.cli import realitygap
-from realitygap.errors import BaudError, RecordingError, UsageError
+from realitygap.errors import RecordingError, UsageError
+from realitygap.film import calibrate as film_calibrate
 from realitygap.film.calibrate import calibrate_camera
 from realitygap.robots.address import Address
+from realitygap.robots.body import Body as RobotBody
 from realitygap.robots.body import Channel
-from realitygap.robots.enki import EnkiBody
-from realitygap.robots.khepera.body import KheperaBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import Body, load_profile
 from tests.calibration.written import save_recording
 from tests.kernels.reference.outline import clearance
 from tests.kernels.test_outline import OUTLINES
-from tests.robots.aseba import Node, at_a_node
 from tests.robots.conftest import ROOT, Bench, bench
 
 __all__ = ["bench"]
@@ -104,30 +101,6 @@ def test_a_polygons_distances_count_from_its_outline(tmp_path, name, outline):
         assert gaps == pytest.approx(distance.tolist(), abs=1e-9)
 
 
-def test_an_outline_that_is_none_is_refused(tmp_path):
-    """With the file and the key."""
-    facts = 'kind = "infrared"\nobject = "wall"\nbody_outline_cm = [[0, 1], [1, 0]]\n'
-    (tmp_path / "recording.toml").write_text(facts, "utf-8")
-    (tmp_path / "readings.csv").write_text("distance_cm,bearing_deg,repeat,s0\n1,0,0,5\n", "utf-8")
-    with pytest.raises(RecordingError, match=r"recording.toml: body_outline_cm: expected three corners"):
-        load_recording(tmp_path)
-
-
-def test_an_unknown_object_is_refused():
-    """Before anything is recorded."""
-    for name in ("box", "cylinder:0", "cylinder:80"):
-        with pytest.raises(RecordingError, match="expected"):
-            infrared_task(name)
-
-
-def test_ambient_places_are_free_and_look_all_round():
-    """All over the arena, at headings that differ from place to place."""
-    plan = ambient_task()
-    assert plan.arena is not None
-    assert all(plan.arena.obstacle_at(p.pose.x, p.pose.y, 2.9) is None for p in plan.stops)
-    assert len({p.where[2] for p in plan.stops}) > 20
-
-
 def test_the_wheels_plan_has_every_kind_and_stays_on_the_floor():
     """Steps of many sizes, starts, lines, turns; each trial ends standing."""
     trials = wheel_trials(10, 0)
@@ -174,15 +147,6 @@ def test_one_process_records_into_a_folder_at_a_time(tmp_path):
         assert code == 2 and f"{tmp_path / 'a'}: another process records there. Wait" in error
     assert not (tmp_path / "a").exists()
     assert run(*words, "--resume")[0] == 0
-
-
-def test_a_study_is_not_recorded_into(tmp_path):
-    """Nothing of a recording comes among a study's files, with --resume or without."""
-    (tmp_path / "study.db").touch()
-    for how in ((), ("--resume",)):
-        code, _, error = run("record", "--robot", "twin:1", "--plan", "wheels", "--out", str(tmp_path), *how)
-        assert code == 2 and f"{tmp_path}: holds a study (study.db). Choose another folder." in error
-    assert [path.name for path in tmp_path.iterdir()] == ["study.db"]
 
 
 def test_kill_9_loses_one_place_at_most(tmp_path):
@@ -233,7 +197,7 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
         found[:] = found or [calibrate_camera(*seen)]
         return found[0]
 
-    monkeypatch.setattr(floor_camera, "calibrate_camera", once)
+    monkeypatch.setattr(film_calibrate, "calibrate_camera", once)
     with closing(twin.open()) as body:
         record(wanted, tmp_path / "whole", body)
     for _ in range(2):
@@ -243,26 +207,6 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
         record(wanted, tmp_path / "broken", body, resume=True)
     for table in ("infrared-wall/readings.csv", "wheels/steps.csv"):
         assert (tmp_path / "broken" / table).read_text() == (tmp_path / "whole" / table).read_text(), table
-
-
-GRIDS = [
-    (["--bearings", 0], "expected 1 or more"),
-    (["--bearings", 2.5], "expected a whole number"),
-    (["--distances", "1,x"], "expected numbers of cm, as in 0.5,1,2, got '1,x'"),
-    (["--distances", "2,1"], "expected rising ones from 0.1 to 20 cm, got 2, 1"),
-    (["--distances", "1,30"], "expected rising ones from 0.1 to 20 cm"),
-    (["--distances", "nan"], "expected rising ones"),
-    (["wheels", "--bearings", 8], "belongs to the infrared's plan"),
-]
-
-
-@pytest.mark.parametrize(("words", "why"), GRIDS)
-def test_places_that_cannot_be_are_refused(tmp_path, words, why):
-    """In one line that names the option, before a folder is made."""
-    plan = ["--plan", *([] if words[0] == "wheels" else ["infrared"]), *words]
-    code, _, told = run("record", "--robot", "twin:3", "--out", tmp_path / "a", *plan)
-    assert code == 2 and f"{words[-2]}" in told and why in told and told.count("\n") == 1
-    assert not (tmp_path / "a").exists()
 
 
 def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
@@ -280,32 +224,6 @@ def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
     ):
         code, _, told = run(*WORDS, "--robot", "twin:3", "--out", tmp_path / "a", *other, "--resume")
         assert code == 2 and f"bearings: this recording was begun with {begun};" in told
-
-
-def test_each_robot_has_its_own_places():
-    """Enki's are recorded closely and farther out; others as ever; all as a person asks."""
-
-    def grid(body: object, **asked: object) -> tuple[int, float, int]:
-        bearings, distances = Plan(kind="infrared", **asked).grid(body)
-        return bearings, distances[-1], len(distances)
-
-    enki = SimpleNamespace(infrared_grid=EnkiBody.infrared_grid)
-    assert grid(SimpleNamespace()) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
-    assert grid(enki, bearings=6) == (6, 15.0, 11) and grid(enki, distances_cm=(1.0,)) == (180, 1.0, 1)
-    usual = infrared_task("cylinder:4")
-    assert (
-        len(usual.stops) == 192
-        and usual.room["size_cm"] == [100.0, 100.0]
-        and usual.facts == {"object": "cylinder:4"}
-    )
-
-
-def test_a_room_grows_with_its_distances():
-    """So that its other walls stay as far from the robot as ever."""
-    far = infrared_task("cylinder:4", bearings=4, distances_cm=(15.0,))
-    near = infrared_task("cylinder:4")
-    gaps = [plan.room["size_cm"][0] - max(p.pose.x for p in plan.stops) for plan in (far, near)]
-    assert gaps[0] == pytest.approx(gaps[1])
 
 
 def test_ctrl_c_ends_a_recording_in_order(tmp_path):
@@ -347,36 +265,6 @@ def test_the_camera_sees_where_a_twin_was(tmp_path, marker):
     assert [float(row[0]) for row in rows] == pytest.approx([k / 10 for k in range(15)])
 
 
-def test_what_a_thymio_says_of_itself_leaves_its_recording_readable(tmp_path):
-    """Firmware and settings stand in recording.toml, and a calibration takes it."""
-    answers = iter(["", "", "", "q"])
-    with at_a_node(Node()) as body:
-        wanted = Plan(kind="infrared", object="wall", repeats=1)
-        record(wanted, tmp_path, body, ask=lambda says: next(answers))
-    kept = load_recording(tmp_path)
-    assert (
-        len(kept.counts) == 2 and kept.facts["base"] == "thymio" and {"id", "fwversion"} <= kept.facts.keys()
-    )
-
-
-def test_a_recording_under_a_marker_is_readable(tmp_path):
-    """What `record --marker` writes, a calibration takes; it is not resumed under another."""
-
-    def enough(name: str, done: int, total: int) -> None:
-        raise KeyboardInterrupt
-
-    wanted = Plan(kind="wheels", marker="aruco:4x4_50:7")
-    with closing(Address.parse("twin:2").open()) as body, contextlib.suppress(KeyboardInterrupt):
-        record(wanted, tmp_path, body, on_progress=enough)
-    assert load_recording(tmp_path).facts["marker"] == "aruco:4x4_50:7"
-    other = replace(wanted, marker="aruco:4x4_50:8")
-    with (
-        closing(Address.parse("twin:2").open()) as body,
-        pytest.raises(RecordingError, match="marker: this recording was begun with 'aruco:4x4_50:7', not"),
-    ):
-        record(other, tmp_path, body, resume=True)
-
-
 def test_a_person_is_guided_and_may_stop(bench: Bench, tmp_path):
     """Each place is told, one may be left out, "q" or the end of the input stops; --resume goes on."""
     twin = bench.twin()
@@ -401,21 +289,22 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
     pose = Pose(x=0, y=0, heading=0)
     trial = Trial(number=7, kind="straight", commands=((5, 5), (0, 0)), pose=pose, filmed=True, says="room")
     assert site.go(trial)
-    rows, _ = drive_trial(KheperaBody(khepera), trial)
+    rows, _ = drive_trial(khepera, trial)
     seen = site.poses(trial)
     assert [row[-2:] for row in rows] == [("7", "straight")] * 2
-    assert int(rows[1][3]) > 0 and khepera.speeds() == (0, 0)
+    assert int(rows[1][3]) > 0 and khepera.read("E") == (0, 0)
     assert seen[0].heading == pytest.approx(math.pi / 2) and (seen[1].x, seen[1].y) == (10, 22.5)
     with pytest.raises(StoppedByUserError):
         site.go(trial)
 
 
-class Still:
+class Still(RobotBody):
     """A robot that stands in the dark, whose wheels must not turn."""
 
     channels = tuple(Channel(name=kind, sensors=8, high=1023) for kind in ("proximity", "ambient"))
     period_s, counts_turns = 0.1, True
     clock = SimpleNamespace(waits=True, now=lambda: 0.0, sleep_until=lambda t: None)
+    reset = act = stop = lambda self, *_: None
 
     def sense(self):
         return Readings(proximity=np.full(8, 3.0), ambient=np.full(8, 3.0))
@@ -443,44 +332,6 @@ def test_a_robot_is_refused_with_the_base_of_another(tmp_path, plan, base, said)
         asked(tmp_path, wanted=Plan(kind=plan, base=load_profile(base)))
 
 
-def test_wheels_need_no_sensors_in_the_base(tmp_path):
-    """An e-puck's base has no light sensors, an e-puck has: wheels and infrared are recorded all right."""
-    for plan in ("wheels", "infrared"):
-        says, _ = asked(tmp_path / plan, "q", wanted=Plan(kind=plan, base=load_profile("e-puck")))
-        assert len(says) == 1
-
-
-@pytest.mark.parametrize(("top", "eyes"), [(0, 0), (3, 0), (3, 1.2)])
-def test_light_is_recorded_with_a_base_that_leaves_heights_at_0(tmp_path, top, eyes):
-    """The recording states both heights or neither, and reads back: 0 is no height that it could state."""
-    paper = load_profile("paper")
-    light = replace(paper.ambient, sensor_height_cm=eyes)
-    base = replace(paper, body=replace(paper.body, height_cm=top), ambient=light)
-    asked(tmp_path, "", "", "q", wanted=Plan(kind="ambient", repeats=1, base=base))
-    facts = {key: value for key, value in load_recording(tmp_path).facts.items() if "height" in key}
-    assert facts == ({"body_height_cm": top, "sensor_height_cm": eyes} if eyes else {})
-
-
-def test_q_stops_all_parts(tmp_path):
-    """Whoever stops is not asked for the next part, neither at once nor after some places."""
-    says, made = asked(tmp_path / "a", "q")
-    assert len(says) == 1 and [one.finished for one in made] == [False]
-    assert not list(tmp_path.glob("a/*/recording.toml"))
-    says, made = asked(tmp_path / "b", "", "", "q")
-    assert len(says) == 3 and [(one.name, one.done) for one in made] == [("infrared-wall", 1)]
-
-
-@pytest.mark.parametrize(("said", "written"), [(0.5, 0.5), (math.nan, "unknown"), (1.0, None)])
-def test_a_recording_says_what_its_surface_throws_back(tmp_path, said, written):
-    """The object's reflectance stands in recording.toml, and in the room of a stand-in where it is known."""
-    wanted = Plan(kind="infrared", object="cylinder:3", reflectance=said, repeats=1)
-    asked(tmp_path, "", "", "q", wanted=wanted)
-    assert load_recording(tmp_path).facts.get("reflectance") == written
-    assert load_recording(tmp_path).reflectance == pytest.approx(said, nan_ok=True)
-    rooms = [infrared_task(name, reflectance=said).room.get("reflectance") for name in ("wall", "cylinder:3")]
-    assert rooms == ([[0.5], [1.0, 0.5]] if said == 0.5 else [None, None])
-
-
 def test_a_part_that_is_left_out_is_not_recorded(tmp_path):
     """Nobody who says so at "clear a level floor" sees the robot move; no empty table stays behind."""
     says, made = asked(tmp_path / "a", "s", "s", "s", "s")
@@ -488,41 +339,3 @@ def test_a_part_that_is_left_out_is_not_recorded(tmp_path):
     assert [one.done for one in made] == [0] * 4 and not list(tmp_path.glob("a/*/recording.toml"))
     says, made = asked(tmp_path / "a", "s", "s", "s", "q", resume=True)
     assert made[-1].name == "wheels" and made[-1].stopped
-
-
-def test_a_slow_line_cannot_carry_the_wheels(bench: Bench):
-    """At 9600 baud there is no room for counters and speeds in a step."""
-    _, khepera = bench.virtual(baud=9600)
-    trial = Trial(
-        number=0, kind="step", commands=((1, 1),), pose=Pose(x=1, y=1, heading=0), filmed=False, says=""
-    )
-    with pytest.raises(BaudError, match="38400"):
-        drive_trial(KheperaBody(khepera), trial)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (
-            ("--robot", "ant", "--plan", "all"),
-            "twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT",
-        ),
-        (("--robot", "twin:", "--plan", "all"), "whole number"),
-        (("--robot", "twin", "--plan", "sonar"), "sonar"),
-        (("--robot", "twin", "--plan", "wheels", "--object", "wall"), "--object"),
-        (("--robot", "twin", "--plan", "infrared", "--object", "box"), "cylinder:RADIUS_CM"),
-        (("--robot", "twin", "--plan", "all", "--reflectance", "0.5"), "expected --object beside it"),
-        (("--robot", "twin", "--plan", "all", "--object", "wall", "--reflectance", "0"), "0.01 or more"),
-        (
-            ("--robot", "twin", "--plan", "all", "--object", "wall", "--reflectance", "unknown"),
-            "twin:1 is simulated with",
-        ),
-        (("--robot", "serial:/dev/null/x", "--plan", "all"), "cannot be opened"),
-        (("--robot", "serial:/dev/x", "--plan", "all", "--twin-noise", "2"), "--twin-noise"),
-    ],
-)
-def test_wrong_words_are_refused(tmp_path: Path, words, says):
-    """One line, exit code 2, nothing written."""
-    code, said, error = run("record", *words, "--out", tmp_path / "a")
-    assert (code, said) == (2, "") and says in error and error.count("\n") == 1
-    assert not (tmp_path / "a").exists()

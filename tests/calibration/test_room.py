@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 
 from realitygap.calibration import calibrate as fits
-from realitygap.calibration import forms, light, light_forms
+from realitygap.calibration import forms as light
 from realitygap.calibration.calibrate import calibrate
-from realitygap.calibration.checks import refuse_swapped
-from realitygap.calibration.forward import illumination, light_readings, scene_of
 from realitygap.calibration.judge import judge
+from realitygap.calibration.load import load_recording
+from realitygap.calibration.model import illumination, light_readings, scene_of
 from realitygap.calibration.plan import CYLINDER, ambient_task
-from realitygap.calibration.recordings import SensorRecording, load_recording
-from realitygap.calibration.rows import FOLDS
-from realitygap.calibration.search import search
+from realitygap.calibration.recordings import SensorRecording
 from realitygap.calibration.unit import PARTS, Unit
-from realitygap.errors import CalibrationError
 from realitygap.files import to_toml
 from realitygap.world.robot import load_profile
 from tests.calibration.written import save_recording
@@ -69,7 +66,7 @@ def test_several_recordings_are_modelled_as_each_alone(lit):
     tables = [lit(9), lit(20)]
     names = ["turn_0_deg", "turn_1_deg"]
     scenes = [(name, scene_of(table)) for name, table in zip(names, tables, strict=True)]
-    memory, draw = light.LightMemory(scenes), np.random.default_rng(4)
+    lit_model, draw = light.LightModel(PAPER, scenes, "linear"), np.random.default_rng(4)
     values = {"log_gain": np.zeros(8), "lamp_height_cm": np.array([3.0]), "exponent": np.array([1.0])}
     values |= {"direction_deg": np.array([s.direction_deg for s in PAPER.ambient.sensors])}
     values |= {name: np.zeros(1) for name in names}
@@ -81,29 +78,8 @@ def test_several_recordings_are_modelled_as_each_alone(lit):
         alone = [
             light_readings(made, illumination(made, scene, float(values[name][0]))) for name, scene in scenes
         ]
-        both = light.light_model(PAPER, values, scenes, "linear", memory)
+        both = lit_model(values)
         assert both.tobytes() == np.concatenate(alone).tobytes(), key
-
-
-def test_front_sensors_that_look_past_each_other_are_no_exchange(lit):
-    """In a room the front pair may answer crosswise, as unit 7's does; exchanged neighbours are refused."""
-
-    def turned(*degrees):
-        pairs = zip(PAPER.ambient.sensors, degrees, strict=True)
-        return tuple(replace(s, gain=2000.0, direction_deg=s.direction_deg + d) for s, d in pairs)
-
-    law = {
-        "response": "linear", "facing": 1.4, "exponent": 1.4, "falloff": 1.0, "near_cm": 1.0,
-        "reflectance": 0.05, "matt": 1.0, "lamp_height_cm": 3.0,
-    }  # fmt: skip
-    unit = lit(2, sensors=turned(-6, -2, -9, 11, -2, -3, -3, 10), **law)
-    (lamp,), (x, y, heading) = unit.arena.lamps, unit.pose.T
-    bearing = np.degrees(np.arctan2(lamp.y_cm - y, lamp.x_cm - x) - heading)
-    unit = replace(unit, bearing_deg=(bearing + 180.0) % 360.0 - 180.0)
-    assert refuse_swapped(unit, PAPER, {}) == ()
-    order = [0, 1, 2, 3, 5, 4, 6, 7]
-    with pytest.raises(CalibrationError, match="sensors 4 and 5 seem to be exchanged"):
-        refuse_swapped(replace(unit, counts=unit.counts[:, order]), PAPER, {})
 
 
 def test_an_arenas_walls_are_found(lit, monkeypatch):
@@ -113,26 +89,14 @@ def test_an_arenas_walls_are_found(lit, monkeypatch):
         "response": "linear", "facing": 1.4, "exponent": 1.4, "falloff": 1.0, "near_cm": 1.0,
         "reflectance": 0.05, "matt": 1.0, "lamp_height_cm": 3.0, "lamp_narrow": 1.0, "rays": 30.0,
     }  # fmt: skip
-    monkeypatch.setattr(light_forms, "RAY_NUMBERS", (10, 20, 30))  # the quicker
-    monkeypatch.setattr(forms, "DRAWS", 200)
-    monkeypatch.setattr(forms, "DRAWS_HELD_OUT", 50)
-    searches = []
-
-    def spy(frees, model, measured, values, **more):
-        searches.append((values, measured.use, search(frees, model, measured, values, **more)))
-        return searches[-1][2]
-
-    monkeypatch.setattr(forms, "search", spy)
+    monkeypatch.setattr(light, "RAY_NUMBERS", (10, 20, 30))  # the quicker
+    monkeypatch.setattr(light, "DRAWS", 200)
+    monkeypatch.setattr(light, "DRAWS_HELD_OUT", 50)
     made = calibrate([lit(7, sensors=sensors, **law)], PAPER, light="extended", beside=False)
     ambient = made.profile.ambient
     assert (ambient.falloff, ambient.matt, ambient.lamp_narrow) == (1.0, 1.0, 1.0)
     assert ambient.facing == pytest.approx(1.4, abs=0.15) and ambient.exponent == ambient.facing
     assert made.ambient.rmse < 8
-    (_, whole, found), *folds = searches
-    assert whole.all() and len(folds) == FOLDS
-    for start, use, _ in folds:  # each begins where nothing had searched the places it is judged by
-        assert use.sum() < whole.sum()
-        assert not np.array_equal(start["forward_cm"], found["forward_cm"])
 
 
 def test_wheels_are_judged(driven, robot):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.calibration.recordings import load_recording
+from realitygap.calibration.load import load_recording
 from realitygap.errors import RecordingError
 
 GOOD = "8 8 3 5 2\n" + "".join(
@@ -32,12 +32,6 @@ def test_bearings_turn_over_and_distances_become_centimetres(sam):
     np.testing.assert_allclose(made.distance_cm[[0, 8, 16]], [0.5, 0.7, 0.9])
     np.testing.assert_allclose(made.bearing_deg[:6], [0, -45, -90, -135, 180, 135])
     assert made.counts[3, 5] == 27 and not made.warnings
-
-
-def test_an_object_that_is_not_said_is_guessed_aloud(sam):
-    """Without --object a table is taken for a wall's, with a warning."""
-    made = load_recording(sam(GOOD))
-    assert made.object == "wall" and "taken for a wall" in made.warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -82,11 +76,3 @@ def test_the_real_tables(tables):
     assert (wall.object, wall.counts.shape) == ("wall", (3600, 8))
     assert (light.object, light.counts.shape) == ("lamp", (4680, 8))
     assert wall.distance_cm.max() == pytest.approx(4.3) and 480 < light.counts.max() < 500
-
-
-def test_tables_of_our_own_making(made_tables):
-    """What is read from them: distances, bearings, light turned back into readings."""
-    wall, light = (load_recording(made_tables / name) for name in ("wall.sam", "light.sam"))
-    assert (wall.object, wall.counts.shape, wall.distance_cm.max()) == ("wall", (900, 8), pytest.approx(4.4))
-    assert (light.object, light.counts.shape) == ("lamp", (600, 8))
-    assert 480 < light.counts.max() <= 500 and 40 < light.counts.min() < 70

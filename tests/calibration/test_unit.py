@@ -13,11 +13,10 @@ from realitygap.calibration import unit as module
 from realitygap.calibration.unit import (
     PARTS,
     calibrate_share,
-    calibrated_again,
     calibrated_robot,
     calibrated_unit,
 )
-from realitygap.errors import CalibrationError, StudyError, UsageError
+from realitygap.errors import CalibrationError, StudyError
 from realitygap.work.pool import Processes, Setup
 from realitygap.world.robot import load_profile
 
@@ -71,83 +70,12 @@ def test_what_is_there_is_not_made_again(tmp_path, jobs):
     assert jobs == ["fit", "wheels", "fit", "fit"]
 
 
-def test_other_work_is_done_meanwhile(tmp_path, jobs):
-    """What else is to be done is given to the workers first, and not again for a profile that is there."""
-    for _ in range(2):
-        calibrated_unit(tmp_path / "unit", **SETTINGS, meanwhile=[lambda: jobs.append("other")])
-    assert jobs[0] == "other" and jobs.count("other") == 1 and jobs.count("fit") == 3
-
-
-def test_all_workers_share_a_long_fit(tmp_path, jobs):
-    """In the measured form the sensors' two parts are recorded side by side, and fitted last, by the pool."""
-    parts = ["infrared-wall", "infrared-cylinder"]
-    calibrated_unit(tmp_path / "unit", **SETTINGS, parts=["wheels", *parts])
-    jobs.clear()
-    calibrated_again(tmp_path / "again", of=tmp_path / "unit", form="auto")
-    assert jobs == ["fit", "fit workers on_progress"]
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"parts": "wheels"}, "parts: expected a list of some of ambient, wheels, .*, got 'wheels'"),
-        ({"parts": ["camera"]}, r"parts: expected .*, got \['camera'\]"),
-        ({"parts": []}, r"parts: expected .*, got \[\]"),
-        ({"distances_cm": [2, 1]}, "distances: expected rising ones from 0.1 to 20 cm, got 2, 1"),
-        ({"noise": float("nan")}, "noise: expected a number from 0 to 10, got nan"),
-        ({"noise": 11}, "noise: expected a number from 0 to 10, got 11"),
-        ({"unit": -1}, "unit is a whole number from 0 on, got '-1'"),
-        ({"unit": True}, "unit is a whole number from 0 on, got 'True'"),
-        ({"seed": -1}, "seed: expected a whole number"),
-        ({"workers": "many"}, "workers: expected a whole number from 1 to 1024"),
-    ],
-)
-def test_what_nobody_can_record_is_refused(tmp_path, change, says):
-    """No number or name that is none leaves a folder that is claimed, or a traceback."""
-    with pytest.raises(UsageError, match=says):
-        calibrated_unit(tmp_path / "unit", **SETTINGS | change)
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_study_is_no_units_folder(tmp_path):
-    """Recordings among a study's files would be taken for its own."""
-    (tmp_path / "study.db").touch()
-    with pytest.raises(CalibrationError, match=r"expected a new folder.*Choose another folder"):
-        calibrated_unit(tmp_path, **SETTINGS)
-    assert [file.name for file in tmp_path.iterdir()] == ["study.db"]
-
-
-def test_an_own_robot_by_what_is_no_name_is_refused(tmp_path):
-    """An address or a profile that is no text is no other error."""
-    with pytest.raises(UsageError, match="got '3'"):
-        calibrated_robot(tmp_path / "unit", robot=3, base="paper", seed=0)
-    with pytest.raises(UsageError, match="base: expected a path, got 3"):
-        calibrated_robot(tmp_path / "unit", robot="twin:1", base=3, seed=0)
-
-
-@pytest.mark.parametrize(
-    ("base", "says"), [("nope", "unknown profile 'nope'"), ("e-puck", "expected 8 proximity sensors")]
-)
-def test_a_base_that_does_not_fit_claims_no_folder(tmp_path, base, says):
-    """A call with the right one can take the folder: the wrong one is not written down."""
-    with pytest.raises(UsageError, match=says):
-        calibrated_robot(tmp_path / "unit", robot=f"{EXAMPLES / 'own_robot.py'}:FiveEyes", base=base, seed=0)
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])
 def test_another_units_folder_is_refused(tmp_path, jobs, change):
     """Its settings are named: what was expected, what came."""
     calibrated_unit(tmp_path / "unit", **SETTINGS)
     with pytest.raises(CalibrationError, match=r"unit\.toml: .*expected .*got .*another folder"):
         calibrated_unit(tmp_path / "unit", **{**SETTINGS, **change})
-
-
-def test_a_folder_of_something_else_is_refused(tmp_path):
-    """Nothing in it is touched."""
-    (tmp_path / "recordings").mkdir()
-    with pytest.raises(CalibrationError, match="holds something else"):
-        calibrated_unit(tmp_path, **SETTINGS)
 
 
 def test_what_goes_wrong_in_a_job_is_told(tmp_path):

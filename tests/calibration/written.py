@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.recordings import (
+from realitygap.calibration.load import (
     FACTS,
     POLAR,
     POSE,
@@ -18,10 +18,8 @@ from realitygap.calibration.recordings import (
     UNITS,
     UNKNOWN,
     WHEEL_COUNTS,
-    Recording,
-    SensorRecording,
-    WheelRecording,
 )
+from realitygap.calibration.recordings import Recording, SensorRecording, WheelRecording
 from realitygap.files import to_toml
 
 __all__ = ["save_recording"]

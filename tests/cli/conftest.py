@@ -16,8 +16,8 @@ from realitygap.cli import realitygap
 def call() -> Callable[..., Result]:
     """Runs a command in this process, as a shell would; words are turned into text."""
 
-    def run(*words: object) -> Result:
-        return CliRunner().invoke(realitygap, [str(word) for word in words])
+    def run(*words: object, **more: Any) -> Result:
+        return CliRunner().invoke(realitygap, [str(word) for word in words], **more)
 
     return run
 
@@ -56,12 +56,10 @@ def refused(call: Callable[..., Result]) -> Callable[..., str]:
 
     def run(*words: object) -> str:
         result = call(*words)
-        assert result.exit_code == 2, result.output
-        assert result.stdout == ""
-        lines = [line for line in result.stderr.splitlines() if not line.startswith("note: ")]
-        assert len(lines) == 1, result.stderr
-        assert lines[0].startswith("error: ")
-        _advice_can_be_followed(lines[0], [str(word) for word in words])
-        return lines[0]
+        assert (result.exit_code, result.stdout) == (2, ""), result.output
+        (line,) = [line for line in result.stderr.splitlines() if not line.startswith("note: ")]
+        assert line.startswith("error: ")
+        _advice_can_be_followed(line, [str(word) for word in words])
+        return line
 
     return run

@@ -1,4 +1,4 @@
-"""`experiment noise`: from words to tables, refusals, Ctrl-C."""
+"""`experiment noise` and `experiment robots`: from words to tables, refusals, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import pytest
 from tests.experiments.noise_parts import quick_units
 
 from realitygap.experiments.noise import NoiseConfig
+from realitygap.experiments.realities import AT_HAND, Realities
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 ROBOT, BASE = f"{EXAMPLES / 'own_robot.py'}:FiveEyes", str(EXAMPLES / "five_eyes.toml")
-SMALL = (
-    "--levels", "0,1", "--runs", 3, "--units", 1, "--starts", 2, "--evaluations", 40,
-    "--seconds", 2, "--tasks", "avoidance", "--workers", 1,
-)  # fmt: skip
+SMALL = ("--levels", "0,1", "--starts", 2, "--evaluations", 40, "--seconds", 2, "--workers", 1)
+NOISE = ("experiment", "noise", *SMALL, "--runs", 3, "--units", 1, "--tasks", "avoidance")
+ROBOTS = ("experiment", "robots", *SMALL, "--runs", 1)
+TABLE = "report/tables/realities.csv"
 
 
 @pytest.fixture(scope="module")
@@ -24,87 +25,112 @@ def units():
         yield patch
 
 
+@pytest.fixture
+def no_enki(monkeypatch):
+    """A machine without Enki's library."""
+    monkeypatch.setattr("realitygap.robots.enki.LIBRARY", "libenki-missing.so")
+
+
+def stopped(*_, **__):
+    """What Ctrl-C makes of a function."""
+    raise KeyboardInterrupt
+
+
 def test_noise_comes_to_tables_and_a_report(units, json_of, call, refused, tmp_path):
-    """The command makes the experiment that its options say; --json has its table; `report` makes the
-    page again."""
+    """The command makes the experiment that its options say; --json has its table; `report` the page."""
     out = tmp_path / "study"
-    told = json_of("experiment", "noise", "--out", out, *SMALL)
-    (task,) = told["tasks"].values()
-    assert told["study"] == str(out) and [row["runs"] for row in task["levels"]] == [3, 3]
-    assert (out / "results" / "cells.csv").is_file() and Path(told["report"]).exists()
-    made = NoiseConfig.from_folder(out)
-    assert made == NoiseConfig(
-        levels=(0, 1), runs=3, units=1, starts=2, evaluations=40, seconds=2.0,
-        tasks=("obstacle-avoidance",),
-    )  # fmt: skip
+    made = json_of(*NOISE, "--out", out)
+    (task,) = made["tasks"].values()
+    assert made["study"] == str(out) and [row["runs"] for row in task["levels"]] == [3, 3]
+    assert (out / "results" / "cells.csv").is_file()
+    assert NoiseConfig.from_folder(out) == NoiseConfig(
+        levels=(0, 1), runs=3, units=1, starts=2, evaluations=40, seconds=2, tasks=("obstacle-avoidance",)
+    )
     again = call("experiment", "noise", "--out", out, "--resume")  # omitted options keep their saved values
     assert again.exit_code == 0 and "noise-matched level: obstacle-avoidance" in again.stdout
-    Path(told["report"]).unlink()
-    assert json_of("report", out)["tasks"] == told["tasks"]
-    assert Path(told["report"]).is_file()
-    assert "--resume" in refused("experiment", "noise", "--out", out, *SMALL)
-    other = refused("experiment", "noise", "--out", out, *SMALL, "--resume", "--seed", 7)
-    assert "made with seed = 1995, not 7" in other
+    Path(made["report"]).unlink()
+    assert json_of("report", out)["tasks"] == made["tasks"] and Path(made["report"]).is_file()
+    assert "--resume" in refused(*NOISE, "--out", out)
+    assert "made with seed = 1995, not 7" in refused(*NOISE, "--out", out, "--resume", "--seed", 7)
 
 
-def test_what_cannot_be_done_is_refused(refused, tmp_path):
-    """Wrong levels, a task that is none: one line, before any work."""
-    out = ("experiment", "noise", "--out", tmp_path / "study")
-    assert "got 'loud'" in refused(*out, "--levels", "0,loud")
-    assert "unknown task 'football'" in refused(*out, "--tasks", "football")
-    assert "--starts" in refused(*out, "--starts", 1)
-    assert not (tmp_path / "study").exists()
+@pytest.mark.usefixtures("undrawn")
+def test_robots_come_to_a_matrix(units, no_enki, json_of, call, refused, tmp_path):
+    """The twin is carried through, Enki is left out and says how to get it; resumed, all is the same."""
+    out = tmp_path / "study"
+    made = json_of(*ROBOTS, "--out", out)
+    assert [one["robot"] for one in made["left_out"]] == list(AT_HAND[1:])
+    assert all("apt install libenki-dev g++" in one["why"] for one in made["left_out"])
+    (twin,) = made["robots"]
+    (error,) = twin["model_error_over_noise"]
+    assert (error["channel"], error["median"]) == ("proximity", 0.45)
+    assert set(twin["tasks"]["obstacle-avoidance"]["levels"][0]["score_by_level"]) == {"0", "1"}
+    page, before = Path(made["report"]).read_text(), (out / TABLE).read_text()
+    assert "Left out" in page and 'href="../twin-1/report/index.html"' in page
+    assert before.startswith(",twin,a real Khepera (readings only),a real Thymio II (readings only)\n")
+    assert "score at" not in page.split("</table>")[0]  # of a single run a level
+    again = call("experiment", "robots", "--out", out, "--resume", "--workers", 1)
+    assert again.exit_code == 0 and "enki:epuck is left out" in again.stderr
+    assert (out / TABLE).read_text() == before and "--resume" in refused(*ROBOTS, "--out", out)
 
 
-def test_ctrl_c_says_how_to_go_on(units, call, tmp_path):
-    """Stopped by Ctrl-C the command says so in a line, with the command that goes on; exit code 130."""
-    import realitygap.experiments.noise as experiment
+@pytest.mark.usefixtures("undrawn")
+def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
+    """Stopped, each says in a line which command ends as if nothing had happened; exit code 130."""
+    with monkeypatch.context() as patch:
+        patch.setattr("realitygap.experiments.noise.Rig.drive", stopped)
+        noise = call(*NOISE, "--out", tmp_path / "noise")
+        robots = call(*ROBOTS, "--only", "--robot", "twin", "--out", tmp_path / "robots")
+    for name, result in (("noise", noise), ("robots", robots)):
+        assert (result.exit_code, result.stdout) == (130, "")
+        last = f"realitygap experiment {name} --out {tmp_path / name} --resume"
+        assert last in result.stderr.splitlines()[-1]
+    assert (
+        call("experiment", "robots", "--out", tmp_path / "robots", "--resume", "--workers", 1).exit_code == 0
+    )
+    assert call(*ROBOTS, "--only", "--robot", "twin", "--out", tmp_path / "whole").exit_code == 0
+    for file in (TABLE, "twin-1/results/cells.csv", "twin-1/results/controllers.csv"):
+        assert (tmp_path / "robots" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
 
-    def stopped(*_, **__):
-        raise KeyboardInterrupt
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(experiment.Rig, "drive", stopped)
-        result = call("experiment", "noise", "--out", tmp_path / "study", *SMALL)
+FIRST = {
+    "realitygap.study.runner.open_folder": ("evolve", "light"),
+    "realitygap.experiments.reproduction.open_to_begin": ("reproduce",),
+    "realitygap.experiments.noise_run.check_robot": ("experiment", "noise"),
+    "realitygap.experiments.realities.check_robot": ("experiment", "robots", "--only", "--robot", "twin"),
+}
+"""Commands, by what each calls before it keeps its settings."""
+
+
+@pytest.mark.parametrize("first", FIRST, ids=lambda first: " ".join(FIRST[first][:2]))
+def test_a_mistyped_folder_is_noted_and_ctrl_c_promises_nothing(first, call, monkeypatch, tmp_path):
+    """--resume of a folder without work says that it starts anew; stopped before that, no command is told
+    that would go on with the usual settings instead of those that were given."""
+    monkeypatch.setattr(first, stopped)
+    result = call(*FIRST[first], "--resume", "--out", tmp_path / "mistyped", "--workers", 1)
     assert result.exit_code == 130 and result.stdout == ""
-    last = result.stderr.splitlines()[-1]
-    assert last.startswith("stopped; finished work is kept in") and "--resume" in last
+    noted, *_, last = result.stderr.splitlines()
+    assert noted.startswith(f"note: --resume: nothing was begun in {tmp_path / 'mistyped'}; starting there")
+    assert last == f"stopped before the work in {tmp_path / 'mistyped'} began; give the command again"
 
 
-CARRIED = """
-from realitygap.robots.body import Channel
-class Carried:
-    channels, period_s, counts_turns = (Channel(name="proximity", sensors=5, high=4095),), 0.1, False
-    reset = sense = act = stop = close = lambda self, *_: None
-"""
-
-
-def test_what_no_robot_of_ones_own_can_do_is_refused(refused, tmp_path):
-    """Units, another noise, sensors that it lacks, carrying it, no base: one line, before any work."""
-    out = ("experiment", "noise", "--out", tmp_path / "study", "--robot")
-    own = (*out, ROBOT, "--base", BASE)
-    assert "--units: belongs to the twin" in refused(*own, "--units", 1)
-    assert "--twin-noise: belongs to the twin" in refused(*own, "--twin-noise", 2)
-    assert "--tasks obstacle-avoidance" in refused(*own)
-    assert "base: expected the rough profile" in refused(*out, ROBOT)
-    assert "robot: expected twin, got 'twin:3'. Its units" in refused(*out, "twin:3", "--base", BASE)
-    carried = tmp_path / "carried.py"
-    carried.write_text(CARRIED)
-    assert "it has no `enter`" in refused(*out, f"{carried}:Carried", "--base", BASE)
+def test_what_cannot_be_done_is_refused(no_enki, refused, tmp_path):
+    """One line before any work: a robot of one's own that lacks something, one that is not there."""
+    own = ("experiment", "noise", "--out", tmp_path / "study", "--robot", ROBOT)
+    assert "base: expected the rough profile" in refused(*own)
+    assert "--tasks obstacle-avoidance" in refused(*own, "--base", BASE)
+    robots = (*ROBOTS, "--out", tmp_path / "study", "--robot")
+    assert "apt install libenki-dev g++" in refused(*robots, "enki:epuck")
+    assert "use record, calibrate, evolve and transfer" in refused(*robots, "epuck:/dev/x")
     assert not (tmp_path / "study").exists()
 
 
-def test_a_resumed_robot_of_ones_own_is_named_again(refused, tmp_path):
-    """A program that a folder names is not run before a person has named it."""
+def test_a_program_that_a_folder_names_is_not_run_before_a_person_has(refused, tmp_path):
+    """Who resumes with a robot of one's own names it again; the twin is no synonym for it."""
     made = NoiseConfig(units=1, tasks=("obstacle-avoidance",), robot=ROBOT, base=BASE)
     (tmp_path / "noise-study.toml").write_text(made.to_toml())
-    out = ("experiment", "noise", "--out", tmp_path, "--resume")
-    assert f"--robot: expected {ROBOT}" in refused(*out)
-    assert f"--robot: expected {ROBOT}" in refused(*out, "--robot", "twin")
-
-
-def test_the_twin_is_no_synonym_for_the_robot_of_a_resumed_study(refused, tmp_path):
-    """A study of Enki's robot does not go on where the twin is asked for."""
-    (tmp_path / "noise-study.toml").write_text(NoiseConfig(robot="enki:khepera").to_toml())
-    out = ("experiment", "noise", "--out", tmp_path, "--resume", "--tasks", "obstacle-avoidance")
-    assert "--robot: expected enki:khepera" in refused(*out, "--robot", "twin")
+    asked = Realities(robots=(ROBOT,), only=True, base=BASE)
+    (tmp_path / "realities.toml").write_text(asked.to_toml())
+    for name, more in (("noise", ()), ("noise", ("--robot", "twin")), ("robots", ())):
+        said = refused("experiment", name, "--out", tmp_path, "--resume", *more)
+        assert f"--robot: expected {ROBOT}" in said

@@ -79,8 +79,8 @@ def test_functions_classes_and_objects_decide(tmp_path):
 @pytest.mark.parametrize("name", ["own_controller.py:avoid", "own_controller.py:Homing", "avoider.toml"])
 def test_the_command_line_takes_them(name):
     """`simulate` drives the examples' controllers, and ends well."""
-    task, *pose = ("light", "15", "35", "0") if "Homing" in name else ("avoidance", "25", "25", "90")
-    words = ["simulate", task, "--controller", str(EXAMPLES / name), "--pose", *pose]
+    task, pose = ("light", "15,35,0") if "Homing" in name else ("avoidance", "25,25,90")
+    words = ["simulate", task, "--controller", str(EXAMPLES / name), "--pose", pose]
     result = CliRunner().invoke(realitygap, [*words, "--seconds", "5"])
     assert result.exit_code == 0, result.output
     assert "score" in result.stdout
@@ -88,7 +88,7 @@ def test_the_command_line_takes_them(name):
 
 def test_a_missing_controller_is_one_message():
     """Exit code 2, and what may be named."""
-    words = ["simulate", "avoidance", "--pose", "25", "25", "90", "--controller"]
+    words = ["simulate", "avoidance", "--pose", "25,25,90", "--controller"]
     for name, told in (("nobody", "FILE.py:NAME"), ("no.py:one", "no such file"), ("my.py", "my.py:NAME")):
         result = CliRunner().invoke(realitygap, [*words, name])
         assert result.exit_code == 2 and told in result.output and "Traceback" not in result.output

@@ -9,9 +9,9 @@ import pytest
 from studies.correspondence.kinds import Behaviour
 
 from realitygap.correspondence.judging import Pair, blind_pairs
-from realitygap.correspondence.reading import agreement, read_transfer
 from realitygap.correspondence.score import compare
 from realitygap.correspondence.setting import setting_of
+from realitygap.correspondence.trials import read_transfer
 from realitygap.study.config import Condition
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
@@ -19,8 +19,6 @@ from tests.correspondence.tracks import write
 from tests.study.helpers import small
 
 ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
-
-BOBBER = Behaviour(task="light-seeking", kind="bobber", seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -85,32 +83,11 @@ def test_a_heading_without_rhyme_is_warned_of(json_of, call, trials, tmp_path):
         assert "contradicts the way" in said and f"warning: {said}" in call(*words).stderr
 
 
-def test_headings_of_robots_are_believed(trials, json_of, tracks):
-    """A robot goes where it looks, or back."""
-    assert agreement(trials)[0] > 0.9 and json_of("classify", tracks)["warnings"] == []
-    assert agreement(BOBBER.trials(4))[0] > 0.9
-
-
 @pytest.mark.parametrize("hz", [25, 50, 7])
 def test_other_rates_are_the_same_behaviour(json_of, tracks, trials, tmp_path, hz):
     """A film's rate does not count: the same trials at 7, 25 or 50 rows a second score 9.5 or more."""
     made = json_of("score", tracks, write(tmp_path / "b.csv", trials, hz=hz))
     assert made["score"] >= 9.5
-
-
-def test_short_losses_and_lengths_are_handled(json_of, tracks, trials, tmp_path):
-    """Losses under a second are bridged, longer trials cut to the shortest; both are said."""
-    other = write(tmp_path / "b.csv", [t.cut(15) for t in trials], lose=(40, 41, 42, 90))
-    made = json_of("score", tracks, other)
-    assert made["score"] >= 9
-    assert "15.0 s" in made["notes"][0] and "bridged" in made["notes"][1]
-
-
-def test_one_trial_is_compared_by_pieces(json_of, trials, tmp_path):
-    """One trial a side is enough for a score, without an interval."""
-    one = write(tmp_path / "one.csv", trials[:1])
-    made = json_of("score", one, one)
-    assert made["score"] == 10 and made["interval"] is None
 
 
 def test_a_ceiling_that_is_given_is_said(json_of, tracks, tmp_path):
@@ -130,18 +107,9 @@ def test_folders_json_and_units(json_of, tracks, trials, tmp_path, call):
     assert json_of("score", tracks, tmp_path / "f")["trials"] == [6, 12]
     (tmp_path / "j").mkdir()
     for seed in (1, 2):
-        words = ("simulate", "avoidance", "--controller", "braitenberg", "--pose", 25, 25, 90 * seed)
+        words = ("simulate", "avoidance", "--controller", "braitenberg", "--pose", f"25,25,{90 * seed}")
         (tmp_path / "j" / f"{seed}.json").write_text(call(*words, "--seed", seed, "--json").stdout)
     assert len(json_of("classify", tmp_path / "j")["tracks"]) == 2
-
-
-def test_files_that_name_their_starts_alike_are_kept_apart(json_of, trials, tmp_path):
-    """Two files of a folder that both have starts 1 to 3 hold six starts, named after their files."""
-    (tmp_path / "days").mkdir()
-    write(tmp_path / "days" / "mon.csv", trials[:3])
-    write(tmp_path / "days" / "tue.csv", ROBOT.trials(3, again=7))
-    starts = [entry["start"] for entry in json_of("classify", tmp_path / "days")["tracks"]]
-    assert starts == [f"{day}.csv:{k}" for day in ("mon", "tue") for k in (1, 2, 3)]
 
 
 def test_a_broken_track_in_a_folder_is_refused(refused, tmp_path, trials):
@@ -152,9 +120,8 @@ def test_a_broken_track_in_a_folder_is_refused(refused, tmp_path, trials):
         (tmp_path / "odd.csv").write_bytes(text)
         assert "odd.csv" in refused("classify", tmp_path)
     (tmp_path / "odd.csv").unlink()
-    for text in ("[" * 99999, '{"t_s": ', json.dumps({name: [10**400] for name in HEAD.strip().split(",")})):
-        (tmp_path / "odd.json").write_text(text)
-        assert "odd.json" in refused("classify", tmp_path)
+    (tmp_path / "odd.json").write_text('{"t_s": ')
+    assert "odd.json" in refused("classify", tmp_path)
     (tmp_path / "odd.json").unlink()
     write(tmp_path / "huge.csv", [replace(trials[0], x=trials[0].x * 1e9)])
     assert "x_cm: expected a number from" in refused("classify", tmp_path)
@@ -196,13 +163,6 @@ def test_several_controllers_are_not_scored_as_one(json_of, refused, tmp_path, t
     assert "transfer.toml" in refused("score", tmp_path)
 
 
-def test_alike_sets_differ_by_nothing_without_a_sign(call, tmp_path, trials):
-    """A set against itself: no "-0.00"."""
-    write(tmp_path / "one.csv", trials[:1], named=False)
-    said = call("score", tmp_path / "one.csv", tmp_path / "one.csv").stdout
-    assert "noisiness +0.00" in said and "transferability 0.00" in said and "-0.00" not in said
-
-
 def test_judges_see_one_start_side_by_side(trials):
     """Both films of a row set out from one pose, however many units drove and whichever start is missing."""
     units = [replace(t, unit=unit) for unit in ("1", "2") for t in trials if t.start != "3"]
@@ -231,18 +191,13 @@ HEAD = "t_s,x_cm,y_cm,heading_deg\n"
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("", "empty"),
-        (HEAD, "rows"),
         ("t_s,x_cm,y_cm\n0,1,2\n", "heading_deg"),
-        (HEAD + "0,25,25,0\n0.1,25,inf,0\n", "line 3"),
         (HEAD + "0,25,25,0\n0.1,25,east,0\n", "y_cm"),
         (HEAD + "".join(f"{k / 10},25,25,0\n" for k in range(10)), "at least 2 s"),
         (HEAD + "".join(f"{k},25,25,0\n" for k in range(30)), "rows a second"),
         (HEAD + "".join(f"{k % 50 / 10},25,25,0\n" for k in range(100)), "column start"),
         (HEAD + "".join(f"{k / 10},{'' if 40 < k < 60 else 25},25,0\n" for k in range(100)), "lost from"),
-        (HEAD + "".join(f"{k / 10},,,\n" for k in range(100)), "in sight"),
         (HEAD + "".join(f"{k / 10},15,15,0\n" for k in range(100)), "arena"),
-        (HEAD + "".join(f"{k / 10},80,25,0\n" for k in range(100)), "arena"),
     ],
 )
 def test_bad_tracks_are_refused_with_the_reason(refused, tmp_path, text, named):

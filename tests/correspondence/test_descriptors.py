@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from realitygap.correspondence.descriptors import describe_all
-from realitygap.correspondence.reading import read_transfer
 from realitygap.correspondence.setting import fits
-from realitygap.correspondence.trials import STEP_S, Trial
+from realitygap.correspondence.trials import STEP_S, Trial, read_transfer
 from realitygap.tasks.load import load_task
 from realitygap.world.robot import load_profile
 from tests.correspondence.tracks import mirrored

@@ -8,7 +8,8 @@ from pathlib import Path
 from studies.correspondence.kinds import Behaviour
 from studies.correspondence.ladders import setting_for
 
-from realitygap.correspondence.judging import Pair, blind_pairs, page
+from realitygap.correspondence.judging import Pair, blind_pairs
+from realitygap.report.player import judge_page
 from tests.browser import Browser
 
 ROBOT = Behaviour(task="obstacle-avoidance", kind="two way turner", seed=1)
@@ -23,7 +24,7 @@ def test_a_judge_needs_no_mouse_and_loses_no_mark(browser: Browser, tmp_path: Pa
     trials = ROBOT.trials(2)
     data, _ = blind_pairs([Pair(name=n, a=trials, b=trials, score=1) for n in "ab"], setting_for(ROBOT.task))
     path = tmp_path / "judge.html"
-    path.write_text(page(data))
+    path.write_text(judge_page(data, setting_for(ROBOT.task).arena, trials[0].radius_cm))
 
     browser.show(path)
     assert browser.run(TITLE) == "Pair 1 of 2" and browser.run(MARK) is None

@@ -12,10 +12,8 @@ from studies.correspondence.naming import SHIPPED, called, held_out, left_out, m
 from studies.correspondence.run import FIRST_SEED, SETS
 from studies.correspondence.wide import FAMILIES
 
-from realitygap.correspondence.evidence import tells
-from realitygap.correspondence.names import NONE, UNTOLD, common_name, namer, rows_of
+from realitygap.correspondence.names import NONE, UNTOLD, common_name, namer, rows_of, tells
 from realitygap.correspondence.trials import Trial
-from realitygap.errors import TrackError, UsageError
 from realitygap.tasks.load import load_task
 from realitygap.world.arena import load_arena
 from tests.correspondence.tracks import mirrored, random_walker, standing
@@ -87,15 +85,6 @@ def test_a_large_robots_name_without_evidence_is_unsure():
     stands = replace(standing(12, 25, 2.0), radius_cm=8.0)
     once, still = namer(setting, 8.0).name([trial, stands], replace(setting, arena=arena))
     assert still.name == NONE and max(once.confidence, still.confidence) <= UNTOLD
-
-
-def test_another_tasks_setting_is_refused():
-    """Its descriptors are others; and nothing is no setting."""
-    names, trial = namer(setting_for(AVOIDANCE)), standing(12, 25, 2.0)
-    with pytest.raises(TrackError, match="setting: expected one of the task whose kinds are one way turner"):
-        names.name([trial], setting_for("light-seeking"))
-    with pytest.raises(UsageError, match="setting: expected a Setting, got None"):
-        names.name([trial], None)
 
 
 @TASKS

@@ -342,11 +342,10 @@ def test_other_realities(reality):
 
 BODY = """
 import numpy as np
-from realitygap.robots.body import Channel
-from realitygap.robots.clock import SteppedClock
+from realitygap.robots import Body, Channel, SteppedClock
 from realitygap.values import Readings
 
-class Speedy:
+class Speedy(Body):
     channels = (Channel(name="proximity", sensors=8, high=1023),)
     period_s, counts_turns, {speeds} = 0.1, False, (0, 0)
     def __init__(self): self.clock = SteppedClock(lambda: None, 0.1)
@@ -354,7 +353,6 @@ class Speedy:
     def sense(self): return Readings(proximity=np.zeros(8), ambient=np.empty(0))
     def act(self, command): self.{speeds} = (command.left, command.right)
     def stop(self): self.{speeds} = (0, 0)
-    close = stop
 """
 
 

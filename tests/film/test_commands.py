@@ -1,25 +1,20 @@
-"""`realitygap track` and `realitygap camera calibrate`, as a person types them."""
+"""`realitygap camera track` and `realitygap camera calibrate`, as a person types them."""
 
 import json
-from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
 
-from realitygap.cli.camera import camera as camera_group
-from realitygap.cli.failure import Commands
-from realitygap.cli.track import track as track_command
+from realitygap.cli.console import Commands
+from realitygap.cli.tracks import camera
 from realitygap.film.camera import load_camera
 from realitygap.track import read_track
-from realitygap.values import Pose
-from tests.film.conftest import write_film
-from tests.film.scene import Scene
 from tests.film.test_camera import write_frames
 
 
 def run(*words):
     """A command's result."""
-    group = Commands(name="realitygap", commands={"camera": camera_group, "track": track_command})
+    group = Commands(name="realitygap", commands={"camera": camera})
     return CliRunner().invoke(group, [str(word) for word in words])
 
 
@@ -43,79 +38,26 @@ def test_calibrate(tmp_path, frames):
     assert load_camera(tmp_path / "camera.json").width_px == 640
 
 
-def test_a_mirrored_floor_is_told(tmp_path, frames):
-    """A table with y downwards and headings clockwise fits the disk as well as a mirrored picture would: the
-    camera is made, with a warning; of a table as it should be there is none."""
-    words = ("--frames", tmp_path, "--poses", tmp_path / "poses.csv", "--out", tmp_path / "camera.json")
-    for sign in (1, -1):
-        poses = [Pose(x=f.pose.x, y=sign * f.pose.y, heading=sign * f.pose.heading) for f in frames[:8]]
-        write_frames(tmp_path, [replace(f, pose=p) for f, p in zip(frames[:8], poses, strict=True)])
-        result = run("camera", "calibrate", *words, "--json")
-        assert result.exit_code == 0, result.output
-        told = "warning: the pictures show the floor as in a mirror" in result.stderr
-        assert told == (len(json.loads(result.stdout)["warnings"]) == 1) == (sign < 0)
-
-
-def test_a_lens_height_in_another_unit_is_told(tmp_path, frames):
-    """No frame contradicts it, but a lens that high, or that low, sees what few do; 78 cm is what it is."""
-    write_frames(tmp_path, frames[:8])
-    words = ("--frames", tmp_path, "--poses", tmp_path / "poses.csv", "--out", tmp_path / "camera.json")
-    for height, told in ((78, 0), (780, 1), (5, 1)):
-        result = run("camera", "calibrate", *words, "--json", "--lens-height", height)
-        assert result.exit_code == 0, result.output
-        assert result.stderr.count("Is it in another unit than cm?") == told
-        assert len(json.loads(result.stdout)["warnings"]) == told
-
-
 def test_track(tmp_path, clean_film, camera_file):
     """Tracking writes the track and the tails, and says what was found."""
     out, tails = tmp_path / "track.csv", tmp_path / "tails.png"
-    result = run("track", clean_film, "--camera", camera_file, "--out", out, "--tails", tails)
+    result = run("camera", "track", clean_film, "--camera", camera_file, "--out", out, "--tails", tails)
     assert result.exit_code == 0, result.output
     assert "found in 40" in result.stdout
     assert len(read_track(out)) == 40
     assert tails.stat().st_size > 10_000
-    facts = json.loads(run("track", clean_film, "--camera", camera_file, "--out", out, "--json").stdout)
+    facts = json.loads(
+        run("camera", "track", clean_film, "--camera", camera_file, "--out", out, "--json").stdout
+    )
     assert facts["lost"] == 0
     assert len(facts["x_cm"]) == 40
-
-
-def test_film_without_robot(tmp_path, camera_file, poses):
-    """A film with no robot in it ends with exit code 2 and one line, and writes nothing."""
-    film = write_film(tmp_path / "empty.mp4", Scene(robot=False), poses[:4])
-    result = run("track", film, "--camera", camera_file, "--out", tmp_path / "track.csv")
-    assert result.exit_code == 2
-    assert "no robot's disk is seen" in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-    assert not (tmp_path / "track.csv").exists()
 
 
 def test_cut_off_film_is_told(tmp_path, clean_film, camera_file):
     """A film that was cut off is tracked as far as it goes, with a warning."""
     data, film = clean_film.read_bytes(), tmp_path / "cut.mp4"
     film.write_bytes(data[: int(0.6 * len(data))])
-    result = run("track", film, "--camera", camera_file, "--out", tmp_path / "track.csv")
+    result = run("camera", "track", film, "--camera", camera_file, "--out", tmp_path / "track.csv")
     assert result.exit_code == 0, result.output
     assert "warning: the film is cut off" in result.stderr
     assert 3 < len(read_track(tmp_path / "track.csv")) < 40
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (
-            ("track", "none.mp4", "--camera", "none.json", "--out", "t.csv"),
-            "error: none.json: no such file. Make it with",
-        ),
-        (("track", "none.mp4", "--camera", "none.json"), "Missing option '--out'"),
-        (("track", "none.mp4", "--camera", "none.json", "--out", "t.txt"), "ending in .csv"),
-        (("camera", "calibrate", "--frames", "no", "--poses", "p", "--out", "c.json"), "no: no such folder"),
-    ],
-)
-def test_mistakes_end_in_one_line(words, says):
-    """A person's mistake is one line on stderr and exit code 2."""
-    with CliRunner().isolated_filesystem():
-        result = run(*words)
-    assert result.exit_code == 2
-    assert says in result.stderr and result.stderr.count("no such") <= 1
-    assert len(result.stderr.splitlines()) == 1

@@ -1,13 +1,10 @@
 """Films in and out."""
 
 import os
-from fractions import Fraction
 
-import av
 import numpy as np
 import pytest
 
-from realitygap.errors import FilmError
 from realitygap.film.disk import Disk
 from realitygap.film.tracker import track_film
 from realitygap.film.video import FilmReader, FilmWriter
@@ -57,16 +54,6 @@ def test_a_film_is_the_same_on_any_number_of_cores(tmp_path):
     assert same, [len(one) for one in made]
 
 
-def test_colours_and_odd_sizes(tmp_path):
-    """Colour pictures of an odd size lose at most a row and a column."""
-    red = np.zeros((49, 65, 3), np.uint8)
-    red[..., 0] = 200
-    with FilmReader(write(tmp_path / "film.mp4", [red] * 3)) as film:
-        picture = next(iter(film)).colour()
-    assert picture.shape == (48, 64, 3)
-    assert np.allclose(picture.mean((0, 1)), (200, 0, 0), atol=12)
-
-
 def test_failed_film_leaves_nothing(tmp_path):
     """A film whose making fails leaves no file, and a film that was there stays."""
     path = write(tmp_path / "film.mp4", steps(3))
@@ -76,32 +63,6 @@ def test_failed_film_leaves_nothing(tmp_path):
         raise ZeroDivisionError
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_pictures_of_two_sizes_are_refused(tmp_path):
-    """All pictures of a film have one size."""
-    with pytest.raises(FilmError, match="shape"), FilmWriter(tmp_path / "a.mp4", rate=1, made_by="x") as film:
-        film.add(np.zeros((20, 20), np.uint8))
-        film.add(np.zeros((20, 22), np.uint8))
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "says"),
-    [
-        ("film.mp4", None, "no such film"),
-        ("film.mp4", b"", "not a film"),
-        ("film.mp4", b"t_s,x_cm\n0,1\n" * 40, "not a film"),
-        ("notes.txt", b"hello\n" * 40, "not a film"),
-    ],
-)
-def test_what_is_no_film_is_refused(tmp_path, name, content, says):
-    """A missing file, an empty one and a text are refused by name."""
-    path = tmp_path / name
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(FilmError, match=says) as refusal:
-        FilmReader(path)
-    assert str(path) in str(refusal.value)
 
 
 def test_cut_off_film_is_kept_up_to_there(tmp_path, clean_film, camera, poses, errors_of):
@@ -114,25 +75,6 @@ def test_cut_off_film_is_kept_up_to_there(tmp_path, clean_film, camera, poses, e
     assert f"{count} of about {len(poses)} frames could be read" in tracked.trouble
     off, _ = errors_of(tracked.track, poses[:count])
     assert off.max() < 1.5
-
-
-def test_a_film_of_uneven_rate_is_not_taken_for_a_cut_one(tmp_path):
-    """An MKV tells its length and rate, not how many frames: one that left some out is whole."""
-    path = tmp_path / "film.mkv"
-    with av.open(str(path), "w") as film:
-        stream = film.add_stream("mpeg4", rate=25, width=64, height=48, pix_fmt="yuv420p")
-        stream.codec_context.time_base = stream.time_base = Fraction(1, 1000)
-        for k in (0, 1, 2, 5, 9, 10, 14, 20, 21, 24):
-            picture = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 9 * k, np.uint8), format="rgb24")
-            picture.pts, picture.time_base = 40 * k, stream.time_base
-            film.mux(stream.encode(picture))
-        film.mux(stream.encode())
-    with FilmReader(path) as again:
-        assert len(list(again)) == 10 and again.trouble is None
-    data = path.read_bytes()
-    path.write_bytes(data[: len(data) // 2])
-    with FilmReader(path) as again:
-        assert len(list(again)) < 10 and "cut off" in str(again.trouble)
 
 
 def test_garbled_film_is_never_guessed(tmp_path, clean_film, camera, poses, errors_of):
@@ -148,49 +90,3 @@ def test_garbled_film_is_never_guessed(tmp_path, clean_film, camera, poses, erro
     off, _ = errors_of(tracked.track, truth)
     assert 5 < len(off) < len(poses)
     assert off.max() < 1.5
-
-
-def test_films_joined_into_one_are_refused(tmp_path):
-    """Their times begin again."""
-    path = tmp_path / "joined.ts"
-    with av.open(str(path), "w") as film:
-        stream = film.add_stream("libx264", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
-        for k in range(20):
-            film.mux(stream.encode(av.VideoFrame.from_ndarray(np.full((64, 64), 10 * k, np.uint8), "gray")))
-        film.mux(stream.encode())
-    path.write_bytes(path.read_bytes() * 2)
-    with FilmReader(path) as reader, pytest.raises(FilmError, match=r"its times fall back at 1\.9"):
-        list(reader)
-
-
-@pytest.mark.parametrize(("name", "told"), [("film.h264", True), ("film.mjpeg", True), ("film.mkv", False)])
-def test_a_film_without_times_says_so(tmp_path, name, told):
-    """A bare stream, as some cameras write it, has no times: that a rate was assumed is told, and which."""
-    path = tmp_path / name
-    with av.open(str(path), "w") as film:
-        stream = film.add_stream("mjpeg" if "mjpeg" in name else "libx264", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuvj420p" if "mjpeg" in name else "yuv420p"
-        for k in range(5):
-            film.mux(stream.encode(av.VideoFrame.from_ndarray(np.full((64, 64), 20 * k, np.uint8), "gray")))
-        film.mux(stream.encode())
-    with FilmReader(path) as reader:
-        frames = [frame.t_s for frame in reader]
-    assert len(frames) == 5
-    if told:
-        assert "the file holds no times, so 25 frames a second are assumed" in reader.trouble
-    else:
-        assert reader.trouble is None
-        assert frames == pytest.approx([0, 0.1, 0.2, 0.3, 0.4], abs=1e-3)
-
-
-def test_a_film_whose_notes_are_no_text_is_read(tmp_path):
-    """Cameras and editors write notes in whatever letters they have."""
-    path = tmp_path / "film.mp4"
-    with FilmWriter(path, rate=25, made_by="Zoe") as film:
-        for k in range(3):
-            film.add(np.full((64, 64, 3), 20 * k, np.uint8))
-    assert b"Zoe" in path.read_bytes()
-    path.write_bytes(path.read_bytes().replace(b"Zoe", b"Zo\xe9"))
-    with FilmReader(path) as again:
-        assert sum(1 for _ in again) == 3 and again.trouble is None

@@ -11,7 +11,7 @@ from realitygap.control.slots import decode
 from realitygap.errors import UsageError
 from realitygap.plugins import run_file
 from realitygap.problem import Problem, WeightedController, form_of
-from realitygap.robots.loop import drive
+from realitygap.robots.drive import drive
 from realitygap.simulation.body import SimulatedBody, drive_simulated, network_inputs
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.tasks.load import load_task

@@ -11,14 +11,16 @@ import pytest
 
 from realitygap.control.genotype import Genotype
 from realitygap.kernels.types import MAX_DELAY
+from realitygap.report.evolution import Mean, NoiseClass, Row, TaskPart, mean_of
 from realitygap.report.page import Picture
-from realitygap.report.statistics import Mean, mean_of
-from realitygap.report.tables import NoiseClass, Row, TaskPart
 from realitygap.track import Trajectory
 from realitygap.values import Pose
 from tests.conftest import FIGURE
 
 LEVELS = {0.0: "zero", 1.0: "observed", 2.0: "double"}
+EQUAL = {0.0: [0.5, 0.6, 0.55], 1.0: [0.56, 0.52, 0.58], 2.0: [0.54, 0.6, 0.5]}
+APART = {0.0: [0.5, 0.51, 0.52], 1.0: [0.9, 0.91, 0.92], 2.0: [0.2, 0.21, 0.22]}
+"""Means of runs by noise level: alike, and clearly apart."""
 
 
 def circle(steps: int = 50, *, radius: float = 8.0, centre: tuple[float, float] = (25.0, 25.0)) -> Trajectory:

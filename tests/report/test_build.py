@@ -3,33 +3,38 @@
 from __future__ import annotations
 
 import csv
-import pickle
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from realitygap import marks_of
 from realitygap.errors import StudyInterruptedError, UsageError
+from realitygap.experiments.reproduction import again
 from realitygap.report import build_report
-from realitygap.report.gather import PER_CONDITION, chosen, parts_of
-from realitygap.report.page import Figures, Picture
+from realitygap.report.build import differences, is_paper
+from realitygap.report.evolution import PER_CONDITION, chosen, parts_of
+from realitygap.report.page import Picture
+from realitygap.report.scores import score_tables
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import EVOLVING, Progress, run_study
-from realitygap.world.robot import NOISE_LEVELS
-from tests.report.scenes import draw_only
+from realitygap.tasks import load_task
+from realitygap.world.arena import load_arena
+from realitygap.world.robot import FittedChannel, Provenance, load_profile
+from tests.report.scenes import APART, EQUAL, LEVELS, draw_only, table
+from tests.report.test_scores import AVOID, marks
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"
-SHORT = ["task.seconds=0.5"]
 FEW = {"evaluations": 70, "seed": 3}
 
 
 def _few(config: StudyConfig) -> StudyConfig:
     """The same with short trials and few tests."""
-    return config.with_settings([*SHORT, "retest_trials=2", "fresh_trials=3"])
+    return config.with_settings(["task.seconds=0.5", "retest_trials=2", "fresh_trials=3"])
 
 
 class _Tags(HTMLParser):
@@ -70,29 +75,32 @@ def _page(study: Study) -> str:
     return (study.folder / "report" / "index.html").read_text("utf-8")
 
 
+def _reported(folder: Path, config: StudyConfig) -> str:
+    """The page of a study carried out in this process."""
+    return build_report(run_study(folder, config, workers=1).folder).read_text("utf-8")
+
+
 def test_the_page_is_self_contained_and_well_formed(paper: Study) -> None:
-    """Nothing is fetched, ids are unique, links lead somewhere, every picture but ornaments has a text."""
+    """Nothing is fetched, ids are unique, links lead somewhere, pictures have a text, and no NaN is shown."""
     text = _page(paper)
     tags = _Tags(text)
     assert tags.open == []
-    assert (
-        not re.search(r"<(script[^>]*\ssrc|link|iframe|img)\b", text)
-        and "url(http" not in text
-        and "@import" not in text
-    )
+    assert not re.search(r"<(script[^>]*\ssrc|link|iframe|img)\b", text)
+    assert "url(http" not in text and "@import" not in text
     ids = [attrs["id"] for _, attrs in tags.seen if "id" in attrs]
     assert len(ids) == len(set(ids))
-    folder = paper.folder / "report"
     for tag, attrs in tags.seen:
         target = attrs.get("href") or ""
         if tag == "a" and target.startswith("#"):
             assert target[1:] in ids
         elif tag == "a":
-            assert (folder / target).is_file()
-        assert tag not in ("p", "span") or "aria-label" not in attrs  # which have no role to be named
+            assert (paper.folder / "report" / target).is_file()
         if tag == "svg":
             named = attrs.get("role") in ("img", "group") and attrs.get("aria-label")
             assert named or attrs.get("aria-hidden") == "true"
+    assert not re.search(
+        r"\bnan\b", re.sub(r"<(script|svg).*?</\1>", "", text, flags=re.DOTALL), re.IGNORECASE
+    )
 
 
 def test_the_page_has_the_papers_figures_and_tables(paper: Study) -> None:
@@ -106,6 +114,11 @@ def test_the_page_has_the_papers_figures_and_tables(paper: Study) -> None:
     assert {f"light-seeking-{what}" for what in ("arena", "curves", "paths", "all-paths")} <= names
     assert sum("network" in name for name in names) == 12
     assert "prefers-color-scheme: dark" in text and "unfinished" not in text
+    words = " ".join(text.split())
+    assert "the same two tasks (with seconds = 0.5), robot, networks and genetic algorithm" in words
+    assert "the paper’s as printed" not in words
+    for name in paper.versions():
+        assert f"<dt>{name}</dt>" in text
 
 
 def test_the_tables_are_the_studys_own_numbers(paper: Study) -> None:
@@ -128,8 +141,6 @@ def test_the_report_is_the_same_when_made_again(paper: Study, monkeypatch) -> No
         if (kind := re.sub("obstacle-avoidance|light-seeking|network.*", "", picture.name)) in drawn:
             return (folder / f"{picture.name}.svg").read_text("utf-8")
         drawn.add(kind)
-        for file in ("png", "svg"):
-            (folder / f"{picture.name}.{file}").unlink()
         return save(picture, folder, **settings)
 
     monkeypatch.setattr(Picture, "save", one_of_each)
@@ -139,21 +150,6 @@ def test_the_report_is_the_same_when_made_again(paper: Study, monkeypatch) -> No
     build_report(paper.folder, on_progress=lambda done, total, name: seen.append((done, total)))
     assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert seen == sorted(seen) and seen[0][0] == 0 and seen[-1][0] == seen[-1][1]
-    assert drawn >= {"robot", "-", "-arena", "-curves", "-paths", "-all-paths"}
-
-
-def test_every_figure_can_be_sent_to_another_process(paper: Study, monkeypatch) -> None:
-    """A picture is a function by its name, with data: what is drawn from a copy is the same picture."""
-    kept: list[Figures] = []
-    keep = lambda target, template, figures, *_, **__: kept.append(figures)  # noqa: E731
-    monkeypatch.setattr("realitygap.report.build.write_page", keep)
-    build_report(paper.folder)
-    (figures,) = kept
-    assert len(figures) == len([*figures]) > 20
-    copies = {one.name: pickle.loads(pickle.dumps(one)) for one in figures.values()}
-    assert len(copies) == len(figures)
-    for name in ("obstacle-avoidance-arena", "light-seeking-curves", "light-seeking-paths"):
-        assert copies[name].save(None) == figures[name].save(None)
 
 
 def test_a_figure_shows_the_median_run(paper: Study) -> None:
@@ -166,54 +162,46 @@ def test_a_figure_shows_the_median_run(paper: Study) -> None:
             assert row.mean("champion", condition.level).value == min(means)
 
 
+def test_only_the_papers_study_is_called_so(paper: Study) -> None:
+    """Another algorithm, other rates, another arena or robot is not; a Khepera that was measured is."""
+
+    def like(**changes: object) -> bool:
+        same = {key: getattr(paper, key) for key in ("config", "profile", "task", "runs")}
+        study = SimpleNamespace(**{**same, **changes})
+        return is_paper(study, parts_of(study))
+
+    assert like()
+    for setting in ("evolution.algorithm=random", "variation.mutation=0.1"):
+        assert not like(config=paper.config.with_settings([setting]))
+    wide = load_arena("light-seeking")
+    assert not like(task=lambda name: replace(load_task(name), arena=wide))
+    assert not like(profile=load_profile("thymio"))
+    fits = (FittedChannel(channel="infrared", form="paper", rmse=20.0),)
+    mine = replace(load_profile("paper"), name="mine", provenance=Provenance(base="paper", fits=fits))
+    assert like(profile=mine)
+
+
 def test_a_users_task_at_a_noise_of_its_own_has_a_page(tmp_path: Path) -> None:
     """One condition, one run, at a level without a name; it is not called the paper's, nor "1 runs"."""
-    config = _few(StudyConfig.single(EXAMPLE, 0.5, **FEW))
-    text = _page(run_and_report(tmp_path / "study", config))
+    text = _reported(tmp_path / "study", _few(StudyConfig.single(EXAMPLE, 0.5, **FEW)))
     assert "0.5 noise" in text and "Figure 1" not in text and "realitygap reproduce" not in text
     assert "<dt>run</dt><dd>1</dd>" in text
-
-
-def test_runs_at_a_noise_of_their_own_have_fresh_trials_and_a_behaviour_score_there(tmp_path: Path) -> None:
-    """Beside those at the paper's three levels, which are the same as without it."""
-    config = _few(StudyConfig.single("light", 0.5, **FEW))
-    study = run_and_report(tmp_path / "study", config)
-    run = study.runs[0]
-    assert {noise for _, noise in run.tests} == {0.0, 0.5, 1.0, 2.0}
-    assert study.query("SELECT champion_fresh FROM runs")["champion_fresh"][0] == pytest.approx(
-        run.tests["champion", 0.5].mean()
-    )
-    (mark,) = marks_of(study)
-    assert mark.behaviour is not None and "–: there are none at that noise" not in _page(study)
-
-
-def test_a_page_says_what_lacks_at_a_noise_without_fresh_trials(tmp_path: Path, paper: Study) -> None:
-    """Earlier versions made them at zero, observed and double noise alone: another level has no behaviour
-    score then, and its median run is that in stored fitness."""
-    config = _few(StudyConfig.single("light", 0.5, runs=2, **FEW))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("realitygap.study.run.tested_levels", lambda noise: NOISE_LEVELS.values())
-        run_study(tmp_path / "study", config, workers=1)
-    build_report(tmp_path / "study")
-    text = _page(load_study(tmp_path / "study"))
-    words = ("or in stored fitness where none are at its own noise", "–: there are none at that noise")
-    assert all(one in text and one not in _page(paper) for one in words)
+    assert again(load_study(tmp_path / "study")) == ""
 
 
 def test_many_runs_are_limited_to_what_a_person_can_look_at(tmp_path: Path, monkeypatch) -> None:
     """The page says so, shows some, and its CSV has all."""
     draw_only(monkeypatch, lambda name: "network" not in name)
     runs = 2 * PER_CONDITION + 2
-    config = _few(StudyConfig.single("avoidance", 1.0, runs=runs, evaluations=64))
-    study = run_and_report(tmp_path / "study", config)
-    text = _page(study)
-    assert f"the first {PER_CONDITION} of {runs} runs" in text and "averages are over all" in text
-    csv_text = (study.folder / "report" / "tables" / "obstacle-avoidance.csv").read_text("utf-8")
-    assert len(csv_text.splitlines()) == 1 + runs + 1
-    assert len(list((study.folder / "report" / "figures").glob("*-network-*.png"))) in (
-        PER_CONDITION,
-        PER_CONDITION + 1,
+    text = _reported(
+        tmp_path / "study", _few(StudyConfig.single("avoidance", 1.0, runs=runs, evaluations=64))
     )
+    assert f"the first {PER_CONDITION} runs of each noise level" in text and "averages are over all" in text
+    report = tmp_path / "study" / "report"
+    csv_text = (report / "tables" / "obstacle-avoidance.csv").read_text("utf-8")
+    assert len(csv_text.splitlines()) == 1 + runs + 1
+    drawn = len(list((report / "figures").glob("*-network-*.png")))
+    assert drawn in (PER_CONDITION, PER_CONDITION + 1)
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -229,8 +217,7 @@ def test_an_unfinished_study_has_a_page_that_says_so(tmp_path: Path, monkeypatch
     config = _few(StudyConfig.single("light", 1.0, runs=3, **FEW))
     with pytest.raises(StudyInterruptedError):
         run_study(tmp_path / "study", config, workers=1, on_progress=stop)
-    build_report(tmp_path / "study")
-    text = _page(load_study(tmp_path / "study"))
+    text = build_report(tmp_path / "study").read_text("utf-8")
     assert "This study is unfinished" in text and f"{finished} of 3 runs are finished" in text
 
 
@@ -241,8 +228,15 @@ def test_a_folder_without_a_study_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "nothing").exists()
 
 
-def run_and_report(folder: Path, config: StudyConfig) -> Study:
-    """A study carried out in this process, with its report."""
-    study = run_study(folder, config, workers=1)
-    build_report(folder)
-    return study
+def test_a_star_stands_where_an_interval_excludes_zero() -> None:
+    """Of levels that differ clearly each has one beside the observed level; of equal ones none has."""
+    for means, stars in ((APART, 2), (EQUAL, 0)):
+        heads, rows = differences(table(means, EQUAL, stored=0.95), (), ())
+        assert heads[:2] == ["stored less fresh", "champion less fittest"]
+        assert [name for name, _ in rows] == list(LEVELS.values())
+        assert sum(cells[2].endswith(" *") for _, cells in rows) == stars and rows[1][1][2] == "–"
+    scores = score_tables(AVOID, list(LEVELS), marks({0.0: [4.0, 4.1], 1.0: [8.0, 8.1], 2.0: [8.0, 8.2]}))
+    heads, rows = differences(table(EQUAL, EQUAL), scores, ())
+    assert heads[-1] == "correspondence score on the twin, less observed noise’s"
+    assert rows[0][1][-1].startswith("−4.0 ± ") and rows[0][1][-1].endswith("*") and "*" not in rows[2][1][-1]
+    assert differences(table({1.0: []}, {1.0: []}), (), ())[1] == []

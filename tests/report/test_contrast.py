@@ -8,7 +8,7 @@ from importlib.resources import files
 import pytest
 
 CSS = files("realitygap.report").joinpath("templates", "page.css").read_text("utf-8")
-JUDGE = files("realitygap.correspondence").joinpath("judge.html").read_text("utf-8")
+JUDGE = files("realitygap.report").joinpath("templates", "judge.html.j2").read_text("utf-8")
 NAMES = 0.8
 """The opacity of a neuron's name (player.css)."""
 

@@ -101,8 +101,8 @@ def test_a_log_is_written_whole_or_not_at_all(one, tmp_path, kind, room):
 def test_the_command_writes_it_and_says_what_there_is(played, tmp_path):
     """The first trial if nothing is said; of a trial that is none, those that there are."""
     pytest.importorskip("mcap", reason="no MCAP here: pip install mcap")
-    words = ["export", str(played.folder), "1", "--format", "mcap", "--out", str(tmp_path / "logs"), "--json"]
-    said = json.loads(CliRunner().invoke(realitygap, words).stdout)
+    words = ["export", "log", str(played.folder), "1", "--format", "mcap", "--out", str(tmp_path / "logs")]
+    said = json.loads(CliRunner().invoke(realitygap, [*words, "--json"]).stdout)
     assert said["file"].endswith("logs/obstacle-avoidance-zero-1-twin-1-start-1.mcap")
     refused = CliRunner().invoke(realitygap, [*words, "--start", "9"])
     assert refused.exit_code == 2 and "champion on twin-1 from start 2" in refused.output

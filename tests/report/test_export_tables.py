@@ -21,7 +21,16 @@ def written(played, tmp_path_factory):
     made = {}
     for kind in KINDS:
         folder = tmp_path_factory.mktemp(kind)
-        words = ["export", str(played.folder), "--format", kind, "--out", str(folder / "tables"), "--json"]
+        words = [
+            "export",
+            "tables",
+            str(played.folder),
+            "--format",
+            kind,
+            "--out",
+            str(folder / "tables"),
+            "--json",
+        ]
         result = CliRunner().invoke(realitygap, words)
         assert result.exit_code == 0, result.output
         made[kind] = (folder / "tables", json.loads(result.stdout))
@@ -76,26 +85,6 @@ def test_a_missing_package_is_named(played, tmp_path, monkeypatch, missing):
     with pytest.raises(UsageError, match=rf"{missing} is not installed.*pip install 'realitygap\[tables\]'"):
         played.to_pandas() if missing == "pandas" else write_tables(played, "parquet", tmp_path / "out")
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        ([], "expected one of --format"),
-        (["--format", "csv", "--language", "c99"], "expected one of"),
-        (["1", "--format", "csv"], "RUN: --format csv covers the whole study"),
-        (["--format", "mcap"], "--format mcap: expected a RUN"),
-        (["1", "--format", "mcap", "--name", "x"], "--name: does not go with --format mcap"),
-        (["1", "--language", "c99", "--start", "1"], "--start: does not go with --language"),
-        (["--format", "csv", "--name", "x"], "--name: does not go with --format csv"),
-        (["--language", "c99"], "--language: expected a RUN"),
-    ],
-)
-def test_two_uses_are_not_confused(played, tmp_path, words, told):
-    """What does not go together is named; nothing is written."""
-    command = ["export", str(played.folder), *words, "--out", str(tmp_path / "out")]
-    result = CliRunner().invoke(realitygap, command)
-    assert result.exit_code == 2 and told in result.output and not (tmp_path / "out").exists()
 
 
 def test_a_study_and_a_folder_go_by_their_paths(played, written, tmp_path):

@@ -6,7 +6,7 @@ import base64
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,10 @@ import pytest
 
 from realitygap.export import logs as trial
 from realitygap.report import player
-from realitygap.report.build import scripts
-from realitygap.report.gather import Paths, individual, parts_of
-from realitygap.report.player_tracks import LOST, activity, pack, track
+from realitygap.report.evolution import Paths, individual, parts_of
+from realitygap.report.player import LOST, activity, pack, track
 from realitygap.report.transfers import pairs_of
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.study.load import Study
 from tests.report.scenes import random_genotype
 from tests.report.situations import STEPS, write_transfer
@@ -137,66 +136,26 @@ def test_rows_of_another_length_are_left_out() -> None:
     assert told["readings"] is None and told["commands"] is not None
 
 
-def test_a_page_of_thirty_runs_is_small(played: Study) -> None:
-    """Two full trials of 20 s with twenty hidden neurons are below 100 kB: 30 runs below 3 MB."""
-    full = {
-        "readings": np.full((200, 8), 1023),
-        "commands": np.full((200, 2), -10),
-        "outputs": np.full((200, 30), -10),
-    }
-    one = track("twin unit 1", "0.5", np.full((201, 3), 30.0), 0.01, **full)
-    assert 4 * len(json.dumps(one)) < 100_000
-
-
 def test_nothing_in_the_data_ends_its_script() -> None:
     """Whatever a user calls a task."""
     text = player.player_json({"title": "</script><b>"})
     assert "<" not in text and json.loads(text) == {"title": "</script><b>"}
 
 
-class _Controls(HTMLParser):
-    """Which controls a page has, and which of them have a name of their own."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.nameless: list[str] = []
-        self.seen: list[str] = []
-        self._labels = 0
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs) -> None:
-        self._labels += tag == "label"
-        if tag in ("select", "input", "button", "canvas"):
-            facts = dict(attrs)
-            self.seen.append(facts.get("id") or tag)
-            if not (facts.get("aria-label") or self._labels or tag == "button"):
-                self.nameless.append(facts.get("id") or tag)
-
-    def handle_endtag(self, tag) -> None:
-        self._labels -= tag == "label"
-
-
-def test_every_control_has_a_name(played: Study) -> None:
-    """For those who hear the page."""
-    controls = _Controls((played.folder / "report" / "index.html").read_text("utf-8"))
-    assert controls.nameless == []
-    assert {"player-task", "player-noise", "player-run", "player-scrub", "player-play"} <= set(controls.seen)
+SCRIPTS = "".join(
+    files("realitygap.report").joinpath("templates", name).read_text("utf-8")
+    for name in ("arena.js", "player.js")
+)
 
 
 def test_the_page_may_fetch_nothing(played: Study) -> None:
-    """Its own policy forbids it; its scripts name no address but the name of SVG, and build no code."""
+    """Its own policy forbids it; its scripts name no address but that of SVG, and build no code; what they
+    look for is there."""
     text = (played.folder / "report" / "index.html").read_text("utf-8")
     assert "default-src 'none'" in text and "unsafe-eval" not in text
-    text_of_scripts = scripts()
-    assert set(re.findall(r"https?://[^\"'\s]*", text_of_scripts)) == {"http://www.w3.org/2000/svg"}
-    assert not re.search(r"\b(eval|fetch|XMLHttpRequest|import|Function)\s*\(", text_of_scripts)
-
-
-def test_every_id_that_the_scripts_ask_for_is_there(played: Study) -> None:
-    """A script that looks for what the template has lost would stop the whole page."""
-    text = (played.folder / "report" / "index.html").read_text("utf-8")
-    asked = set(re.findall(r'byId\("([\w-]+)"\)', scripts()))
-    for stem in re.findall(r"byId\(`([\w-]+-)\$\{(?:side|i)\}`\)", scripts()):
+    assert set(re.findall(r"https?://[^\"'\s]*", SCRIPTS)) == {"http://www.w3.org/2000/svg"}
+    assert not re.search(r"\b(eval|fetch|XMLHttpRequest|import|Function)\s*\(", SCRIPTS)
+    asked = set(re.findall(r'byId\("([\w-]+)"\)', SCRIPTS))
+    for stem in re.findall(r"byId\(`([\w-]+-)\$\{(?:side|i)\}`\)", SCRIPTS):
         asked |= {f"{stem}0", f"{stem}1"}
-    assert len(asked) > 20
-    assert asked <= set(re.findall(r'\bid="([\w-]+)"', text))
+    assert len(asked) > 20 and asked <= set(re.findall(r'\bid="([\w-]+)"', text))

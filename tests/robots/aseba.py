@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from thymiodirect.message import Message
 
-from realitygap.robots.thymio.body import ThymioBody
-from realitygap.robots.thymio.line import AsebaLine
+from realitygap.robots.thymio import AsebaLine, ThymioBody
 
 VARIABLES = {
     "_id": 1, "event.args": 32, "_fwversion": 2, "prox.horizontal": 7, "motor.left.target": 1,

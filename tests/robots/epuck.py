@@ -1,4 +1,4 @@
-"""Emulated e-pucks: the dialect on a pseudo-terminal, the packets over TCP; Enki's e-puck is their body."""
+"""Emulated e-pucks: the protocol on a pseudo-terminal, the packets over TCP; Enki's e-puck is their body."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from collections.abc import Callable
 
 from realitygap.robots.body import Body
 from realitygap.robots.enki import EnkiBody
-from realitygap.robots.epuck.protocol import EPUCK
-from realitygap.robots.line.protocol import RefusedError, answer
+from realitygap.robots.epuck import EPUCK
+from realitygap.robots.line import RefusedError, answer
 from realitygap.values import Command
 
 DARK = 3900

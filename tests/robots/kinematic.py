@@ -6,7 +6,7 @@ import math
 import random
 from typing import Any
 
-from realitygap.robots.khepera.protocol import PULSES_PER_MM
+from realitygap.robots.khepera import PULSES_PER_MM
 
 PULSES_PER_CM = 10 * PULSES_PER_MM
 TRACK_CM = 5.3

@@ -12,7 +12,7 @@ from realitygap.control.genotype import Genotype
 from realitygap.errors import TaskError
 from realitygap.report.network import network_drawing
 from realitygap.report.player import _sensors
-from realitygap.robots.loop import drive
+from realitygap.robots.drive import drive
 from realitygap.simulation.body import SimulatedBody, network_inputs
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import Task, load_task

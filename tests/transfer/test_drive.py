@@ -16,7 +16,7 @@ from realitygap import Pose, SimulatedBody, Simulation, drive, drive_simulated
 from realitygap.cli import realitygap
 from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.errors import UsageError
-from realitygap.robots.body import Channel, Odometry
+from realitygap.robots.body import Body, Channel, Odometry
 from realitygap.values import Command, Readings
 
 AVOIDER = Path(__file__).resolve().parents[2] / "examples" / "avoider.toml"
@@ -101,9 +101,14 @@ def test_a_simulated_robot_of_any_kind_is_driven_as_in_its_simulation(name):
 
 def test_a_drive_without_a_place_is_refused(simulation):
     """A body that does not know its place needs a start."""
-    blind = SimpleNamespace(reset=print, sense=print, act=print)
+
+    class Blind(SimulatedBody):
+        pose = None
+
     with pytest.raises(UsageError, match="start: expected a Pose"):
-        drive(blind, NETWORK, task="avoidance")
+        drive(Blind(simulation), NETWORK, task="avoidance")
+    with pytest.raises(UsageError, match=r"body: expected a subclass of realitygap\.robots\.Body"):
+        drive(SimpleNamespace(reset=print, sense=print, act=print), NETWORK, task="avoidance")
 
 
 def test_a_robot_that_loses_its_place_in_a_drive_is_refused(simulation):
@@ -115,11 +120,12 @@ def test_a_robot_that_loses_its_place_in_a_drive_is_refused(simulation):
     start = Pose.from_degrees(25, 25, 0)
     with pytest.raises(UsageError, match="expected its `pose` at every step of a drive, got None"):
         drive(Losing(simulation), NETWORK, task="avoidance", start=start, seconds=1)
-    body = SimulatedBody(simulation)
-    parts = {name: getattr(body, name) for name in ("channels", "period_s", "clock", "reset", "sense", "act")}
-    blind = SimpleNamespace(**parts, stop=body.stop, close=body.close, counts_turns=False)
+
+    class Blind(SimulatedBody):
+        pose, counts_turns, odometry = None, False, Odometry()
+
     with pytest.raises(UsageError, match="expected a way to know where it is"):
-        drive(blind, NETWORK, task="avoidance", start=start, seconds=1)
+        drive(Blind(simulation), NETWORK, task="avoidance", start=start, seconds=1)
 
 
 @pytest.mark.parametrize("given", [(True, False), {6, 5}, {5: 1, 6: 2}])
@@ -219,13 +225,13 @@ def test_a_word_drives_as_the_commands_does(simulation):
     ],
 )
 def test_a_body_of_ones_own_is_held_to_its_word(counts, says):
-    """What it reads is checked as `--robot` checks it: nothing of another range or number is driven by."""
+    """Nothing of another range or number is driven by."""
 
     class Odd(Knowing):
         def sense(self):
             return Readings(proximity=counts, ambient=np.empty(0))
 
-    with pytest.raises(UsageError, match=f"Odd: sense: {says}"):
+    with pytest.raises(UsageError, match=f"Odd.sense: {says}"):
         drive(Odd([0.0]), NETWORK, task="avoidance", seconds=0.5)
 
 
@@ -252,7 +258,7 @@ def test_a_pose_that_cannot_be_is_refused(scale, jump, says):
 @pytest.mark.parametrize("body", [None, SimulatedBody, Simulation("avoidance", "paper")])
 def test_what_is_no_body_is_refused_as_such(body):
     """Not as a body that does not know its place."""
-    with pytest.raises(UsageError, match=r"^body: expected one with reset, sense, act, such as Simulated"):
+    with pytest.raises(UsageError, match=r"^body: expected a subclass of realitygap\.robots\.Body, such as"):
         drive(body, NETWORK, task="avoidance")
 
 
@@ -307,7 +313,7 @@ class Busy:
         self._now = max(self._now, time_s) + next(self._late)
 
 
-class Arc:
+class Arc(Body):
     """A robot on an arc at 8 and 10 cm/s from (25, 1), whatever it is told; it counts 120 pulses a cm."""
 
     channels, period_s, pulses_per_mm = (Channel(name="proximity", sensors=8, high=1023),), 0.1, 12.0

@@ -12,7 +12,7 @@ import pytest
 from realitygap.control.genotype import Genotype
 from realitygap.errors import ConfigError, UsageError
 from realitygap.film.tag import Tag
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.tasks import load_task
 from realitygap.track import Track
 from realitygap.transfer.paths import score

@@ -23,7 +23,7 @@ from realitygap.errors import (
 )
 from realitygap.film.video import FilmReader
 from realitygap.robots.address import Address
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.calibration.floor_camera import plate_of
+from realitygap.calibration.record import plate_of
 from realitygap.errors import FilmError, StudyError, UsageError
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import load_disk

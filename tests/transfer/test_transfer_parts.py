@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError
 from realitygap.kernels.trial import scale_input
-from realitygap.report.gather import chosen, parts_of
+from realitygap.report.evolution import chosen, parts_of
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.track import Track, read_track

@@ -8,6 +8,7 @@ from realitygap.lazy import names_of
 __all__, __getattr__ = names_of(__name__, {
     "calibrate": "Calibration",
     "judge": "Judgement",
-    "recordings": "Recording SensorRecording WheelRecording load_recording",
+    "load": "load_recording",
+    "recordings": "Recording SensorRecording WheelRecording",
     "unit": "calibrated_robot calibrated_unit",
 })  # fmt: skip

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from realitygap.values import Floats
 
-__all__ = ["ALIKE", "ALIKES", "STEPS", "Curves", "Seen", "on_curves", "smoothness"]
-
 Use = NDArray[np.bool_]
 
 STEPS = 80
@@ -250,15 +248,8 @@ def _times(bands: Floats, vectors: Floats) -> Floats:
 def smoothness(
     seen: Seen, u: Floats, folds: NDArray[np.int64], alikes: Sequence[float] = (ALIKE,)
 ) -> tuple[float, Seen]:
-    """The same, with the bends, and as alike, with which curves err least on places held out; and how much,
-    the sum of squares.
-
-    Args:
-        seen: what the curves are fitted to.
-        u: [n, S] where on its curve each reading lies.
-        folds: [n] the number of the fold that each row belongs to.
-        alikes: values of `alike` to try.
-    """
+    """The sum of squares on places held out, and `seen` with the bends (and likeness, of `alikes`) that make
+    it least, for shares u [n, S] and the fold [n] of each row."""
     tried = [
         replace(seen, smooth=weight, linear=linear, alike=alike)
         for linear, weight, alike in product((False, True), SMOOTH, alikes)

@@ -6,15 +6,29 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.calibration import checks, forward, misfit
-from realitygap.calibration.channel_fit import unmeasured
-from realitygap.calibration.descent import BY_HAND, LIGHT, SHIFT
-from realitygap.calibration.forward import Scene
-from realitygap.calibration.misfit import LIMITS, Misfit
-from realitygap.calibration.recordings import FOLLOWED_STEPS, Recording, SensorRecording, WheelRecording
-from realitygap.calibration.solve import Free, Measured, Values, solve
-from realitygap.calibration.wheels.checks import refuse_few_steps, refuse_odd
-from realitygap.calibration.wheels.odometry import measure_odometry, measured_speeds
+from realitygap.calibration import model
+from realitygap.calibration import noise as misfit
+from realitygap.calibration.fit import Observed, Parameter, Values, costs, fit, value_of
+from realitygap.calibration.measured import BY_HAND, LIGHT, SHIFT
+from realitygap.calibration.model import Scene, unchecked
+from realitygap.calibration.noise import LIMITS, Misfit, unmeasured
+from realitygap.calibration.odometry import measure_odometry, measured_speeds
+from realitygap.calibration.readings import (
+    dead_sensors,
+    recorded,
+    refuse_silent,
+    refuse_slips,
+    refuse_swapped,
+)
+from realitygap.calibration.recordings import (
+    FIRST_NOISE,
+    FOLLOWED_STEPS,
+    Recording,
+    SensorRecording,
+    WheelRecording,
+    count_unit,
+)
+from realitygap.calibration.wheels import refuse_few_steps, refuse_odd
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.work.pool import one_thread
@@ -120,35 +134,35 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     recording = _of_a_tables_surface(recording.of_robot(profile), profile)
     part = profile.channel(recording.kind)
     dead, warnings = _doubts(recording, profile)
-    live = [k for k in checks.recorded(recording) if k not in dead]
+    live = [k for k in recorded(recording) if k not in dead]
     paint = math.isnan(recording.reflectance)
-    scene, (turn, scale, shift, light) = forward.scene_of(recording), (0.0, 1.0, 0.0, 0.0)
+    scene, (turn, scale, shift, light) = model.scene_of(recording), (0.0, 1.0, 0.0, 0.0)
     with one_thread():
         if recording.from_sensor is None:
-            turn, scale, model = _fitted_out(recording, profile, scene, live)
+            turn, scale, read = _fitted_out(recording, profile, scene, live)
         else:
-            shift, light, model = _set_up(recording, profile, scene)
+            shift, light, read = _set_up(recording, profile, scene)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
     lively = replace(recording, counts=known)
-    estimates = misfit.measure_noise([lively], [model], part.top, profile.infrared.dead)
-    stated = misfit.stated_noise(lively, model, profile)
+    estimates = misfit.measure_noise([lively], [read], part.top, profile.infrared.dead)
+    stated = misfit.stated_noise(lively, read, profile)
     noise = {e.channel: (e.deviation, stated[e.channel]) for e in estimates}
     of_noise = misfit.yardstick(recording.kind, estimates, stated, profile)
     deviation = of_noise.deviation
     warnings += () if of_noise.measured else (f"{recording.source}: {unmeasured(deviation)}",)
-    off = (model - recording.counts)[:, live]
+    off = (read - recording.counts)[:, live]
     change = np.full(known.shape, np.nan)
     if recording.kind == "infrared" and not profile.infrared.table:
         change = misfit.displaced(recording, profile, scene.painted(scale) if paint else scene, turn)
-    found = misfit.misfits(recording.counts, model, recording.place(), of_noise)
+    found = misfit.misfits(recording.counts, read, recording.place(), of_noise)
     return Judgement(
         kind=recording.kind, source=recording.source, rmse=float(np.sqrt((off**2).mean())),
         bias=float(off.mean()), per_sensor=tuple(m for m in found if m.sensor in live), noise=noise,
         turn_deg=turn, shift_cm=shift, background=light, brightness=1.0 if paint else scale,
         reflectance=scale if paint else recording.reflectance, painted=paint,
-        within=misfit.within(known, model, recording.place(), of_noise),
+        within=misfit.within(known, read, recording.place(), of_noise),
         misplaced=misfit.explained(change, known, recording.place(), part.top, deviation),
-        counts=recording.counts, model=model, warnings=warnings,
+        counts=recording.counts, model=read, warnings=warnings,
     )  # fmt: skip
 
 
@@ -167,13 +181,12 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
     top = profile.channel(recording.kind).top
     said = list(recording.warnings)
     try:
-        checks.refuse_other_kind(recording, top)
-        checks.refuse_units(recording, top)
-        gone = checks.dead_sensors(recording, top)
+        refuse_slips([recording], top)
+        gone = dead_sensors(recording, top)
         said += [f"{recording.source}: {reason}" for reason in gone.values()]
-        checks.refuse_silent([recording], [gone], top)
+        refuse_silent([recording], [gone], top)
         dead = gone
-        said += checks.refuse_swapped(recording, profile, dead)
+        refuse_swapped(recording, profile, dead)
     except CalibrationError as error:  # it may name reasons that have been given
         said = [one for one in said if one.removeprefix(f"{recording.source}: ") not in str(error)]
         said.append(str(error))
@@ -185,46 +198,36 @@ def _fitted_out(
 ) -> tuple[float, float, Floats]:
     """The rig's rotation (degrees), the brightness of an unknown lamp or reflectance of an unknown surface,
     and the model's readings with both."""
-    from scipy.optimize import least_squares
-
     known = recording.pose is not None and recording.arena is not None
-    straight = known or (recording.exact and profile.infrared.measured)
-    lamp = recording.kind == "ambient" and not known
-    paint = math.isnan(recording.reflectance)
+    lamp, paint = recording.kind == "ambient" and not known, math.isnan(recording.reflectance)
+    free = []
+    if not (known or (recording.exact and profile.infrared.measured)):
+        free += model.turns(["turn"])
+    if not known and (lamp or paint):
+        free.append(Parameter(key="scale", start=np.zeros(1), low=-30.0, high=30.0, step=STEP))
 
-    def readings(theta: Floats) -> Floats:
-        turn = 0.0 if straight else float(theta[0])
+    def readings(values: Values) -> Floats:
+        turn, scale = value_of(values, "turn"), math.exp(value_of(values, "scale"))
         if recording.kind == "infrared":
-            return forward.proximity(profile, scene.painted(math.exp(theta[1])) if paint else scene, turn)
-        scale = float(np.exp(theta[1])) if lamp else 1.0
+            return model.proximity(profile, scene.painted(scale) if paint else scene, turn)
         law = profile.ambient
-        sensors = tuple(replace(s, gain=s.gain * scale) for s in law.sensors)
-        made = replace(profile, ambient=replace(law, sensors=sensors))
-        return forward.light_readings(made, forward.illumination(profile, scene, turn))
+        sensors = tuple(unchecked(s, gain=s.gain * scale) for s in law.sensors)
+        made = unchecked(profile, ambient=unchecked(law, sensors=sensors))
+        return model.light_readings(made, model.illumination(profile, scene, turn))
 
-    if known or (straight and not (lamp or paint)):
-        return 0.0, 1.0, readings(np.zeros(2))
-    size = 2 if lamp or paint else 1
-    scales = np.linspace(-14, 14, 15) if lamp else np.linspace(-3, 2, 11) if paint else (0.0,)
-    starts = [np.array([0.0, s])[:size] for s in scales]
-
-    def residuals(theta: Floats) -> Floats:
-        return np.asarray((readings(theta) - recording.counts)[:, live].ravel())
-
-    start = min(starts, key=lambda theta: float((residuals(theta) ** 2).sum()))
-
-    def slopes(theta: Floats) -> Floats:
-        """By differences; readings are in single precision."""
-        here = residuals(theta)
-        moved = [residuals(theta + step) - here for step in STEP * np.eye(size)]
-        return np.stack(moved, axis=1) / STEP
-
-    found = least_squares(
-        residuals,
-        start, jac=slopes, bounds=([-10.0, -30.0][:size], [10.0, 30.0][:size]),
-        x_scale=[1.0, 0.1][:size], max_nfev=12,
+    if not free:
+        return 0.0, 1.0, readings({})
+    top = profile.channel(recording.kind).top
+    use = np.isin(np.arange(recording.sensors), live) & np.isfinite(recording.counts)
+    data = Observed(
+        counts=np.nan_to_num(recording.counts), noise=FIRST_NOISE[recording.kind] * count_unit(top), use=use,
+        clusters=recording.place(),
     )  # fmt: skip
-    return float(found.x[0]), float(np.exp(found.x[1])) if size > 1 else 1.0, readings(found.x)
+    scales = np.linspace(-14, 14, 15) if lamp else np.linspace(-3, 2, 11) if paint else np.zeros(1)
+    starts = [{"turn": np.zeros(1), "scale": np.array([scale])} for scale in scales]
+    start = min(starts, key=lambda one: float(costs(readings(one), data).sum()))
+    found = fit(free, readings, data, start=start, intervals=False)
+    return value_of(found.values, "turn"), math.exp(value_of(found.values, "scale")), found.model
 
 
 def _set_up(recording: SensorRecording, profile: Profile, scene: Scene) -> tuple[float, float, Floats]:
@@ -232,26 +235,29 @@ def _set_up(recording: SensorRecording, profile: Profile, scene: Scene) -> tuple
     priors; and the profile's readings [n, S] there."""
     law, use = profile.infrared, np.isfinite(recording.counts)
     if not law.measured:
-        return 0.0, 0.0, forward.proximity(profile, scene)
+        return 0.0, 0.0, model.proximity(profile, scene)
     silent = (recording.counts <= 0) & (law.dead > 0)
 
     def readings(values: Values) -> Floats:
         away, more = float(values["shift"][0]), float(values["light"][0])
-        return forward.lit_readings(profile, scene, more, away_cm=away)
+        return model.lit_readings(profile, scene, more, away_cm=away)
 
     def told(values: Values) -> Floats:
         return np.where(silent, np.maximum(readings(values) - law.dead, 0.0), readings(values))
 
     # Like a calibration, it uses the places' means.
     noise = BY_HAND * law.top * np.sqrt(np.median(np.bincount(recording.place())))
-    measured = Measured(
+    measured = Observed(
         counts=np.nan_to_num(recording.counts), noise=float(noise), use=use, clusters=recording.place()
     )
     lit = {**LIGHT, "low": -LIGHT["high"]}
-    frees = [Free(key="shift", start=np.zeros(1), **SHIFT), Free(key="light", start=np.zeros(1), **lit)]
-    found = solve(frees, told, measured, intervals=False).values
-    model = readings(found)
-    return float(found["shift"][0]), float(found["light"][0]), np.where(model < law.dead, 0.0, model)
+    frees = [
+        Parameter(key="shift", start=np.zeros(1), **SHIFT),
+        Parameter(key="light", start=np.zeros(1), **lit),
+    ]
+    found = fit(frees, told, measured, intervals=False).values
+    read = readings(found)
+    return float(found["shift"][0]), float(found["light"][0]), np.where(read < law.dead, 0.0, read)
 
 
 def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
@@ -266,7 +272,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     per_pulse = profile.provenance.cm_per_pulse(recording.pulses_per_mm)
     measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
-    model = forward.wheel_speeds(profile, recording)
+    read = model.wheel_speeds(profile, recording)
     if not (odometry or recording.pulses_said or profile.provenance.pulses_per_mm):
         said.append(
             f"{recording.source}: pulses_per_mm: neither it nor profile {profile.name!r} has them: "
@@ -276,7 +282,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         refuse_odd(recording, odometry, profile)
     except CalibrationError as error:  # a calibration would refuse it
         said.append(str(error))
-    off = model - measured
+    off = read - measured
     rmse, bias = np.sqrt(np.nanmean(off**2, axis=0)), np.nanmean(off, axis=0)
     sides = tuple(
         Misfit(sensor=w, rmse=r, bias=b, error=r, ratio=np.nan, lit_ratio=np.nan)
@@ -286,5 +292,5 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
-        counts=measured, model=model, warnings=tuple(dict.fromkeys(said)),
+        counts=measured, model=read, warnings=tuple(dict.fromkeys(said)),
     )  # fmt: skip

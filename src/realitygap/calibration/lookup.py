@@ -3,29 +3,24 @@
 The approach of the paper's reference [15]: readings recorded round a wall and round a cylinder, replayed.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.forms import with_columns
-from realitygap.calibration.rows import LIT_SHARE, Rows, dead_zone
-from realitygap.calibration.solve import Fit
+from realitygap.calibration.fit import Fit, Outcome, Use
+from realitygap.calibration.model import checked, unchecked, with_columns
+from realitygap.calibration.readings import LIT_SHARE, Readings, dead_zone
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.world.robot import Profile
 from realitygap.world.sensors import LookUp
 
-__all__ = ["Ring", "fit_lookup", "rings", "without"]
-
 FEWEST_BEARINGS, FEWEST_DISTANCES = 8, 2
 EVEN_DEG = 0.01
 BEHIND_DEG = 120.0
 """A sensor facing this far away from the object sees nothing of it."""
-NEAREST = 1e-9
-"""Weight of a place known on one side only: it matters only where nothing else is known."""
 WALL, CYLINDER = "wall", "cylinder"
 
 
@@ -41,76 +36,58 @@ class Ring:
     rows: NDArray[np.int64]
     node: NDArray[np.int64]
 
-    def table(self, counts: Floats, use: NDArray[np.bool_]) -> Floats:
+    def table(self, counts: Floats, use: Use) -> Floats:
         """[D · B, S] mean readings [n, S] of each place; places without rows in `use` [n] are interpolated
         linearly, or take the nearest value at an end."""
+        from scipy.interpolate import griddata
+
         there = use[self.rows]
         node, read = self.node[there], counts[self.rows[there]]
         size = len(self.at) * self.bearings
         many = np.bincount(node, minlength=size)
         sums = np.stack([np.bincount(node, column, minlength=size) for column in read.T], 1)
-        mean = (sums / np.maximum(many, 1)[:, None]).reshape(len(self.at), self.bearings, -1)
-        return np.asarray(self._filled(mean, (many > 0).reshape(mean.shape[:2])).reshape(size, -1))
-
-    def _filled(self, mean: Floats, known: NDArray[np.bool_]) -> Floats:
-        """[D, B, S] with unknown places [D, B] interpolated along distances and along bearings, the shorter
-        line with more weight."""
+        mean, known = sums / np.maximum(many, 1)[:, None], many > 0
         if known.all():
-            return mean
-        said, weights = np.zeros(mean.shape), np.zeros((*known.shape, 1))
-        turns = np.arange(3.0 * self.bearings)
-        for j in range(self.bearings):
-            value, weight = _line(self.at, mean[:, j], known[:, j])
-            said[:, j] += weight * value
-            weights[:, j] += weight
-        for i in range(len(self.at)):
-            round_again = (np.concatenate([part[i]] * 3) for part in (mean, known))
-            value, weight = (part[self.bearings : -self.bearings] for part in _line(turns, *round_again))
-            said[i] += weight * value
-            weights[i] += weight
-        return np.where(known[..., None], mean, said / weights)
+            return np.asarray(mean)
+        # Bearings go round: the ring lies three times side by side; a step of either counts the same.
+        step = float(np.median(np.diff(self.at)))
+        away, turn = (
+            part.ravel() for part in np.meshgrid(self.at / step, np.arange(self.bearings), indexing="ij")
+        )
+        known_at = np.concatenate(
+            [np.column_stack([away, turn + by])[known] for by in (-self.bearings, 0, self.bearings)]
+        )
+        values, left = np.tile(mean[known], (3, 1)), np.column_stack([away, turn])[~known]
+        found = griddata(known_at, values, left, "nearest")
+        if len(np.unique(away[known])) > 1:
+            linear = griddata(known_at, values, left, "linear")
+            found = np.where(np.isfinite(linear), linear, found)
+        mean[~known] = found
+        return np.asarray(mean)
 
 
-def _line(at: Floats, values: Floats, known: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """[n, S] values interpolated between the known ones of [n, S] at places [n], constant beyond the last;
-    and the weights [n, 1]: one over the line's length, almost 0 beyond the last."""
-    there = np.flatnonzero(known)
-    if not len(there):
-        return values, np.zeros((len(at), 1))
-    after = np.searchsorted(there, np.arange(len(at)))
-    left, right = there[np.maximum(after - 1, 0)], there[np.minimum(after, len(there) - 1)]
-    inside = (right > left)[:, None]
-    share = ((at - at[left]) / np.where(right > left, at[right] - at[left], 1.0))[:, None]
-    value = np.where(inside, values[left] + share * (values[right] - values[left]), values[left])
-    return value, np.where(inside, 1.0 / np.maximum(right - left, 1)[:, None], NEAREST)
-
-
-def rings(rows: Rows) -> dict[str, Ring]:
-    """The places of all recordings, by kind of object.
-
-    Raises:
-        CalibrationError: bearings are not at equal steps all round, or there are several radii.
-    """
-    radii = {r.object: r.source for r in rows.recordings if r.radius_cm is not None}
+def rings(data: Readings) -> dict[str, Ring]:
+    """The places of all recordings, by kind of object."""
+    radii = {r.object: r.source for r in data.recordings if r.radius_cm is not None}
     if len(radii) > 1:
         (one, here), (two, there) = list(radii.items())[:2]
         raise CalibrationError(
             f"form lookup: expected cylinders of one radius, got {one} in {here} and {two} in {there}: a "
             "table has one for all. Leave one out."
         )
-    kind = np.concatenate([np.full(len(r.counts), r.object.partition(":")[0]) for r in rows.recordings])
-    return {name: _ring(rows, np.flatnonzero(kind == name)) for name in np.unique(kind).tolist()}
+    kind = np.concatenate([np.full(len(r.counts), r.object.partition(":")[0]) for r in data.recordings])
+    return {name: _ring(data, np.flatnonzero(kind == name)) for name in np.unique(kind).tolist()}
 
 
-def _ring(rows: Rows, there: NDArray[np.int64]) -> Ring:
-    at, i = np.unique(np.round(rows.distance[there], 6), return_inverse=True)
-    turned, j = np.unique(np.round(rows.bearing[there] % 360.0, 6) % 360.0, return_inverse=True)
+def _ring(data: Readings, there: NDArray[np.int64]) -> Ring:
+    at, i = np.unique(np.round(data.distance[there], 6), return_inverse=True)
+    turned, j = np.unique(np.round(data.bearing[there] % 360.0, 6) % 360.0, return_inverse=True)
     many = len(turned)
     node = i * many + j
     even = bool(np.abs(turned - np.arange(many) * 360.0 / many).max() < EVEN_DEG)
     full = 2 * len(np.unique(node)) >= len(at) * many
     if not (even and full and many >= FEWEST_BEARINGS and len(at) >= FEWEST_DISTANCES):
-        where = ", ".join(r.source for r in rows.recordings)
+        where = ", ".join(r.source for r in data.recordings)
         raise CalibrationError(
             f"{where}: form lookup: expected at least {FEWEST_DISTANCES} distances with the same "
             f"{FEWEST_BEARINGS} or more bearings each, at equal steps all round from straight ahead on, got "
@@ -120,22 +97,17 @@ def _ring(rows: Rows, there: NDArray[np.int64]) -> Ring:
     return Ring(at=at, bearings=many, rows=there, node=node)
 
 
-def without(rows: Rows, round_object: Mapping[str, Ring], out: NDArray[np.bool_]) -> Floats:
-    """[n, S] readings at every row's place by tables of all rows but `out` [n]."""
-    read = np.zeros(rows.counts.shape)
-    for ring in round_object.values():
-        read[ring.rows] = ring.table(rows.counts, ~out)[ring.node]
+def replayed(data: Readings, use: Use) -> Floats:
+    """[n, S] readings at every row's place by tables of the rows in `use` [n]."""
+    read = np.zeros(data.counts.shape)
+    for ring in rings(data).values():
+        read[ring.rows] = ring.table(data.counts, use)[ring.node]
     return read
 
 
-def fit_lookup(rows: Rows, base: Profile) -> tuple[Profile, Fit, Floats, list[str]]:
-    """The profile, its readings [n, S], those on held-out places [n, S], and warnings about what the table
-    lacks.
-
-    Raises:
-        CalibrationError: the recordings cannot be made into a table.
-    """
-    for recording in rows.recordings:
+def fit_lookup(data: Readings, base: Profile, *, intervals: bool = True) -> Outcome:
+    """A table of the rows in use."""
+    for recording in data.recordings:
         if recording.pose is not None or recording.body_outline_cm:
             why = "poses in a room" if recording.pose is not None else "a body with an outline"
             raise CalibrationError(
@@ -148,35 +120,32 @@ def fit_lookup(rows: Rows, base: Profile) -> tuple[Profile, Fit, Floats, list[st
                 f"{recording.source}: form lookup: expected readings of every sensor at every place, got "
                 f"some without sensors {unread}: no table can replay them. Take another form."
             )
-    places, nobody = rings(rows), np.zeros(len(rows.counts), bool)
-    read, held_out = without(rows, places, nobody), np.zeros(rows.counts.shape)
-    for out in rows.held_out(lambda: None):
-        held_out[out] = without(rows, places, out)[out]
-    fit = Fit(values={}, constants=(), alike=(), model=read)
-    profile = _profile(rows, base, places)
-    return profile, fit, held_out, _beyond(places, profile)
+    use = data.use.any(axis=1)
+    fit = Fit(values={}, model=replayed(data, use))
+    return Outcome(profile=_profile(data, base, use) if intervals else base, fit=fit)
 
 
-def _profile(rows: Rows, base: Profile, places: Mapping[str, Ring]) -> Profile:
+def _profile(data: Readings, base: Profile, use: Use) -> Profile:
     """The base with the table in place of equation and curves; a kind that was not recorded uses the other's
     table."""
-    law = base.infrared
-    away = (rows.bearing[:, None] - [s.direction_deg for s in law.sensors] + 180.0) % 360.0 - 180.0
+    law, places = base.infrared, rings(data)
+    away = (data.bearing[:, None] - [s.direction_deg for s in law.sensors] + 180.0) % 360.0 - 180.0
     behind = np.abs(away) > BEHIND_DEG
-    nothing = np.where(behind, rows.counts, 0.0).sum(axis=0) / behind.sum(axis=0)
+    nothing = np.where(behind, data.counts, 0.0).sum(axis=0) / behind.sum(axis=0)
     both: dict[str, Any] = {}
     for name, other in ((WALL, CYLINDER), (CYLINDER, WALL)):
         ring = places.get(name) or places[other]
-        table = ring.table(rows.counts, np.ones(len(rows.counts), bool))
+        table = ring.table(data.counts, use)
         both |= {f"{name}_cm": ring.at.tolist(), name: table.T.round(2).tolist()}
     looked_up = LookUp(nothing=nothing.round(2).tolist(), **both)
     sensors = with_columns(law.sensors, {"curve": [()] * len(law.sensors), "noise": [()] * len(law.sensors)})
-    return replace(base, infrared=replace(law, sensors=sensors, table=looked_up, dead=dead_zone(rows)))
+    law = unchecked(law, sensors=sensors, table=looked_up, dead=dead_zone(data))
+    return replace(base, infrared=checked(law))
 
 
-def _beyond(places: Mapping[str, Ring], profile: Profile) -> list[str]:
-    """Warnings about situations that the table does not cover."""
-    table, top, said = profile.infrared.table, profile.infrared.top, []
+def beyond(data: Readings, profile: Profile) -> list[str]:
+    """Warnings about situations that the profile's table does not cover."""
+    table, top, said, places = profile.infrared.table, profile.infrared.top, [], rings(data)
     for name, other in ((WALL, CYLINDER), (CYLINDER, WALL)):
         if name not in places:
             said.append(f"infrared: no {name} was recorded: it is taken to read like a {other}")

@@ -1,20 +1,22 @@
-"""Noise of the sensors: its deviation, whether it depends on the reading, and its tails.
+"""Noise of the sensors, and the model error that is left beside it.
 
-Repeated readings at a place measure it directly. A table with one reading for each place shows it only as
+Repeated readings at a place measure noise directly. A table with one reading for each place shows it only as
 disagreement of neighbouring bearings: in fourth differences of the model's residuals (lower ones still
-contain some of the curve).
+contain some of the curve). A model's error is that of the places' means, with their noise taken out.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.forward import table_at
-from realitygap.calibration.recordings import FIRST_NOISE, SensorRecording, count_unit
+from realitygap.calibration.fit import Use
+from realitygap.calibration.model import Scene, proximity, table_at
+from realitygap.calibration.readings import at_places, places_of
+from realitygap.calibration.recordings import CHANNELS, FIRST_NOISE, SensorRecording, count_unit
 from realitygap.values import Floats
-
-__all__ = ["NoiseEstimate", "Sample", "dark_noise", "lit_noise", "noise_tables", "sample_noise"]
+from realitygap.world.robot import Profile
 
 CLEAR = 3.0
 """Only readings this many deviations away from the converter's ends are used."""
@@ -39,6 +41,15 @@ STEADY = 1.35
 independent of the reading."""
 HEAVY = 1.0
 """Excess kurtosis from which tails are reported as heavier than normal."""
+PLACED_CM = 0.1
+"""Accuracy of places set by hand."""
+LIMITS = {"infrared": 2.0, "ambient": 1.0}
+"""Model error over noise deviation above which model error exceeds noise."""
+DARK_SHARE, DARK_PLACES, SPREAD = 0.25, 8, 4.0
+"""The share and the number of a sensor's places that read no more than its dark offset; and the range of such
+readings in deviations of the noise."""
+UNEVEN = 4.0
+"""Ratio of the loudest sensor's noise to the quietest's from which on one figure for all misleads."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,7 +146,7 @@ def _from_neighbours(recording: SensorRecording, model: Floats, top: float) -> S
 
 def _rings(
     same: Floats, by: Floats, *, close: float, turn: float = np.inf
-) -> list[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+) -> list[tuple[NDArray[np.int64], Use]]:
     """The rows of each value of one column, sorted by another, where there are enough of them; and whether
     each is further than `close` from its neighbours. With `turn` the last is followed by the first."""
     reach, found = len(FOURTH) // 2, []
@@ -155,19 +166,10 @@ def noise_tables(
     sample: Sample, counts: Floats, model: Floats, speed: Floats, top: float, *, kind: str, dead: float = 0.0
 ) -> tuple[Floats, Floats]:
     """Each sensor's deviation at equal steps of the reading [S, KNOTS of the kind], and its rise with
-    speed [S], s/cm.
+    speed [S], s/cm; none where the wheels always stood, or never did.
 
-    A sensor with few values follows the pooled table; there is no rise with speed where the wheels always
-    stood, or never did.
-
-    Args:
-        sample: of noise.
-        counts, model: [n, S] readings, and the model's without noise; in the dark noise is cut off at 0.
-        speed: [m] speed of the wheels, cm/s, at each of the sample's values.
-        top: the converter's highest count.
-        kind: "infrared" or "ambient".
-        dead: counts below which a sensor reads 0; readings above it, at a place that is at its edge, are none
-            of the dark.
+    `counts`, `model` [n, S]: in the dark noise is cut off at 0, and readings above the dead zone are none of
+    it; `speed` [m] of the wheels at each of the sample's values, cm/s.
     """
     known, knots = np.isfinite(sample.z), KNOTS[kind]
     moving = known & (speed > 0)[:, None]
@@ -187,7 +189,7 @@ def noise_tables(
     return np.minimum(table, top), rise
 
 
-def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) -> Floats:
+def _table_of(sample: Sample, use: Use, top: float, knots: int) -> Floats:
     """[S, knots] deviations: squares averaged with triangular weights about each knot.
 
     Where a sensor has few values it follows the pooled table, scaled to its own noise elsewhere: some sensors
@@ -210,14 +212,8 @@ def _table_of(sample: Sample, use: NDArray[np.bool_], top: float, knots: int) ->
 
 
 def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> NoiseEstimate | None:
-    """Noise where readings are neither dark, dead nor saturated; for light, everywhere. None: too few.
-
-    Args:
-        sample: noise and readings.
-        channel: "proximity" or "ambient".
-        top: full scale, counts.
-        dead: counts below which a sensor reads 0.
-    """
+    """Noise of "proximity" where readings are neither dark, dead (below `dead`) nor saturated, of "ambient"
+    everywhere. None: too few."""
     deviation = FIRST_NOISE["infrared"] * count_unit(top)
     use = np.isfinite(sample.z)
     if channel == "proximity":
@@ -231,13 +227,7 @@ def lit_noise(sample: Sample, channel: str, top: float, dead: float = 0.0) -> No
 
 
 def dark_noise(counts: Floats, model: Floats, place: NDArray[np.int64], top: float) -> NoiseEstimate | None:
-    """Noise of proximity sensors with nothing in range: the spread of their readings there.
-
-    Args:
-        counts, model: [n, S].
-        place: [n] number of each row's place.
-        top: full scale, counts.
-    """
+    """Noise of proximity sensors with nothing in range, [n, S] readings and the model's: their spread."""
     use = (model <= 0) & (counts < 2 * DARK_COUNTS * count_unit(top))
     many = np.maximum(use.sum(axis=0), 1)
     mean = np.where(use, counts, 0.0).sum(axis=0) / many
@@ -245,7 +235,7 @@ def dark_noise(counts: Floats, model: Floats, place: NDArray[np.int64], top: flo
     return _estimate(sample, use, "proximity_dark")
 
 
-def _estimate(sample: Sample, use: NDArray[np.bool_], channel: str) -> NoiseEstimate | None:
+def _estimate(sample: Sample, use: Use, channel: str) -> NoiseEstimate | None:
     if use.sum() < FEWEST:
         return None
     z = np.where(use, sample.z, 0.0)
@@ -274,3 +264,199 @@ def _bins(level: Floats, z: Floats) -> tuple[tuple[float, float], ...]:
     order = np.argsort(level, kind="stable")
     parts = [part for part in np.array_split(order, BINS) if len(part) >= FEWEST]
     return tuple((float(level[part].mean()), float(np.sqrt(np.mean(z[part] ** 2)))) for part in parts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Yardstick:
+    """The noise that a model's error is compared with: of "infrared" or "ambient" sensors.
+
+    `top` is the converter's highest count, `deviation` the noise's (counts). It is subtracted from the error
+    only if it was `measured`: an assumed one may exceed the whole residual. Below `dead` counts there are no
+    readings: at places whose mean is there, noise decides which readings are 0.
+    """
+
+    kind: str
+    top: float
+    deviation: float
+    measured: bool = True
+    dead: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Misfit:
+    """One sensor: model minus measured, counts.
+
+    `error` is the RMSE of the places' means with the noise removed; `ratio` is that over the noise's
+    deviation, `lit_ratio` the same where readings are neither dark nor saturated.
+    """
+
+    sensor: int
+    rmse: float
+    bias: float
+    error: float
+    ratio: float
+    lit_ratio: float
+
+
+def measure_noise(
+    recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float, dead: float = 0.0
+) -> list[NoiseEstimate]:
+    """Noise of recordings of one kind about the models' readings [n, S] of each, pooled: lit and dark
+    proximity, or ambient."""
+    joined = pooled_noise(recordings, models, top)
+    if recordings[0].kind == "ambient":
+        found = [lit_noise(joined, "ambient", top)]
+    else:
+        counts = np.concatenate([r.counts for r in recordings])
+        dark = dark_noise(counts, np.concatenate(models), places_of(recordings), top)
+        found = [lit_noise(joined, "proximity", top, dead), dark]
+    return [estimate for estimate in found if estimate is not None]
+
+
+def yardstick(
+    kind: str, found: Sequence[NoiseEstimate], stated: Mapping[str, float], profile: Profile
+) -> Yardstick:
+    """The noise to compare errors with: what was measured (`found`), else what is `stated`, else the paper's
+    robot's."""
+    channel, part = CHANNELS[kind], profile.channel(kind)
+    measured = next((estimate.deviation for estimate in found if estimate.channel == channel), 0.0)
+    deviation = measured or stated[channel] or FIRST_NOISE[kind] * count_unit(part.top)
+    dead = profile.infrared.dead if kind == "infrared" else 0.0
+    return Yardstick(kind=kind, top=part.top, deviation=deviation, measured=measured > 0, dead=dead)
+
+
+def pooled_noise(recordings: Sequence[SensorRecording], models: Sequence[Floats], top: float) -> Sample:
+    """The noise of recordings of one kind about the models' readings; rows are numbered through them all."""
+    samples = [sample_noise(r, model, top) for r, model in zip(recordings, models, strict=True)]
+    first = np.cumsum([0, *(len(r.counts) for r in recordings[:-1])])
+    return Sample(
+        z=np.concatenate([s.z for s in samples]),
+        level=np.concatenate([s.level for s in samples]),
+        group=np.concatenate([s.group + by for s, by in zip(samples, first, strict=True)]),
+        row=np.concatenate([s.row + by for s, by in zip(samples, first, strict=True)]),
+        tails=float(np.average([s.tails for s in samples], weights=[len(s.z) + 1 for s in samples])),
+    )
+
+
+def stated_noise(recording: SensorRecording, model: Floats, profile: Profile) -> dict[str, float]:
+    """Deviations that a profile states, by channel, for comparison with those that `measure_noise` finds in a
+    recording: of sensors with noise by the reading at that recording's readings."""
+    part, stated = profile.channel(recording.kind), profile.noise.to_dict()
+    if not any(sensor.noise for sensor in part.sensors):
+        return stated
+    sample = pooled_noise([recording], [model], part.top)
+    table = table_at(np.array([sensor.noise for sensor in part.sensors]), sample.level / part.top)
+    if recording.speed_cm_s is not None:
+        rise = np.array([sensor.noise_rise for sensor in part.sensors])
+        table = table * (1.0 + rise * recording.speed_cm_s[sample.row, None])
+    channel = CHANNELS[recording.kind]
+    said = replace(sample, z=np.where(np.isfinite(sample.z), table, np.nan))
+    there = lit_noise(said, channel, part.top, profile.infrared.dead)
+    return {**stated, channel: there.deviation} if there else stated
+
+
+def by_sensor(sample: Sample, kind: str, top: float, dead: float = 0.0) -> dict[int, float]:
+    """Each sensor's deviation where that could be measured; arguments as of `lit_noise`."""
+    sizes: dict[int, float] = {}
+    for k in range(sample.z.shape[1]):
+        own = replace(sample, z=sample.z[:, [k]], level=sample.level[:, [k]])
+        found = lit_noise(own, CHANNELS[kind], top, dead)
+        sizes |= {k: found.deviation} if found else {}
+    return sizes
+
+
+def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> tuple[Misfit, ...]:
+    """Each sensor's misfit of model and readings [n, S], with the noise of a place's mean removed."""
+    off, lit, many = _at_places(counts, model, place, noise)
+    size = max(noise.deviation, 1e-9)
+    noisy = noise.measured * noise.deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
+
+    def left(k: int, use: Use) -> float:
+        """RMS over some places, noise removed."""
+        return float(np.sqrt(max(0.0, float((off[use, k] ** 2 - noisy[use, k]).mean()))))
+
+    out = []
+    for k in range(counts.shape[1]):
+        known = np.isfinite(off[:, k])
+        if not known.any():
+            continue
+        error, some = left(k, known), lit[:, k] & known
+        in_light = left(k, some) if some.any() else np.nan
+        raw = (model - counts)[np.isfinite(counts[:, k]), k]
+        out.append(
+            Misfit(
+                sensor=k, rmse=float(np.sqrt((raw**2).mean())), bias=float(raw.mean()), error=error,
+                ratio=error / size, lit_ratio=in_light / size,
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+def lit_ratio(judged: Sequence[Misfit]) -> float:
+    """Model error over noise of all sensors where readings are neither dark nor saturated; NaN without such
+    readings."""
+    told = [m.lit_ratio for m in judged if np.isfinite(m.lit_ratio)]
+    return float(np.sqrt(np.mean(np.square(told)))) if told else np.nan
+
+
+def within(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> float:
+    """Share of mean readings, neither dark nor saturated, on which the model errs by at most two deviations
+    of the noise; NaN without any. Arguments as of `misfits`."""
+    off, lit, _ = _at_places(counts, model, place, noise)
+    known = lit & np.isfinite(off)
+    return float((np.abs(off[known]) <= 2.0 * noise.deviation).mean()) if known.any() else np.nan
+
+
+def _at_places(
+    counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick
+) -> tuple[Floats, Use, NDArray[np.int64]]:
+    """[m, S] model minus measured at each place, and whether it is lit there; [m] number of its readings."""
+    many = np.bincount(place)
+    mean, said = (at_places(table, place) / many[:, None] for table in (counts, model))
+    if noise.kind != "infrared":
+        return said - mean, np.isfinite(mean), many
+    edge = 3 * noise.deviation
+    lit = (mean > np.maximum(_dark(mean, noise.deviation) + edge, noise.dead)) & (mean < noise.top - edge)
+    return said - mean, lit, many
+
+
+def _dark(mean: Floats, deviation: float) -> Floats:
+    """[S] reading of each sensor with nothing near, counts, from its places' means [m, S]: 0, unless the
+    lowest of many places nearly agree and lie above the noise."""
+    known = np.where(np.isfinite(mean), mean, np.inf)
+    low = known <= known.min(axis=0) + SPREAD * deviation
+    fewest = np.maximum(DARK_PLACES, DARK_SHARE * np.isfinite(mean).sum(axis=0))
+    level = np.array([np.median(known[low[:, k], k]) for k in range(mean.shape[1])])
+    return np.where((low.sum(axis=0) >= fewest) & np.isfinite(level) & (level > deviation), level, 0.0)
+
+
+def displaced(recording: SensorRecording, profile: Profile, scene: Scene, turn: float) -> Floats:
+    """[n, S] RMS change of readings if their places are a millimetre off, counts; NaN unless set by hand."""
+    if recording.by_program or not (scene.bare or recording.from_sensor is not None):
+        return np.full(recording.counts.shape, np.nan)
+    there, *moved = (proximity(profile, scene, turn, away) for away in (0.0, -PLACED_CM, PLACED_CM))
+    return np.asarray(np.sqrt(np.mean(np.square(np.array(moved) - there), axis=0)))
+
+
+def explained(
+    change: Floats, counts: Floats, place: NDArray[np.int64], top: float, deviation: float
+) -> float:
+    """RMS of a change [n, S] where readings [n, S] are neither dark nor saturated, in noise deviations; NaN
+    without any. Other arguments as of `misfits`."""
+    mean = at_places(counts, place) / np.bincount(place)[:, None]
+    edge, dark = 3 * deviation, _dark(mean, deviation)
+    lit = (counts > dark + edge) & (counts < top - edge) & np.isfinite(change)
+    return float(np.sqrt(np.mean(change[lit] ** 2))) / max(deviation, 1e-9) if lit.any() else np.nan
+
+
+def without(ratio: float, misplaced: float) -> float:
+    """What is left of a ratio without the part that `misplaced` explains."""
+    return float(np.sqrt(np.maximum(ratio**2 - misplaced**2, 0.0)))
+
+
+def unmeasured(deviation: float) -> str:
+    """What it means that the noise was not measured, in words."""
+    return (
+        f"too little to measure noise by where sensors see something: {deviation:.3g} counts are assumed, "
+        "and model error over noise, out of which none is taken, rests on them"
+    )

@@ -7,22 +7,16 @@ read several times, or trials of its wheels.
 import itertools
 import math
 import random
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from realitygap.calibration.recordings import (
-    BODY_RADIUS_CM,
-    CHANNELS,
-    POLAR,
-    POSE,
-    check_object,
-    cylinder_radius,
-)
+from realitygap.calibration.load import POLAR, POSE
+from realitygap.calibration.recordings import BODY_RADIUS_CM, CHANNELS, check_object, cylinder_radius
 from realitygap.errors import RecordingError, UsageError
-from realitygap.robots.body import Body, Filmed, Seen, channel
+from realitygap.robots.body import Body
 from realitygap.values import Pose
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.robot import Body as Shape
@@ -95,13 +89,13 @@ class Plan:
     bearings: int | None = None
     distances_cm: Sequence[float] | None = None
 
-    def grid(self, body: Any) -> tuple[int, tuple[float, ...]]:
-        """Bearings and distances (cm) for this robot's infrared.
+    def grid(self, body: Body | None) -> tuple[int, tuple[float, ...]]:
+        """Bearings and distances (cm) for this robot's infrared, or any robot's.
 
         Raises:
             RecordingError: no robot can be read at them.
         """
-        bearings, distances = getattr(body, "infrared_grid", (BEARINGS, DISTANCES_CM))
+        bearings, distances = (body and body.infrared_grid) or (BEARINGS, DISTANCES_CM)
         bearings = bearings if self.bearings is None else self.bearings
         distances = tuple(map(float, distances if self.distances_cm is None else self.distances_cm))
         if bearings not in range(1, MOST_BEARINGS + 1):
@@ -116,11 +110,7 @@ class Plan:
 
 
 def distances_of(text: str) -> tuple[float, ...]:
-    """Distances as a person types them: "0.5,1,2".
-
-    Raises:
-        RecordingError: names the text that is no such list.
-    """
+    """Distances as a person types them: "0.5,1,2"."""
     try:
         said = tuple(map(float, text.split(",")))
     except ValueError:
@@ -195,7 +185,6 @@ class Task:
         begins: what a person prepares.
         facts: what recording.toml says of them.
         arena: the room that poses belong to; None: distances say it all.
-        at: the place at a distance (cm) and a bearing (degrees), where these tell places.
     """
 
     name: str
@@ -206,7 +195,6 @@ class Task:
     begins: str
     facts: Mapping[str, Any] = field(default_factory=dict)
     arena: Arena | None = None
-    at: Callable[[float, float], Place] | None = None
 
 
 def infrared_task(
@@ -216,18 +204,8 @@ def infrared_task(
     bearings: int = BEARINGS,
     distances_cm: Sequence[float] = DISTANCES_CM,
 ) -> Task:
-    """An object at all bearings, at several distances from the body's edge.
-
-    Args:
-        name: "wall" or "cylinder:RADIUS_CM".
-        body: the robot's.
-        reflectance: of the object's surface; NaN: not known.
-        bearings: their number, evenly spaced, starting straight ahead.
-        distances_cm: from the body's edge, increasing.
-
-    Raises:
-        RecordingError: another object.
-    """
+    """An object, "wall" or "cylinder:RADIUS_CM", at `bearings` evenly spaced from straight ahead on, at
+    several distances (cm) from the body's edge."""
     check_object("infrared", name, "--object")
     radius = cylinder_radius(name)
     if radius is not None and radius > ROOM_CM / 4:
@@ -260,7 +238,7 @@ def infrared_task(
     if (bearings, tuple(distances_cm)) != (BEARINGS, DISTANCES_CM):
         facts |= {"bearings": bearings, "distances_cm": list(distances_cm)}
     return Task(
-        name=f"infrared-{short}", kind="infrared", key=POLAR, room=room, facts=facts, at=at,
+        name=f"infrared-{short}", kind="infrared", key=POLAR, room=room, facts=facts,
         stops=[at(distance, k * 360.0 / bearings) for distance in distances_cm for k in range(bearings)],
         begins=f"Put up {what}, with nothing else within 20 cm, and keep lamps away.",
     )  # fmt: skip
@@ -288,15 +266,8 @@ def ambient_task() -> Task:
 def wheel_trials(
     repeats: int, seed: int, wheels: Wheels | None = None, *, period_s: float = 0.1, followed: bool = False
 ) -> tuple[Trial, ...]:
-    """Speed steps of many sizes, standing starts, straight lines and turns.
-
-    Args:
-        repeats: standing starts of each size.
-        seed: of the random commands and the places.
-        wheels: the profile's, for top command and speed; None: 10 units of about 8 mm/s.
-        period_s: of a step of the robot.
-        followed: whether a camera sees every step, for wheels without counters.
-    """
+    """Speed steps of many sizes, standing starts (`repeats` of each size), straight lines and turns, for the
+    profile's `wheels` (None: 10 units of about 8 mm/s); `followed`: a camera sees every step."""
     draw = random.Random(f"wheels/{seed}")
     scale = 1.0 if wheels is None else wheels.top_command / TOP
     unit_cm_s = UNIT_CM_S if wheels is None else scale * math.fsum(wheels.speed_per_unit_cm_s) / 2
@@ -377,11 +348,7 @@ def camera_places() -> tuple[Pose, ...]:
 
 
 def tasks_of(plan: Plan, body: Body) -> list[Task]:
-    """The recordings of a plan for which the robot has sensors.
-
-    Raises:
-        UsageError: it lacks the requested sensors, or they or its period differ from the base's.
-    """
+    """The recordings of a plan for which the robot has sensors."""
     base, kinds, tasks = plan.base, [one.name for one in body.channels], []
     bearings, distances = plan.grid(body)
     if plan.kind in ("infrared", "all"):
@@ -393,11 +360,11 @@ def tasks_of(plan: Plan, body: Body) -> list[Task]:
     if plan.kind == "all":
         tasks = [task for task in tasks if CHANNELS[task.kind] in kinds]
     for task in tasks:
-        channel(body, CHANNELS[task.kind])  # or says that it has none
+        body.channel(CHANNELS[task.kind])  # or says that it has none
     if base is not None:
         _check_sensors(body, base, {CHANNELS[task.kind] for task in tasks})
         check_period(body, base)
-    followed = not body.counts_turns and isinstance(body, Seen | Filmed)
+    followed = not body.counts_turns and (body.knows_pose or body.is_filmed)
     if plan.kind == "wheels" or (plan.kind == "all" and (body.counts_turns or followed)):
         wheels = base.wheels if base else None
         trials = wheel_trials(plan.repeats, plan.seed, wheels, period_s=body.period_s, followed=followed)
@@ -421,11 +388,7 @@ def _check_sensors(body: Body, base: Profile, kinds: Collection[str]) -> None:
 
 
 def check_period(body: Body, base: Profile) -> None:
-    """Refuse a robot whose step differs from its base's.
-
-    Raises:
-        UsageError: names both periods and the cure.
-    """
+    """Refuse a robot whose step differs from its base's."""
     if base.period_s != body.period_s:
         raise UsageError(
             f"robot: expected a period of {base.period_s:g} s, as the base {base.name!r} has; this one's is "

@@ -9,6 +9,8 @@
 A kill loses the stop that was being recorded at most; `resume` goes on with the next.
 """
 
+from __future__ import annotations
+
 import contextlib
 import hashlib
 import math
@@ -16,47 +18,38 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, tasks_of
-from realitygap.calibration.record_edges import FINE, TWICE, look_between
-from realitygap.calibration.recordings import (
-    CHANNELS,
+import numpy as np
+
+from realitygap.calibration.load import (
     DRIVE,
-    EDGES,
     FACTS,
-    HEIGHTS_CM,
     POSE,
     READINGS,
     STEP_COLUMNS,
     STEPS,
-    UNFINISHED,
     UNITS,
     UNKNOWN,
     WHEEL_COUNTS,
 )
+from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, camera_places, tasks_of
+from realitygap.calibration.recordings import CHANNELS, HEIGHTS_CM
 from realitygap.errors import BaudError, RecordingError, UsageError
 from realitygap.files import atomic_write, naming_errors, read_toml, to_toml
-from realitygap.robots.body import (
-    Body,
-    Filmed,
-    Placing,
-    Seen,
-    attend,
-    channel,
-    clock_of,
-    facts_of,
-    known_pose,
-    odometry_of,
-)
-from realitygap.robots.signals import MOVING, Stopping, heed
+from realitygap.robots.body import Body
+from realitygap.robots.drive import MOVING, StopOnSignal, raise_pending
+from realitygap.track import read_track
 from realitygap.values import Closing, Command, Pose
 from realitygap.world.robot import load_profile
+
+if TYPE_CHECKING:
+    from realitygap.film.tag import Marker
+    from realitygap.twin.camera import Plate
 
 __all__ = ["Result", "StoppedByUserError", "record"]
 
@@ -66,6 +59,9 @@ Progress = Callable[[str, int, int], None]
 """Called with the recording's name, the places done, and all places."""
 
 ARENA, STUDY = "arena.toml", "study.db"
+STEP_S = 0.1
+FRAMES = 10_000
+"""Frame numbers reserved for each trial: more than its steps."""
 APART_S = 0.3
 """Time between two readings at a place, s, so that slow noise shows too."""
 
@@ -80,8 +76,8 @@ class StoppedByUserError(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """A finished recording: how many places of the plan are `done`, how many others between them where
-    readings jump, the time it took, and whether the person stopped early."""
+    """A finished recording: how many places of the plan are `done`, the time it took, and whether the person
+    stopped early."""
 
     folder: Path
     name: str
@@ -89,7 +85,6 @@ class Result:
     places: int
     done: int
     seconds: float
-    between: int = 0
     stopped: bool = False
 
     @property
@@ -125,7 +120,7 @@ def record(
             records there.
         UsageError: the robot lacks the sensors, or they differ from those of `base`.
     """
-    if plan.base is None and "base" in (own := facts_of(body)):
+    if plan.base is None and "base" in (own := body.description()):
         plan = replace(plan, base=load_profile(own["base"]))
     tasks, folder = tasks_of(plan, body), Path(folder)
     places = [folder / task.name if len(tasks) > 1 else folder for task in tasks]
@@ -145,21 +140,17 @@ def record(
     return made
 
 
-def _record(task: Task, folder: Path, plan: Plan, body: Body, site: "Site", report: Progress) -> Result:
+def _record(task: Task, folder: Path, plan: Plan, body: Body, site: Site, report: Progress) -> Result:
     """Bring the robot to each stop that is not done, and write its rows at once."""
-    begun, stopped, between = time.perf_counter(), False, 0
+    begun, stopped = time.perf_counter(), False
     stops = {stop.key: stop for stop in task.stops}
-    fine = (
-        task.kind == "infrared" and isinstance(body, Placing)
-        and plan.grid(body)[0] >= FINE and plan.repeats > 1
-    )  # fmt: skip
-    facts = {**_facts(task, plan, body), **({"between": UNFINISHED} if fine else {})}
+    facts = _facts(task, plan, body)
     if task.kind == "wheels":
         one, table = body.channels[0], STEPS
         lacks = () if body.counts_turns else WHEEL_COUNTS
         columns = (*(name for name in STEP_COLUMNS if name not in lacks), *POSE)
     else:
-        one, table = channel(body, CHANNELS[task.kind]), READINGS
+        one, table = body.channel(CHANNELS[task.kind]), READINGS
         columns = (*task.key, "repeat", *(f"s{i}" for i in range(one.sensors)))
 
     def rows_of(key: tuple[str, ...]) -> int:
@@ -168,51 +159,44 @@ def _record(task: Task, folder: Path, plan: Plan, body: Body, site: "Site", repo
             return len(stop.commands) if isinstance(stop, Trial) else -1
         return plan.repeats
 
-    def read(stop: Place | Trial, repeats: int = plan.repeats) -> list[tuple[str, ...]]:
+    def read(stop: Place | Trial) -> list[tuple[str, ...]]:
         if not site.go(stop):
             return []
         if isinstance(stop, Trial):
             rows, poses = drive_trial(body, stop)
             seen = {**poses, **site.poses(stop)}
             return [(*row, *_pose(seen.get(k))) for k, row in enumerate(rows)]
-        return [(*stop.key, str(k), *row) for k, row in enumerate(read_standing(body, one.name, repeats))]
+        return [
+            (*stop.key, str(k), *row) for k, row in enumerate(read_standing(body, one.name, plan.repeats))
+        ]
 
     journal = Journal(folder, facts=facts, table=table, columns=columns, key=task.key, rows=rows_of)
     if task.arena is not None:
         atomic_write(folder / ARENA, task.arena.to_toml())
     left = [stop for key, stop in stops.items() if key not in journal.done]
-    if left or fine:
-        attend(body, one.name, turns=task.kind == "wheels")
+    if left:
+        body.attend(one.name, turns=task.kind == "wheels")
     try:
         if left and site.prepare(task.begins):
             for stop in left:
                 if rows := read(stop):
                     journal.add(rows)
-                report(task.name, len(journal.done), len(stops) + fine)
-        if fine and task.at is not None and len(journal.done) == len(stops):
-            edges = Journal(
-                folder, facts=facts, table=EDGES, columns=columns, key=task.key, rows=lambda key: TWICE
-            )
-            between = look_between(
-                journal, edges, task.at, partial(read, repeats=TWICE), one.high,
-                lambda done, many: report(task.name, len(stops) + done, len(stops) + many),
-            )  # fmt: skip
-            edges.state("between", between)
+                report(task.name, len(journal.done), len(stops))
     except StoppedByUserError:
         stopped = True
     if not journal.done:  # skipped: an empty table would only hinder a calibration
         journal.discard()
     return Result(
         folder=folder, name=task.name, kind=task.kind, places=len(stops), done=len(journal.done),
-        seconds=time.perf_counter() - begun, between=between, stopped=stopped,
+        seconds=time.perf_counter() - begun, stopped=stopped,
     )  # fmt: skip
 
 
 def _facts(task: Task, plan: Plan, body: Body) -> dict[str, Any]:
     """The content of recording.toml."""
-    known, facts, base = dict(facts_of(body)), {"kind": task.kind, **task.facts}, plan.base
+    known, facts, base = body.description(), {"kind": task.kind, **task.facts}, plan.base
     if task.kind != "wheels":
-        shape, one = base.body if base else KHEPERA, channel(body, CHANNELS[task.kind])
+        shape, one = base.body if base else KHEPERA, body.channel(CHANNELS[task.kind])
         facts["body_radius_cm"] = shape.radius_cm
         if shape.outline_cm:
             facts["body_outline_cm"] = [list(corner) for corner in shape.outline_cm]
@@ -227,7 +211,7 @@ def _facts(task: Task, plan: Plan, body: Body) -> dict[str, Any]:
         heights = (base.body.height_cm, base.ambient.sensor_height_cm) if base else HEIGHTS_CM.values()
         facts |= {"arena": ARENA, **(dict(zip(HEIGHTS_CM, heights, strict=True)) if all(heights) else {})}
     units = UNITS.format(known.pop("units", "units of the robot's own"))
-    placed_by = "program" if isinstance(body, Placing) else "person"
+    placed_by = "program" if body.places_itself else "person"
     facts |= {"plan": plan.kind, "units": units, "placed_by": placed_by, **known}
     return facts | {
         "notes": plan.notes, "repeats": plan.repeats, "seed": plan.seed, "places": len(task.stops),
@@ -244,25 +228,25 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
     Raises:
         BaudError: the line has no room for counters and speeds in a step.
     """
-    clock = clock_of(body)
+    clock = body.clock
     body.reset()
-    rows, poses, looks = [], {}, trial.seen() if isinstance(body, Seen) else ()
+    rows, poses, looks = [], {}, trial.seen() if body.knows_pose else ()
     start = due = clock.now()
-    with Stopping(() if clock.waits else MOVING) as stopping:
+    with StopOnSignal(() if clock.waits else MOVING) as stopping:
         try:
             for k, command in enumerate(trial.commands):
                 clock.sleep_until(due)
                 now = clock.now()
                 body.sense()
-                counters, speeds = odometry_of(body)
+                counters, speeds = body.odometry
                 if body.counts_turns and (counters is None or speeds is None):
                     raise BaudError(
                         "robot: expected counters and speeds at each step, got only one of them. A line "
                         "needs 38400 baud or more; a body of your own gives Odometry(counters=…, speeds=…)."
                     )
-                if k in looks and isinstance(body, Seen):
-                    poses[k] = known_pose(body)
-                heed()
+                if k in looks and body.knows_pose:
+                    poses[k] = body.known_pose()
+                raise_pending()
                 body.act(Command(left=command[0], right=command[1]))
                 turned = (*(counters or ()), *(speeds or ())) if body.counts_turns else ()
                 numbers = (*command, *turned, trial.number)
@@ -276,15 +260,15 @@ def drive_trial(body: Body, trial: Trial) -> tuple[list[tuple[str, ...]], dict[i
 
 def read_standing(body: Body, kind: str, repeats: int) -> list[list[str]]:
     """Repeated readings [repeats][sensors] of a standing robot, as texts."""
-    clock = clock_of(body)
+    clock = body.clock
     readings = []
     for _ in range(repeats):
         clock.sleep_until(clock.now() + APART_S)
         asked = clock.now()
         read = body.sense()
-        while getattr(body, "read_at", asked) < asked:  # a missing answer is not a reading
+        while body.read_at is not None and body.read_at < asked:  # a missing answer is not a reading
             read = body.sense()
-        heed()
+        raise_pending()
         counts = read.proximity if kind == "proximity" else read.ambient
         readings.append([f"{count:.10g}" for count in counts.tolist()])
     return readings
@@ -300,18 +284,12 @@ def _pose(pose: Pose | None) -> tuple[str, ...]:
 
 
 class OwnSite(Closing):
-    """A robot that places itself.
-
-    Args:
-        body, room: the robot, and the room in plain numbers (cm).
-        seed: of its noise, together with the stop: none affects the next.
-        camera: whether to use the camera over the floor, if the robot has one.
-        marker: what it wears there, as `load_marker` reads it; None: the disk.
-    """
+    """A robot that places itself; `seed` of its noise, together with the stop: none affects the next;
+    `camera`: whether to use the camera over the floor, if it has one; `marker`: what it wears there."""
 
     def __init__(
         self,
-        body: Placing,
+        body: Body,
         room: Mapping[str, Any],
         *,
         seed: int,
@@ -320,14 +298,9 @@ class OwnSite(Closing):
     ) -> None:
         self._body, self._room, self._seed = body, room, seed
         self._stack, self._camera = ExitStack(), None
-        if camera and isinstance(body, Filmed):
-            from realitygap.calibration.floor_camera import FloorCamera
-            from realitygap.film.tag import load_marker
-
+        if camera and body.is_filmed:
             with ExitStack() as stack:
-                worn = load_marker(marker) if marker else None
-                watching = FloorCamera(room, unit=body.unit, noise=body.noise, seed=seed, marker=worn)
-                self._camera = stack.enter_context(watching)
+                self._camera = stack.enter_context(closing(FloorCamera(room, body, seed, marker)))
                 self._film = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "film.csv"
                 self._stack = stack.pop_all()
 
@@ -339,19 +312,73 @@ class OwnSite(Closing):
         """Place the robot, with noise seeded by the stop's name, and film a trial from now on."""
         digest = hashlib.sha256(f"{self._seed}/{'/'.join(stop.key)}".encode()).digest()
         self._body.enter(self._room, int.from_bytes(digest[:7]), stop.pose)
-        if self._camera and isinstance(stop, Trial) and stop.filmed and isinstance(self._body, Filmed):
+        if self._camera and isinstance(stop, Trial) and stop.filmed and self._body.is_filmed:
             self._body.film(self._film)
         return True
 
     def poses(self, trial: Trial) -> Mapping[int, Pose]:
         """The poses that the camera saw in the trial that ends here, by step."""
-        if not (self._camera and trial.filmed and isinstance(self._body, Filmed)):
+        if not (self._camera and trial.filmed and self._body.is_filmed):
             return {}
         self._body.film(None)
         return self._camera.poses(self._film, trial.seen(), trial.number)
 
     def close(self) -> None:
         self._stack.close()
+
+
+class FloorCamera:
+    """The camera over the wheels' floor of a twin, calibrated with frames of the robot at known places.
+
+    Its pictures go through the tracker like any film's; the twin's true poses only draw them.
+    """
+
+    def __init__(self, room: Mapping[str, Any], body: Body, seed: int, worn: str | None) -> None:
+        from realitygap.film.calibrate import KnownFrame, calibrate_camera
+        from realitygap.film.tag import load_marker
+        from realitygap.twin.camera import OverheadCamera
+
+        self._marker = load_marker(worn) if worn else load_marker()
+        self._camera = OverheadCamera(
+            room, unit=body.facts["unit"], noise=body.facts["twin_noise"], seed=seed,
+            plate=plate_of(self._marker), grey=True,
+        )  # fmt: skip
+        try:
+            frames = [
+                KnownFrame(name=str(k), picture=self._camera.frame(pose, k), pose=pose)
+                for k, pose in enumerate(camera_places())
+            ]
+            self._model = calibrate_camera(frames, self._marker).camera
+        except BaseException:
+            self._camera.close()
+            raise
+
+    def poses(self, film: Path, steps: Sequence[int], trial: int) -> dict[int, Pose]:
+        """Tracked poses at steps (100 ms) of a trial's film, without those at which the robot is lost."""
+        from realitygap.film.tracker import Tracker
+
+        truth, tracker = read_track(film, seen_by="truth"), Tracker(self._model, self._marker)
+        seen: dict[int, Pose] = {}
+        for step in steps:
+            row = int(np.searchsorted(truth.t, truth.t[0] + STEP_S * step + 1e-6, side="right")) - 1
+            pose = Pose(x=truth.x[row], y=truth.y[row], heading=truth.heading[row])
+            found = tracker.see(self._camera.frame(pose, FRAMES * (trial + 1) + step))
+            if found is not None:
+                seen[step] = found[0]
+        return seen
+
+    def close(self) -> None:
+        self._camera.close()
+
+
+def plate_of(marker: Marker | None) -> Plate | None:
+    """How a twin's camera draws a tag on the robot; None: it wears the disk."""
+    from realitygap.film.tag import Tag
+    from realitygap.twin.camera import Plate
+
+    if not isinstance(marker, Tag):
+        return None
+    return Plate(marker.cells, marker.points / 100, marker.height_cm / 100)
 
 
 class PersonSite(Closing):
@@ -409,13 +436,13 @@ Site = OwnSite | PersonSite
 
 
 def _site(body: Body, ask: Ask | None, task: Task, plan: Plan) -> Site:
-    if isinstance(body, Placing):
+    if body.places_itself:
         own = int.from_bytes(hashlib.sha256(f"{plan.seed}/{task.name}".encode()).digest()[:7])
         return OwnSite(body, task.room, seed=own, camera=task.kind == "wheels", marker=plan.marker)
     if plan.marker is not None:
         raise UsageError(
             "marker: expected a robot with a camera of its own over it, as a twin's; this one is filmed by "
-            "whoever places it: `realitygap track FILM --marker …`."
+            "whoever places it: `realitygap camera track FILM --marker …`."
         )
     if ask is None:
         raise UsageError("ask: expected a function that asks a person to place the robot, got none.")
@@ -426,19 +453,8 @@ def _site(body: Body, ask: Ask | None, task: Task, plan: Plan) -> Site:
 
 
 class Journal:
-    """One recording's folder; `done` has the rows of the stops that are finished, by their keys.
-
-    Args:
-        folder: the recording's.
-        facts: for recording.toml, written at the start.
-        table: the table's name; it is made with its first rows if the folder is there already.
-        columns: of the table.
-        key: the columns that name a stop.
-        rows: how many rows a finished stop has, by its key.
-
-    Raises:
-        RecordingError: the folder holds another recording.
-    """
+    """One recording's folder; `done` has the rows of the stops that are finished, by their keys (columns
+    `key`); `rows` says how many rows a finished stop has, by its key."""
 
     def __init__(
         self,
@@ -464,15 +480,10 @@ class Journal:
 
     def add(self, rows: Sequence[Sequence[str]]) -> None:
         """Write all rows of a finished stop."""
-        head = [] if self.path.exists() else [self.columns]
-        text = "".join(",".join(row) + "\n" for row in (*head, *rows))
+        text = "".join(",".join(row) + "\n" for row in rows)
         with naming_errors(self.path), self.path.open("ab", buffering=0) as file:
             file.write(text.encode("utf-8"))
         self.done[self._name(rows[0])] = rows
-
-    def state(self, name: str, fact: Any) -> None:
-        """Put a fact into recording.toml that is known only now."""
-        atomic_write(self.folder / FACTS, to_toml({**self._stated(), name: fact}))
 
     def discard(self) -> None:
         """Remove an empty recording's files, and its folder if nothing else is in it."""
@@ -484,11 +495,8 @@ class Journal:
     def _name(self, row: Sequence[str]) -> tuple[str, ...]:
         return tuple(row[i] for i in self._key)
 
-    def _stated(self) -> dict[str, Any]:
-        return read_toml(self.folder / FACTS, RecordingError, "Begin the recording anew, in another folder.")
-
     def _check(self, facts: Mapping[str, Any]) -> None:
-        there = self._stated()
+        there = read_toml(self.folder / FACTS, RecordingError, "Begin the recording anew, in another folder.")
         for name in SAME:
             if there.get(name) != facts.get(name):
                 begun, asked = (repr(said[name]) if name in said else "the usual" for said in (there, facts))
@@ -519,11 +527,7 @@ class Journal:
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """A folder to record into, for one process at a time; an empty one is removed at the end.
-
-    Raises:
-        RecordingError: another process holds it, or it is a study's.
-    """
+    """A folder to record into, for one process at a time; an empty one is removed at the end."""
     import fcntl
 
     if (folder / STUDY).exists():

@@ -1,7 +1,6 @@
 """Recordings for a calibration: a robot's readings at known places, and drives of its wheels.
 
-`load_recording` reads a folder (recording.toml and a table), a `.sam` table of the Khepera
-community, or a Thymio's series before a wall.
+load.py reads them from files.
 
 distance_cm: from the body's edge, a disc's or a polygon's, to a wall along its normal, to a round object's
 edge, to a lamp's centre. bearing_deg: where the object stands, counter-clockwise from the robot's front.
@@ -9,72 +8,28 @@ A row of a place is one of its repeated readings; a row of steps has what was re
 given then.
 """
 
-import hashlib
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import CalibrationError, ConfigError, RecordingError
-from realitygap.files import (
-    LARGEST_TABLE,
-    Table,
-    as_path,
-    read_table,
-    read_text,
-    read_toml,
-    refuse_separator,
-    refuse_unknown,
-)
 from realitygap.values import Floats
-from realitygap.world.arena import WHITEST, Arena, load_arena
+from realitygap.world.arena import Arena
 from realitygap.world.robot import Body, Profile, load_profile
 from realitygap.world.sensors import Sensor
-from realitygap.world.toml import build
 
 __all__ = [
     "Recording", "SensorRecording", "WheelRecording", "as_recorded", "check_object", "count_unit",
-    "cylinder_radius", "find_recordings", "load_recording", "tells_heights",
+    "cylinder_radius", "tells_heights",
 ]  # fmt: skip
 
-FACTS, READINGS, EDGES, STEPS = "recording.toml", "readings.csv", "edges.csv", "steps.csv"
-DRIVE = "drive.toml"
-"""The facts of a drive (`realitygap.robots`), which is no recording for a calibration."""
-
-POLAR = ("distance_cm", "bearing_deg")
-POSE = ("x_cm", "y_cm", "heading_deg")
-STEP_COLUMNS = (
-    "t_s", "command_left", "command_right", "counter_left", "counter_right",
-    "speed_left", "speed_right", "trial", "kind",
-)  # fmt: skip
-SPEEDS = ("speed_left", "speed_right")
-WHEEL_COUNTS = ("counter_left", "counter_right", *SPEEDS)
-"""Columns that only wheels with counters have; no fit needs their speeds."""
-STEP_KINDS = ("step", "start", "straight", "turn")
-UNITS = "cm, degrees, s, counts, {}, pulses"
-"""Units of the numbers; commands and speeds are in the robot's own units, named in the braces."""
 HEIGHTS_CM = {"body_height_cm": 3.0, "sensor_height_cm": 1.2}
 """Height of the Khepera's top, as the manufacturer states it (30 mm), and of its sensors, by a ruler."""
-KNOWN = (
-    "kind", "object", "reflectance", "sensors", "full_scale", "body_radius_cm", "body_outline_cm",
-    *HEIGHTS_CM, "arena", "units", "placed_by", "notes", "robot", "unit", "twin_noise", "port", "bios",
-    "protocol", "firmware", "plan", "seed", "repeats", "bearings", "distances_cm", "places", "between",
-    "date", "base", "pulses_per_mm", "marker", "id", "productId", "fwversion", "prox.comm.tx",
-)  # fmt: skip
-"""Keys of recording.toml: a calibration reads those about the body, surfaces, places and units; the others
-are for the record, the last ones from a Thymio."""
-UNKNOWN = "unknown"
-"""A reflectance that is to be fitted."""
-UNFINISHED = "unfinished"
-"""How many places there are between the bearings (`EDGES`), while they are looked for."""
-
-KINDS = ("infrared", "ambient", "wheels")
 CHANNELS = {"infrared": "proximity", "ambient": "ambient"}
 """What a robot's readings and a profile's noise call the sensors of each kind."""
 FIRST_NOISE = {"infrared": 21.0, "ambient": 4.5}
@@ -87,24 +42,6 @@ FOLLOWED_STEPS = 300
 """Number of successive steps seen by a camera from which on poses can replace counters."""
 HALL_CM = 1000.0
 """A room whose other walls are out of every sensor's range."""
-
-FARTHEST_CM, REACH_CM, WIDEST_CM = 300.0, 20.0, 20.0
-"""No object was recorded beyond the first; infrared sees nothing beyond the second, twice a Khepera's range;
-a cylinder of a larger radius than the third is hardly one. Else they are mm."""
-BRIGHT = 300.0
-"""Counts of the paper's robot."""
-
-SAM_SENSORS, SAM_TOP = 8, 1023
-"""`.sam` tables are a Khepera's: eight sensors and a 10-bit converter."""
-LIGHT_SCALE, LIGHT_STEP = 500.0, 10.24
-"""A light table is inverted and scaled: V = 500·(1 − x/1024), x in steps of 10.24. The 500 is an
-assumption of the tables' keepers."""
-
-SERIES = re.compile(r"sensor.*\.csv", re.IGNORECASE)
-SERIES_NAME = re.compile(r"sensor0*([0-6])_.*\.csv", re.IGNORECASE)
-SERIES_CM = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(cm|mm)", re.IGNORECASE)
-SERIES_SENSORS, STALE = 7, 2
-"""A Thymio's horizontal sensors; the first readings of a row may still belong to the distance before."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +85,6 @@ class SensorRecording(Recorded):
         from_sensor: the sensor that faced the wall, from which distances are measured; None: from the body's
             edge.
         speed_cm_s: [n] mean absolute speed of both wheels during each reading; None: they stood.
-        edges: further places, where readings jump: they tell where rays end, and no error is counted there.
         lines: [n] where each row stands, file and line; empty: unknown.
     """
 
@@ -167,16 +103,12 @@ class SensorRecording(Recorded):
     speed_cm_s: Floats | None = None
     reflectance: float = 1.0
     from_sensor: int | None = None
-    edges: "SensorRecording | None" = None
     lines: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        n, where = len(self.repeat), self.source or "a recording"
-        columns = (self.distance_cm, self.bearing_deg, self.counts)
-        fits = isinstance(self.counts, np.ndarray) and self.counts.ndim == 2
-        fits &= all(len(column) == n for column in columns)
-        if not fits or (self.pose is not None and not _finite(self.pose, (n, 3))):
-            raise RecordingError(f"{where}: expected {n} rows of counts [n, S], places, and finite poses.")
+        where = self.source or "a recording"
+        if self.pose is not None and not np.isfinite(self.pose).all():  # kernels would never come back
+            raise RecordingError(f"{where}: expected finite poses.")
         check_object(self.kind, self.object, where)
 
     def at(self, row: int) -> str:
@@ -190,34 +122,27 @@ class SensorRecording(Recorded):
             RecordingError: the robot has another number of sensors, or another full scale.
         """
         part, whose = robot.channel(self.kind), f"profile {robot.name!r}"
-        top, there, cure = part.top, len(part.sensors), "Give the profile of the robot that was recorded."
-        if self.sensors != there:
-            copied = f"Give --base a copy of it with an [{self.kind}] of its own."
+        if self.sensors != len(part.sensors):
             raise RecordingError(
-                f"{self.source}: expected {there} sensors, as {whose} has, got {self.sensors}. "
-                + (cure if there else copied)
+                f"{self.source}: expected {len(part.sensors)} sensors, as {whose} has, got {self.sensors}. "
+                f"Give the robot's own profile, or a copy with an [{self.kind}] of its own."
             )
-        above = np.argwhere(self.counts > top)
-        if self.full_scale not in (None, top) or len(above):
-            where, got = f"{self.source}: full_scale", self.full_scale
-            if self.full_scale in (None, top):
-                row, sensor = above[0].tolist()
-                where, got = f"{self.at(row)}: s{sensor}", self.counts[row, sensor]
+        got = self.full_scale or max(part.top, float(np.nanmax(self.counts, initial=0.0)))
+        if got != part.top:
             raise RecordingError(
-                f"{where}: expected counts from 0 to {top:g}, the full scale of {whose}, got {got:g}. {cure} "
-                f"If it is this one, take a copy of that profile with another {self.kind}.top."
+                f"{self.source}: expected counts from 0 to {part.top:g}, the full scale of {whose}, got "
+                f"{got:g}. Give the robot's own profile, or a copy with another {self.kind}.top."
             )
-        edges = None if self.edges is None else self.edges.of_robot(robot)
         if self.from_sensor is not None:
             return self._before(part.sensors[self.from_sensor])
         if self.body_said:
-            return replace(self, edges=edges)
+            return self
         radius_cm = robot.body.radius_cm
         # Measured distances stay; those from a lamp's centre follow from the poses.
         nearer = radius_cm - self.body_radius_cm if self.pose is not None else 0.0
         taken = f"{self.source}: body_radius_cm: not said; {radius_cm:g} cm are taken, as {whose} has"
         return replace(
-            self, body_radius_cm=radius_cm, body_outline_cm=robot.body.outline_cm, edges=edges,
+            self, body_radius_cm=radius_cm, body_outline_cm=robot.body.outline_cm,
             distance_cm=self.distance_cm - nearer, warnings=(*self.warnings, taken),
         )  # fmt: skip
 
@@ -299,13 +224,6 @@ class WheelRecording(Recorded):
     from_commands: bool = False
     period_s: float = 0.1
 
-    def __post_init__(self) -> None:
-        n = len(self.t_s)
-        pairs = (self.commands, self.counters, self.speeds)
-        whole = all(pair.shape == (n, 2) for pair in pairs) and len(self.trial) == len(self.kind) == n
-        if not whole or (self.pose is not None and self.pose.shape != (n, 3)):
-            raise RecordingError(f"{self.source or 'a recording'}: its columns differ in length.")
-
     @property
     def counted(self) -> bool:
         """Whether the wheels have counters."""
@@ -344,10 +262,6 @@ class WheelRecording(Recorded):
 Recording = SensorRecording | WheelRecording
 
 
-def _finite(array: Any, shape: tuple[int, ...]) -> bool:
-    return bool(np.shape(array) == shape and np.isfinite(array).all())
-
-
 @cache
 def count_unit(full_scale: float) -> float:
     """Counts of a converter per count of the paper's robot, in which limits and first guesses are stated."""
@@ -365,11 +279,7 @@ def cylinder_radius(name: str) -> float | None:
 
 
 def check_object(kind: str, name: str, where: str) -> None:
-    """Refuse an object that sensors of this kind cannot be recorded with.
-
-    Raises:
-        RecordingError: names the known ones.
-    """
+    """Refuse an object that sensors of this kind cannot be recorded with."""
     if kind not in CHANNELS:
         raise RecordingError(f'{where}: kind: expected "infrared" or "ambient", got {kind!r}.')
     if kind == "ambient" and name != "lamp":
@@ -391,13 +301,7 @@ def tells_heights(recording: Recording) -> bool:
 
 def as_recorded(recordings: Sequence[Recording], base: Profile) -> Profile:
     """The base with the body that its recordings state: its edge, from which distances are measured, and its
-    heights, which decide where light passes over it.
-
-    A .sam table states no body: it is the manufacturer's, and readings depend on it.
-
-    Raises:
-        CalibrationError: recordings state different bodies, or one that does not fit the base.
-    """
+    heights, which decide where light passes over it. A .sam table's body is the manufacturer's."""
     seen = [r for r in recordings if isinstance(r, SensorRecording) and r.from_sensor is None]
     said = [r for r in seen if "body_radius_cm" in r.facts or not r.body_said] or seen
     radius_cm = _same({r.body_radius_cm: r.source for r in said}, "body_radius_cm")
@@ -427,442 +331,3 @@ def _same(said: Mapping[Any, str], key: str) -> Any:
             "that does not say it has that of --base."
         )
     return next(iter(said), None)
-
-
-# Finding and reading
-
-
-def find_recordings(path: str | Path) -> Sequence[Path]:
-    """The recordings at a path: itself, or all recordings in a folder.
-
-    Raises:
-        RecordingError: there is none.
-    """
-    path = Path(path)
-    alone = path.suffix.lower() in (".sam", ".csv") or path.name in (FACTS, DRIVE)
-    if alone or any((path / name).is_file() for name in (FACTS, DRIVE)):
-        return (path,)
-    inside = sorted(found.parent for found in path.glob(f"*/{FACTS}"))
-    inside = inside or sorted(found for found in path.glob("*") if SERIES.fullmatch(found.name))
-    if inside:
-        return tuple(inside)
-    if below := sorted({str(found.parent.parent) for found in path.glob(f"*/*/{FACTS}")}):
-        more = f" and {len(below) - 3} more" if len(below) > 3 else ""
-        raise RecordingError(
-            f"{path}: holds no recording, but folders in it do: give {' or '.join(below[:3])}{more}."
-        )
-    what = "holds no recording" if path.is_dir() else "there is no such recording"
-    raise RecordingError(f"{path}: {what}. Make one with `realitygap record`, or give a .sam table.")
-
-
-def load_recording(path: str | Path, *, object: str | None = None) -> Recording:
-    """A recording's folder, a `.sam` table, or a Thymio's series (`sensor02_light.csv`).
-
-    Args:
-        path: the folder, its recording.toml, or the table.
-        object: the object of a table, or one that replaces a recording's.
-
-    Raises:
-        RecordingError: what is missing or wrong, with file and line.
-    """
-    path = as_path(path, "recording")
-    if path.suffix.lower() == ".sam":
-        return _read_sam(path, object)
-    if path.suffix.lower() == ".csv":
-        return _read_series(path)
-    return _read_folder(path.parent if path.name in (FACTS, DRIVE) else path, object)
-
-
-def _read_folder(folder: Path, object: str | None) -> Recording:
-    where, make = folder / FACTS, "Make one with `realitygap record`."
-    if (folder / DRIVE).is_file():
-        raise _drive(folder, read_toml(folder / DRIVE, RecordingError, make))
-    if not where.exists():
-        what = f"there is no {FACTS} in it" if folder.is_dir() else "there is no such folder"
-        raise RecordingError(f"{folder}: no recording: {what}. {make}")
-    facts = read_toml(where, RecordingError, make)
-    steps = folder / STEPS  # earlier versions called a drive's facts recording.toml, too
-    if "kind" not in facts and steps.is_file() and b"late_s" in steps.read_bytes()[:99]:
-        raise _drive(folder, facts)
-    refuse_unknown(facts, KNOWN, RecordingError, where=str(where), cure="Anything else goes into notes.")
-    kind, units = facts.get("kind"), str(facts.get("units", UNITS))
-    if kind not in KINDS:
-        raise RecordingError(f"{where}: kind: expected {', '.join(KINDS)}, got {kind!r}.")
-    if not re.fullmatch(UNITS.format(".*"), units, re.DOTALL):
-        expected = UNITS.format("the units of its commands")
-        raise RecordingError(
-            f"{where}: units: expected {expected!r}, got {units!r}. Convert the table first."
-        )
-    if facts.get("placed_by", "person") not in ("person", "program"):
-        expected = '"person" or "program"'
-        raise RecordingError(f"{where}: placed_by: expected {expected}, got {facts['placed_by']!r}.")
-    if kind == "wheels":
-        return _read_wheels(folder, facts)
-    name = str(object or facts.get("object", "lamp" if kind == "ambient" else None))
-    check_object(kind, name, str(where))
-    made, edges = _read_sensors(folder / READINGS, facts, kind, name), folder / EDGES
-    if not edges.exists():
-        return made
-    between = replace(_read_sensors(edges, facts, kind, name), source=str(edges))
-    return replace(made, edges=between, hash=_digest((made.hash + between.hash).encode()))
-
-
-def _drive(folder: Path, facts: Mapping[str, Any]) -> RecordingError:
-    how = "" if "end" in facts else " that was killed before its end"
-    return RecordingError(
-        f"{folder}: expected a recording for a calibration, got a drive's{how}. Make one with "
-        "`realitygap record`."
-    )
-
-
-def _digest(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()
-
-
-def _origin(table: Table, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """What `Recorded` holds of a folder."""
-    folder = table.path.parent
-    # Without the date: the same readings have the same hash.
-    lines = (folder / FACTS).read_bytes().splitlines(keepends=True)
-    kept = b"".join(line for line in lines if not line.startswith((b"date =", b'"date" =')))
-    digest = _digest(kept + table.path.read_bytes())
-    return {"source": str(folder), "hash": digest, "notes": str(facts.get("notes", "")), "facts": facts}
-
-
-def _read_rows(path: Path, facts: Mapping[str, Any]) -> Table:
-    """A recording's table; one that a recorder writes is complete to the end of its last line."""
-    table = read_table(path, RecordingError)
-    if not table.rows:
-        raise RecordingError(f"{path}: empty: expected a line of column names and a row for each reading.")
-    if "places" in facts and not path.read_bytes().endswith(b"\n"):
-        raise RecordingError(f"{table.at(-1)}: cut short. Go on with `realitygap record … --resume`.")
-    twice = [name for name in table.columns if name and table.columns.count(name) > 1]
-    if twice:
-        raise RecordingError(f"{table.head}: the column {twice[0]!r} stands there twice.")
-    return table
-
-
-def _unfinished(table: Table, facts: Mapping[str, Any]) -> list[str]:
-    """A warning if there are fewer places than planned, or not all that were looked for between them."""
-    planned = facts.get("places")
-    key = ("trial",) if "trial" in table.columns else POSE if "x_cm" in table.columns else POLAR
-    done = len(set(zip(*(table.texts(name) for name in key), strict=True)))
-    if isinstance(planned, int) and done < planned:
-        what = f"{done} of {planned} places"
-    elif facts.get("between") == UNFINISHED:
-        what = "places between the bearings, which tell where rays end"
-    else:
-        return []
-    return [f"{table.path}: unfinished: {what}; `realitygap record … --resume` goes on"]
-
-
-def _copies(path: Path, rows: Mapping[int, Sequence[str]], cure: str) -> list[str]:
-    """A warning about rows of a file, by line, that equal an earlier one in every column."""
-    seen: dict[tuple[str, ...], int] = {}
-    copied = [line for line, row in rows.items() if seen.setdefault(tuple(row), line) != line]
-    if not copied:
-        return []
-    return [
-        f"{path}, line {copied[0]}: a copy of line {seen[tuple(rows[copied[0]])]} (such rows: "
-        f"{len(copied)}): copies make the noise look smaller than it is; {cure}"
-    ]
-
-
-def _number(
-    where: Path, facts: Mapping[str, Any], key: str, what: str, most: float = LARGEST_TABLE
-) -> float | None:
-    """A positive number among the facts; None if it is missing. `what`: the fact and its unit, in words."""
-    value = facts.get(key)
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
-        raise RecordingError(f"{where}: {key}: expected {what}, got {value!r}.")
-    return float(value)
-
-
-# Sensors
-
-
-def _read_sensors(path: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
-    where, table = path.with_name(FACTS), _read_rows(path, facts)
-    body, full_scale = _body(where, facts), _number(where, facts, "full_scale", "the highest count")
-    sensors = _sensor_columns(table, facts)
-    posed = "arena" in facts and "x_cm" in table.columns
-    pose = arena = None
-    if posed:
-        table.need((*POSE, "repeat"))
-        arena, pose = load_arena(where.with_name(str(facts["arena"]))), _poses(table, empty=False)
-        distance, bearing = _from_lamp(pose, arena, body.radius_cm)
-    elif "x_cm" in table.columns and "distance_cm" not in table.columns:
-        raise RecordingError(f'{where}: arena: missing; poses need the room: add arena = "file.toml".')
-    else:
-        table.need((*POLAR, "repeat"))
-        distance, bearing = (table.numbers(column) for column in POLAR)
-    # A column without any reading is a sensor that was not recorded.
-    counts = np.stack([table.numbers(s, empty=not any(table.texts(s))) for s in sensors], 1)
-    _check_readings(table, kind, distance, bearing, counts, full_scale)
-    radius = cylinder_radius(name) or 0.0
-    doubts = [
-        f"{path.parent}: object: a cylinder of {radius:g} cm radius, nearly a wall: are these millimetres?"
-    ]
-    cure = "leave them out, or give each reading of a place a repeat of its own"
-    return SensorRecording(
-        kind=kind,
-        object=name,
-        distance_cm=distance,
-        bearing_deg=180.0 - (180.0 - bearing) % 360.0,
-        repeat=table.whole("repeat"),
-        counts=counts,
-        pose=pose,
-        arena=arena,
-        body_radius_cm=body.radius_cm,
-        body_outline_cm=body.outline_cm,
-        body_said="body_radius_cm" in facts or "body_outline_cm" in facts,
-        full_scale=full_scale,
-        reflectance=_reflectance(where, facts, kind == "infrared" and not posed),
-        speed_cm_s=np.abs(table.numbers("speed_cm_s")) if "speed_cm_s" in table.columns else None,
-        lines=[table.at(k) for k in range(len(table.rows))],
-        warnings=(
-            *(doubts if radius > WIDEST_CM else ()),
-            *_copies(path, dict(zip(table.lines, table.rows, strict=True)), cure),
-            *_unfinished(table, facts),
-        ),
-        **_origin(table, facts),
-    )
-
-
-def _check_readings(
-    table: Table, kind: str, distance: Floats, bearing: Floats, counts: Floats, full_scale: float | None
-) -> None:
-    """Refuse readings that are impossible in counts, centimetres and degrees, by line, column and unit."""
-    nothing = "Are these millimetres? Where nothing was near, leave the row out."
-    mm = "Are these millimetres? Divide them by 10."
-    from_pose = "x_cm" in table.columns and "distance_cm" not in table.columns
-    if not from_pose:
-        table.refuse(distance < 0, "distance_cm", "0 or more cm", distance, "It counts from the body's edge.")
-        table.refuse(distance > FARTHEST_CM, "distance_cm", f"at most {FARTHEST_CM:g} cm", distance, nothing)
-        table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
-    top = math.inf if full_scale is None else full_scale
-    expected = "counts from 0 on" if full_scale is None else f"counts from 0 to {top:g}"
-    cure = "" if full_scale is None else f"The converter's highest count is said with full_scale in {FACTS}."
-    for k, values in enumerate(counts.T):
-        table.refuse((values < 0) | (values > top), f"s{k}", expected, values, cure)
-    brightest = np.nan_to_num(counts).max(axis=1)  # a sensor may be unrecorded
-    bright = BRIGHT * max(1.0, count_unit(full_scale or float(brightest.max())))
-    far = (distance > REACH_CM) & (brightest > bright)
-    if kind == "infrared":
-        expected = f"at most {REACH_CM:g} cm where a sensor reads {bright:g} counts or more"
-        table.refuse(far, "distance_cm", expected, distance, mm)
-
-
-def _sensor_columns(table: Table, facts: Mapping[str, Any]) -> list[str]:
-    """s0, s1, … without a gap, as many as the facts state, if they do."""
-    found = [name for name in table.columns if name[:1] == "s" and name[1:].isdecimal()]
-    expected = facts.get("sensors", max(len(found), 1))
-    if isinstance(expected, bool) or not isinstance(expected, int) or expected < 1:
-        where = table.path.with_name(FACTS)
-        raise RecordingError(f"{where}: sensors: expected a whole number from 1 on, got {expected!r}.")
-    if sorted(found) != sorted(f"s{i}" for i in range(expected)):
-        raise RecordingError(
-            f"{table.head}: expected the sensors' columns s0 to s{expected - 1}, got "
-            f"{', '.join(found or table.columns)}. Another number is said with `sensors` in {FACTS}."
-        )
-    return [f"s{i}" for i in range(expected)]
-
-
-def _body(where: Path, facts: Mapping[str, Any]) -> Body:
-    """The body whose edge distances are measured from, a disc or a polygon; its heights are checked, too."""
-    outline = facts.get("body_outline_cm", ())
-    radius = facts.get("body_radius_cm", 0.0 if outline else BODY_RADIUS_CM)
-    heights = [_number(where, facts, key, "cm above the floor") for key in HEIGHTS_CM]
-    top, eyes = (0.0 if height is None else height for height in heights)
-    if (top, eyes) != (0.0, 0.0) and not 0 < eyes < top:
-        raise RecordingError(
-            f"{where}: {' and '.join(HEIGHTS_CM)}: expected both, in cm above the floor, the sensors below "
-            "the body's top. Correct them, or leave both out: those of --base are used then."
-        )
-    try:
-        return build(Body, {"radius_cm": radius, "outline_cm": outline})
-    except ConfigError as error:
-        raise RecordingError(f"{where}: body_{error}") from None
-
-
-def _reflectance(where: Path, facts: Mapping[str, Any], allowed: bool) -> float:
-    """Reflectance of the object's surface, NaN if it is to be fitted; `allowed`: whether it may be stated."""
-    if "reflectance" in facts and not allowed:
-        raise RecordingError(
-            f"{where}: reflectance: expected in an infrared recording of a wall or a cylinder; of an arena's "
-            "surfaces it stands in the arena's file."
-        )
-    if facts.get("reflectance") == UNKNOWN:
-        return math.nan
-    what = f'a number above 0, at most {WHITEST:g}, or "{UNKNOWN}"'
-    return _number(where, facts, "reflectance", what, WHITEST) or 1.0
-
-
-def _poses(table: Table, *, empty: bool) -> Floats:
-    """[n, 3] x, y (cm), heading (rad)."""
-    pose = np.stack([table.numbers(name, empty=empty) for name in POSE], 1)
-    pose[:, 2] = np.radians(pose[:, 2])
-    return pose
-
-
-def _from_lamp(pose: Floats, arena: Arena, body_radius_cm: float) -> tuple[Floats, Floats]:
-    """Distance of the arena's first lamp from the body's edge (cm) and its bearing (degrees)."""
-    if not arena.lamps:
-        return np.full(len(pose), math.nan), np.full(len(pose), math.nan)
-    dx, dy = arena.lamps[0].x_cm - pose[:, 0], arena.lamps[0].y_cm - pose[:, 1]
-    return np.hypot(dx, dy) - body_radius_cm, np.degrees(np.arctan2(dy, dx) - pose[:, 2])
-
-
-# Wheels
-
-
-def _read_wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
-    table = _read_rows(folder / STEPS, facts)
-    counting = any(name in table.columns for name in WHEEL_COUNTS)
-    table.need([name for name in STEP_COLUMNS if name not in (SPEEDS if counting else WHEEL_COUNTS)])
-    kind = np.array(table.texts("kind"), str)
-    table.refuse(~np.isin(kind, STEP_KINDS), "kind", f"one of {', '.join(STEP_KINDS)}", kind)
-    t, trial = table.numbers("t_s"), table.whole("trial")
-    follow = "A trial's rows follow each other."
-    back = np.concatenate([[False], (np.diff(t) <= 0) & (np.diff(trial) == 0)])
-    table.refuse(back, "t_s", "a time (s) after the row's before", t, follow)
-    _, first = np.unique(trial, return_index=True)
-    again = (np.diff(trial, prepend=-1) != 0) & ~np.isin(np.arange(len(t)), first)
-    table.refuse(again, "trial", "a new number", trial.astype(float), follow)
-
-    def pair(name: str, *, there: bool = True) -> Floats:
-        if not there:
-            return np.full((len(t), 2), math.nan)
-        columns = (f"{name}_left", f"{name}_right")
-        return np.stack([table.numbers(column, empty=name == "speed") for column in columns], 1)
-
-    pulses = _number(folder / FACTS, facts, "pulses_per_mm", "pulses of a counter in a millimetre of way")
-    return WheelRecording(
-        t_s=t,
-        commands=pair("command"),
-        counters=pair("counter", there=counting),
-        speeds=pair("speed", there=set(SPEEDS) <= set(table.columns)),
-        trial=trial,
-        kind=kind,
-        pulses_per_mm=pulses or PULSES_PER_MM,
-        pulses_said=pulses is not None,
-        pose=_poses(table, empty=True) if set(POSE) <= set(table.columns) else None,
-        warnings=tuple(_unfinished(table, facts)),
-        **_origin(table, facts),
-    )
-
-
-# Tables of others
-
-
-def _read_sam(path: Path, object: str | None) -> SensorRecording:
-    """A table of the Khepera community: a line `sensors bearings distances first_mm step_mm`; for each
-    distance a line `TURN k` and a line of readings for each bearing, clockwise from the front; then `END`.
-
-    Its object is by default a wall, or a lamp if every reading lies on the steps of light tables.
-    """
-    text = read_text(path, RecordingError, "Give the path of a .sam table.").strip()
-    lines = [line.split() for line in text.splitlines()] or [[]]
-    try:
-        sensors, bearings, distances = map(int, lines[0][:3])
-        first, step = map(float, lines[0][3:])
-        last = first + step * (distances - 1)
-        likely = sensors == SAM_SENSORS and bearings > 0 and 0 <= first < last <= 10 * FARTHEST_CM
-    except ValueError:
-        likely = False
-    if not likely:
-        raise RecordingError(
-            f"{path}, line 1: expected `sensors bearings distances first_mm step_mm`, as in `8 180 20 5 2`, "
-            f"of 8 sensors and up to {10 * FARTHEST_CM:g} mm, got {' '.join(lines[0])[:40]!r}."
-        )
-    rows: list[list[str]] = []
-    for number, words in enumerate(lines[1 : 1 + distances * (bearings + 1)], 2):
-        turn, got = (number - 2) % (bearings + 1) == 0, " ".join(words)[:40]
-        if turn and (len(words) != 2 or words[0].upper() != "TURN"):
-            raise RecordingError(f"{path}, line {number}: expected `TURN`, got {got!r}.")
-        if not turn and not (len(words) == SAM_SENSORS and all(map(_is_count, words))):
-            what = f"{SAM_SENSORS} readings, whole numbers from 0 to {SAM_TOP}"
-            raise RecordingError(f"{path}, line {number}: expected {what}, got {got!r}.")
-        rows += [] if turn else [words]
-    if len(lines) != 2 + distances * (bearings + 1) or [word.upper() for word in lines[-1]] != ["END"]:
-        raise RecordingError(
-            f"{path}, line {len(lines)}: expected {distances * bearings} rows of readings and END, got "
-            f"{len(rows)} and {' '.join(lines[-1])[:40]!r}. Fetch it again."
-        )
-    counts, distance = np.array(rows, float), (first + step * np.arange(distances)) / 10.0
-    # Light tables were truncated to integers.
-    off = np.abs(counts - np.rint(counts / LIGHT_STEP) * LIGHT_STEP)
-    light = bool((off < 1.0).all() and len(np.unique(counts)) > 3)
-    said = object or ("lamp" if light else "wall")
-    kind = "ambient" if said == "lamp" else "infrared"
-    check_object(kind, said, str(path))
-    ends = float(((counts >= SAM_TOP) | (counts < LIGHT_STEP)).mean())
-    if (kind == "infrared" and light) or (kind == "ambient" and not light and ends > 0.5):
-        here = f"every reading lies on a step of {LIGHT_STEP}, as of ambient light. Give --object lamp."
-        near = f"{ends:.0%} are 0 or {SAM_TOP}, as of proximity. Give --object wall or cylinder:RADIUS_CM."
-        raise RecordingError(f"{path}: {here if light else near}")
-    bearing = 180.0 - (180.0 + 360.0 / bearings * np.arange(bearings)) % 360.0
-    guessed = () if object else (f"{path}: its object is not said; taken for a {said} (--object says it)",)
-    return SensorRecording(
-        kind=kind, object=said, full_scale=SAM_TOP, repeat=np.zeros(len(counts), np.int64),
-        distance_cm=np.repeat(distance, bearings), bearing_deg=np.tile(bearing, distances),
-        counts=LIGHT_SCALE * (1.0 - counts / 1024.0) if kind == "ambient" else counts,
-        reflectance=math.nan if said.startswith("cylinder") else 1.0,  # the table says nothing of its surface
-        source=str(path), hash=_digest(path.read_bytes()), warnings=guessed,
-        notes=f"a .sam table, {distances} distances and {bearings} bearings, one reading each",
-    )  # fmt: skip
-
-
-def _is_count(word: str) -> bool:
-    return word.isascii() and word.isdigit() and len(word) <= 4 and int(word) <= SAM_TOP
-
-
-def _read_series(path: Path) -> SensorRecording:
-    """Readings of one Thymio II sensor that faced a wall, its number in the file's name, six others unknown.
-
-    The tables of `resilient-swarms/thymio` (MIT licence): a row has one distance ("9cm") and the readings
-    there, in time order; an empty cell is a missing reading.
-    """
-    named = SERIES_NAME.fullmatch(path.name)
-    if named is None:
-        raise RecordingError(
-            f"{path}: expected the name of a Thymio's series, as sensor02_light.csv, with the sensor's "
-            f"number 0 to 6. Other tables are folders with a {FACTS}."
-        )
-    lines = read_text(path, RecordingError, "Give the path of a Thymio's series.").splitlines()
-    refuse_separator(path, lines, RecordingError)
-    distance, values, at = [], [], []
-    differing: dict[int, list[str]] = {}  # silence repeats by itself
-    for number, line in enumerate(lines, 1):
-        cells = [cell.strip(' \t"') for cell in line.split(",")]
-        if not any(cells):
-            continue
-        away = SERIES_CM.fullmatch(cells[0])
-        away_cm = float(away[1]) / (10.0 if away[2].lower() == "mm" else 1.0) if away else math.inf
-        try:
-            counts = [float(cell) for cell in cells[1 + STALE :] if cell]
-        except ValueError:
-            counts = []
-        if away_cm > FARTHEST_CM or not counts or not all(0 <= count < math.inf for count in counts):
-            raise RecordingError(
-                f"{path}, line {number}: expected a distance as in 9cm or 87.5mm, at most {FARTHEST_CM:g} "
-                f"cm, and more than {STALE} readings, counts from 0 on, got {line[:40]!r}."
-            )
-        if len(set(counts)) > 1:
-            differing[number] = [cell for cell in cells if cell]
-        at += [f"{path}, line {number}"] * len(counts)
-        distance += [away_cm] * len(counts)
-        values += counts
-    if not values:
-        raise RecordingError(f"{path}: empty: expected a line for each distance.")
-    sensor, table = int(named[1]), np.full((len(values), SERIES_SENSORS), np.nan)
-    table[:, sensor] = values
-    return SensorRecording(
-        kind="infrared", object="wall", distance_cm=np.array(distance), bearing_deg=np.zeros(len(values)),
-        repeat=np.arange(len(values)), counts=table, from_sensor=sensor, body_said=False, lines=at,
-        source=str(path), hash=_digest(path.read_bytes()),
-        warnings=tuple(_copies(path, differing, "leave them out")),
-        notes=f"sensor {sensor} of a Thymio II before a wall, the first {STALE} readings of a row left out",
-    )  # fmt: skip

@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from realitygap.calibration.recordings import FACTS, Recording, SensorRecording, load_recording
+from realitygap.calibration.load import FACTS, load_recording
+from realitygap.calibration.recordings import Recording, SensorRecording
 from realitygap.errors import CalibrationError
 from realitygap.files import as_path, atomic_write, move_whole, read_toml, to_toml, written_together
 from realitygap.robots.address import Address, as_scale
@@ -43,7 +44,7 @@ NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for each plan."""
 MEASURING = ("auto", "measured")
 """Forms whose fit of the proximity sensors takes so long that all workers share it."""
-RECIPE = 7
+RECIPE = 8
 """Increased whenever the same settings would make another profile."""
 FIT = "fit"
 
@@ -105,18 +106,8 @@ def calibrated_unit(
 def calibrated_again(
     folder: str | Path, *, of: Path, share: float = 1.0, form: str | None = None, workers: Workers = 1
 ) -> Path:
-    """Another profile of a unit from its recordings, or from a share of their places (`calibrate_share`).
-
-    Args:
-        folder: the profile's own; created if missing.
-        of: the unit's folder, with all of its recordings.
-        share: of the places of each recording of sensors, above 0; one place at least.
-        form: as of `calibrate`; None: the unit's own.
-        workers: as of `calibrated_unit`.
-
-    Returns:
-        The path of `folder/robot.toml`.
-    """
+    """Another profile of the unit in folder `of` from its recordings, or from a `share` of their places
+    (`calibrate_share`), in another `form` than the unit's own."""
     known = Unit(of).settings | ({"share": share} if share < 1 else {}) | ({"form": form} if form else {})
     known["of"] = os.path.relpath(of.resolve(), Path(folder).resolve())
     return _calibrated(folder, known, workers)
@@ -157,7 +148,7 @@ def _known_of(robot: str, base: str | None = None) -> dict[str, Any]:
     with closing(Address.parse(str(robot)).open()) as body:
         tasks_of(plan, body)
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
-        grid = getattr(body, "infrared_grid", None)
+        grid = body.infrared_grid
     places = {"bearings": grid[0], "distances_cm": list(grid[1])} if grid else {}
     return {"robot": robot, "parts": [name for name in PARTS if NEEDS[_kind_of(name)] in kinds], **places}
 
@@ -317,14 +308,13 @@ class Unit:
 
 
 def thinned(recording: SensorRecording, share: float, seed: int) -> SensorRecording:
-    """The recording with a share of its places, at least one, and none between them; a larger share contains
-    a smaller one."""
+    """The recording with a share of its places, at least one; a larger share contains a smaller one."""
     place = recording.place()
     drawn = np.random.default_rng(seed).permutation(place.max() + 1)
     rows = np.isin(place, drawn[: max(1, round(share * len(drawn)))])
     names = ("distance_cm", "bearing_deg", "repeat", "counts", "pose", "speed_cm_s")
     there = {name: column for name in names if (column := getattr(recording, name)) is not None}
-    return replace(recording, edges=None, lines=(), **{name: column[rows] for name, column in there.items()})
+    return replace(recording, lines=(), **{name: column[rows] for name, column in there.items()})
 
 
 def calibrate_share(

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from realitygap.cli import option
-from realitygap.cli.kinds import FileToWrite
-from realitygap.cli.output import Figure, print_json, table, warn
+from realitygap.cli import options
+from realitygap.cli.console import print_json, shown, table, warn
 
 if TYPE_CHECKING:
-    from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.channel_fit import ChannelFit
+    from realitygap.calibration.calibrate import Calibration, ChannelFit
     from realitygap.calibration.judge import Judgement
     from realitygap.work.pool import Workers
 
@@ -27,33 +25,42 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path())
 @click.option(
-    "--form", type=click.Choice(FORMS), default="auto",
+    "--form",
+    type=click.Choice(FORMS),
+    default="auto",
     help="Which constants are free; auto: extended or measured, whichever errs less on places held out.",
-)  # fmt: skip
+)
 @click.option(
     "--light", type=click.Choice(LIGHT_FORMS), help="Form for ambient light [default: that of --form]."
 )
 @click.option(
-    "--object", "objects", multiple=True, metavar="O",
+    "--object",
+    "objects",
+    multiple=True,
+    metavar="O",
     help="What .sam tables show: wall, cylinder:RADIUS_CM or lamp; once for all tables, or once for each.",
-)  # fmt: skip
+)
 @click.option(
-    "--base", metavar="P",
+    "--base",
+    metavar="P",
     help="Profile that supplies what the recordings do not cover; the form paper uses the printed laws "
     "[default: what the recorded robot names, or paper].",
-)  # fmt: skip
+)
 @click.option(
-    "--out", type=FileToWrite(".toml", name="TOML"),
+    "--out",
+    type=options.OutFile(".toml"),
     help="The profile to write; its report is saved beside it.",
-)  # fmt: skip
+)
 @click.option(
-    "--report", "page", type=FileToWrite(".html", ".htm", name="HTML"),
+    "--report",
+    "page",
+    type=options.OutFile(".html", ".htm"),
     help="Where to write the report instead.",
-)  # fmt: skip
+)
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option("--check", is_flag=True, help="Judge a profile (last argument) by the recordings before it.")
-@option.workers
-@option.as_json
+@options.workers
+@options.as_json
 def calibrate(
     recordings: tuple[str, ...],
     form: str,
@@ -67,13 +74,14 @@ def calibrate(
     workers: Workers,
     json_output: bool,
 ) -> None:
-    """Fit a robot's constants to recordings, and write a profile for --profile.
+    """Fit a robot's constants to recordings.
 
-    A RECORDING is a folder made by `realitygap record` (or a folder of several), a .sam table, or a
-    Thymio's series (sensor02_light.csv). Forms: paper has the paper's laws with common constants and its
-    printed gains; individual has constants for each sensor, linear light, and refitted gains; extended adds
-    directions, distance offset, exponents, Lambertian surfaces and the lamp's height; measured has no law but
-    rays, a lobe, a curve and noise for each sensor; lookup replays the recorded readings.
+    Writes a profile for --profile. A RECORDING is a folder made by `realitygap record` (or a folder of
+    several), a .sam table, or a Thymio's series (sensor02_light.csv). Forms: paper has the paper's laws with
+    common constants and its printed gains; individual has constants for each sensor, linear light, and
+    refitted gains; extended adds directions, distance offset, exponents, Lambertian surfaces and the lamp's
+    height; measured has no law but rays, a lobe, a curve and noise for each sensor; lookup replays the
+    recorded readings.
 
     \b
     Examples: a profile from two tables; judged on a third
@@ -81,14 +89,13 @@ def calibrate(
         realitygap calibrate --check round.sam robot.toml --object cylinder:2.7
     """
     if check:
-        _refuse_unused()
         _check(recordings, objects, json_output)
         return
     if out is None:
         raise click.UsageError("--out: missing: say where to write the profile, as in --out robot.toml.")
     from realitygap import api
 
-    page = None if no_report else page or _beside(out)
+    page = None if no_report else page or out.with_suffix(".html")
     made = api.calibrate(recordings, base, objects=objects, form=form, light=light, out=out, workers=workers)
     if page is not None:
         from realitygap.report.calibration import write_calibration_page
@@ -99,16 +106,6 @@ def calibrate(
     else:
         _tell(made, out, page)
     warn(made.warnings)
-
-
-def _beside(out: Path) -> Path:
-    """Where the report of a profile goes if nothing is said."""
-    page = out.with_suffix(".html")
-    if page.is_dir():
-        raise click.UsageError(
-            f"--out: {str(page)!r}, where its report would go, is a folder. Name another file with --report."
-        )
-    return page
 
 
 def _facts(made: Calibration) -> dict[str, object]:
@@ -154,11 +151,11 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             by_reading = ", ".join(f"{size:.2f} at {reading:.0f}" for reading, size in e.bins)
             tail += f", depends on the reading: {by_reading}" if e.depends else ""
             click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
-        ratios = ", ".join(f"{m.sensor} {Figure(m.lit_ratio, '.2f')}" for m in fit.judged)
+        ratios = ", ".join(f"{m.sensor} {shown(m.lit_ratio, '.2f')}" for m in fit.judged)
         share = fit.ratio * fit.deviation / made.profile.channel(fit.kind).top
         click.echo(
             "  model error over noise, held out, neither dark nor saturated: "
-            f"{Figure(fit.ratio, '.2f')} ({ratios}), {Figure(share, '.1%')} of the full scale"
+            f"{shown(fit.ratio, '.2f')} ({ratios}), {shown(share, '.1%')} of the full scale"
         )
         _tell_misplaced(fit)
         _tell_alike(fit.fit.alike)
@@ -193,30 +190,14 @@ def _tell_alike(alike: tuple[tuple[str, str, float], ...]) -> None:
         click.echo(f"  hard to tell apart: {pairs}{more}")
 
 
-def _refuse_unused() -> None:
-    """Refuse options that belong to a fit where a profile is only judged."""
-    from click.core import ParameterSource
-
-    given = click.get_current_context()
-    for one in given.command.params:
-        used = one.name in ("recordings", "objects", "check", "json_output")
-        if not used and given.get_parameter_source(str(one.name)) is not ParameterSource.DEFAULT:
-            raise click.UsageError(f"{one.opts[0]}: belongs to a fit; --check only judges. Leave it out.")
-
-
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
     from realitygap.api import load_recordings
-    from realitygap.calibration.checks import refuse_twice
+    from realitygap.calibration.calibrate import refuse_twice
     from realitygap.calibration.judge import judge
     from realitygap.world.robot import load_profile
 
     if len(words) < 2:
         raise click.UsageError("--check: expected recordings and, as the last argument, a profile.")
-    if _is_recording(words[-1]):
-        raise click.UsageError(
-            f"--check: expected recordings first and a profile as the last argument, got the recording "
-            f"{words[-1]!r} last. Swap them."
-        )
     profile, read = load_profile(words[-1]), load_recordings(words[:-1], objects)
     refuse_twice(read)
     found = [judge(recording, profile) for recording in read]
@@ -230,11 +211,6 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
     warn(warnings)
 
 
-def _is_recording(word: str) -> bool:
-    path = Path(word)
-    return path.is_dir() or path.name == "recording.toml" or path.suffix.lower() in (".sam", ".csv")
-
-
 def _tell_judgement(one: Judgement) -> None:
     what, unit, used = ("wheel", "cm/s", 3) if one.kind == "wheels" else ("sensor", "counts", 5)
     click.echo(
@@ -244,11 +220,11 @@ def _tell_judgement(one: Judgement) -> None:
         click.echo(f"  {what_differs}: fitted out")
     head = [what, "rmse", "bias", "error/noise where lit", "over all"]
     keys = (("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))[: used - 1]
-    rows = [[m.sensor, *(Figure(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
+    rows = [[m.sensor, *(shown(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
     click.echo(table(head[:used], rows))
     if isfinite(one.ratio):
-        click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; "
-                   f"{one.within:.0%} of places err by two deviations at most")  # fmt: skip
+        within = f"{one.within:.0%} of places err by two deviations at most"
+        click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; {within}")
         _tell_misplaced(one)
     for channel, (measured, stated) in one.noise.items():
         click.echo(f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}")

@@ -1,4 +1,4 @@
-"""`realitygap evolve`: evolve controllers for one task at one level of noise."""
+"""`realitygap reproduce`, `evolve`, `merge` and `report`: what makes studies and their pages."""
 
 from __future__ import annotations
 
@@ -8,30 +8,103 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap.cli import option
-from realitygap.cli.failure import resumable
-from realitygap.cli.notes import note_few, note_new
-from realitygap.cli.scene import note_dark
-from realitygap.cli.studies import show_study
+from realitygap.cli import options
+from realitygap.cli.console import ask_trust, note, note_few, note_new, resumable, tell, warn
+from realitygap.cli.experiment import show_noise
+from realitygap.cli.simulate import note_dark
+from realitygap.cli.study import show_study
+from realitygap.cli.transfer import transfer_lines
+from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from realitygap.study.config import StudyConfig
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
 
-__all__ = ["evolve"]
+__all__ = ["evolve", "merge", "report", "reproduce"]
+
+
+@click.command()
+@options.out("out/reproduce")
+@options.profile(None, "  [default: a profile calibrated first, to unit 1 of the twin]")
+@options.runs("Runs for each task and noise level [default: 5].")
+@options.evaluations
+@options.seed(None, " [default: 1995]")
+@options.starts("Trials of each champion on the twin [default: 8].")
+@options.workers
+@options.engine
+@click.option(
+    "--no-transfer",
+    is_flag=True,
+    help="Stop before the transfer: no trials on the twin. Resuming without it makes them.",
+)
+@options.watch
+@options.resume
+@options.as_json
+def reproduce(
+    out: Path,
+    workers: Workers,
+    engine: str,
+    no_transfer: bool,
+    watch: bool,
+    resume: bool,
+    json_output: bool,
+    **settings: Any,
+) -> None:
+    """Repeat the paper's experiment and write a page about it.
+
+    First, as in the paper, it records the readings of unit 1 of the twin (pseudo-reality: a physics model
+    behind the robot's own serial protocol) and fits the simulation to them. It evolves both tasks in that
+    simulation at all three noise levels, has every champion drive the unit, and films one of each kind.
+    It scores the runs and writes a page about them. --profile paper uses the printed constants and records
+    nothing. With --resume, omitted options keep their saved values.
+
+    \b
+    Example:
+        realitygap reproduce --out out/reproduce
+    """
+    from realitygap import api
+    from realitygap.experiments.reproduction import ASKED
+    from realitygap.study.store import DATABASE
+    from realitygap.transfer.record import load_transfers
+
+    requested = api.reproduction(out, resume, settings)
+    if not resume:
+        note_few(requested.evaluations)
+    else:
+        note_new(out, DATABASE, ASKED)
+    again = (
+        f"reproduce{' --no-transfer' * no_transfer}{options.unusual(engine)} --out {shlex.quote(str(out))}"
+    )
+    with resumable(out, f"realitygap {again} --resume", DATABASE, ASKED), ProgressLine() as progress:
+        study, page = api.carry_out(
+            out,
+            requested,
+            workers=workers,
+            engine=engine,
+            resume=resume,
+            watch=watch,
+            transfer=not no_transfer,
+            on_progress=progress.show,
+        )
+        took = progress.took()
+    made = {} if no_transfer else {"transfers": [one.to_dict() for one in load_transfers(out)]}
+    show_study(out, study, page, made, json_output=json_output)
+    click.echo(took, err=True)
 
 
 @click.command()
 @click.argument("task")
-@option.noise(None, " May be repeated, for several conditions. [default: observed]", several=True)
-@option.spread
-@option.profile(None, " [default: paper]")
-@option.arena
-@option.seed(None, " [default: 1995]")
-@option.runs("Runs [default: 1].")
-@option.evaluations
-@option.out(says="The study's folder [default: out/TASK].")
+@options.noise(None, " May be repeated, for several conditions. [default: observed]", several=True)
+@options.spread
+@options.profile(None, " [default: paper]")
+@options.arena
+@options.seed(None, " [default: 1995]")
+@options.runs("Runs [default: 1].")
+@options.evaluations
+@options.out(says="The study's folder [default: out/TASK].")
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Start from a study's TOML.")
 @click.option(
     "--set",
@@ -40,12 +113,13 @@ __all__ = ["evolve"]
     metavar="KEY=VALUE",
     help="Change one setting, such as evolution.rows=10, variation.mutation=0.1 or task.seconds=10.",
 )
-@option.workers
-@option.engine
-@option.shard
-@option.watch
-@option.resume
-@option.as_json
+@options.workers
+@options.engine
+@options.shard
+@options.watch
+@options.resume
+@options.trust
+@options.as_json
 def evolve(
     task: str,
     spreads: tuple[float, ...],
@@ -56,7 +130,7 @@ def evolve(
     watch: bool,
     resume: bool,
     json_output: bool,
-    **options: Any,
+    **fields: Any,
 ) -> None:
     """Evolve controllers for TASK and make the report.
 
@@ -71,12 +145,12 @@ def evolve(
     from realitygap.study.store import DATABASE
 
     folder = api.folder_of(task, out, shard)
-    chosen = api.study_config(folder, task, spread=spreads, resume=resume, **options)
+    chosen = api.study_config(folder, task, spread=spreads, resume=resume, **fields)
     if not resume:
         _notes(chosen, task)
     else:
         note_new(folder, DATABASE)
-    again = f"evolve {shlex.quote(task)}{option.unusual(engine)}"
+    again = f"evolve {shlex.quote(task)}{options.unusual(engine)}"
     with resumable(folder, f"realitygap {again} --out {shlex.quote(str(folder))} --resume", DATABASE):
         study, page = api.carry_out(
             folder, chosen, workers=workers, engine=engine, resume=resume, shard=shard, watch=watch
@@ -100,3 +174,110 @@ def _notes(config: StudyConfig, task: str) -> None:
     note_dark(loaded, loaded.arena)
     population = config.evolution.make(config.encoding_for(loaded)).cells
     note_few(config.evaluations, population)
+
+
+@click.command()
+@click.argument("shards", nargs=-1, required=True, type=click.Path(path_type=Path))
+@options.out(says="Folder for the merged study [default: the shards' name without -shard-I-of-N].")
+@options.workers
+@options.trust
+@options.as_json
+def merge(
+    shards: tuple[Path, ...], out: Path | None, workers: Workers, trust: bool, json_output: bool
+) -> None:
+    """Merge the shards of a study into one folder.
+
+    SHARDS are the folders that --shard 1/N to N/N made. The result is the same as from one process, to the
+    bit. Every shard must be there, finished, and have the same settings. Nothing is overwritten, and the
+    shards do not change. Trials of `transfer` go into the folder of the study that drove.
+
+    \b
+    Example:
+        realitygap evolve avoidance --runs 9 --out out/nine --shard 1/3   # and 2/3, 3/3, anywhere
+        realitygap merge out/nine-shard-*-of-3
+    """
+    from realitygap import api
+    from realitygap.experiments.noise import CONFIG, NoiseConfig
+    from realitygap.experiments.noise_run import merge_noise, noise_experiment
+    from realitygap.study.load import load_study
+    from realitygap.study.runner import merge_runs
+    from realitygap.study.store import DATABASE
+    from realitygap.transfer.spec import FOLDER as TRANSFERS
+    from realitygap.work.shard import all_shards, read_mark, whole_of
+
+    found = all_shards(shards)
+    target = whole_of(shards[0]) if out is None else out
+    mark = read_mark(shards[0])
+    if mark is not None and mark.work == "transfer":
+        target = target if out is not None else target.with_name(target.name.removesuffix(f"-{mark.work}"))
+        _merge_transfer(found, target, json_output=json_output)
+        return
+    more = {"shards": list(map(str, found.values()))}
+    if mark is not None and mark.work == "experiment noise":
+        with resumable(target, NoiseConfig.from_folder(shards[0]).resuming(target), CONFIG):
+            merge_noise(found, target)
+            _note_versions(load_study(place).versions() for place in sorted((target / "evolved").iterdir()))
+            with ProgressLine() as progress:
+                results = noise_experiment(target, workers=workers, resume=True, on_progress=progress.show)
+            show_noise(target, results, more, json_output=json_output)
+        return
+    for folder in found.values():
+        ask_trust(folder, trust)
+    driven = [folder for folder in found.values() if (folder / TRANSFERS).is_dir()]
+    warn(f"{folder}: its transfers stay there; drive the merged study anew." for folder in driven)
+    with resumable(target, f"realitygap report {shlex.quote(str(target))}", DATABASE):
+        study = merge_runs(found, target)
+        _note_versions([study.versions()])
+        page = api.report(target, study, workers=workers)
+    show_study(target, study, page, more, json_output=json_output)
+
+
+def _merge_transfer(shards: Mapping[Shard, Path], study: Path, *, json_output: bool) -> None:
+    """Put the trials of shards into the folder of the study that drove, and print them."""
+    from realitygap.transfer.record import merge_trials, read_trial
+
+    made = merge_trials(shards, study)
+    tables = (read_trial(one.folder).get("versions", {}) for one in made)
+    _note_versions({name: [value] for name, value in table.items()} for table in tables)
+    facts = {"study": str(study), "transfers": [one.to_dict() for one in made]}
+    tell(json_output, facts, *transfer_lines(made), f"\ntransfers {study / 'transfer'}")
+
+
+def _note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
+    """Note what differed between the machines that made shards: bits may differ too."""
+    from realitygap.api import different_versions
+
+    for difference in different_versions(found):
+        note(difference)
+
+
+@click.command()
+@click.argument("study", type=click.Path(path_type=Path))
+@options.trust
+@options.as_json
+def report(study: Path, trust: bool, json_output: bool) -> None:
+    """Rebuild the report of STUDY.
+
+    STUDY is a folder; its page, figures and tables are made from its database. The folder of a finished noise
+    experiment will do too.
+
+    \b
+    Example:
+        realitygap report out/reproduce
+    """
+    from realitygap import api
+    from realitygap.experiments.experiment import RESULTS
+    from realitygap.experiments.noise import CONFIG
+    from realitygap.report.scores import study_tables
+    from realitygap.study.load import load_study
+    from realitygap.work.pool import opened
+
+    if (study / CONFIG).is_file():
+        show_noise(study, study / RESULTS, {}, json_output=json_output)
+        return
+    ask_trust(study, trust)
+    with opened(None, one_thread=True) as pool:
+        loaded = load_study(study)
+        page = api.report(study, loaded, workers=pool)
+    tables = [table.to_dict() for table in study_tables(loaded)]
+    tell(json_output, {"report": str(page), "tables": tables}, f"report {page}")

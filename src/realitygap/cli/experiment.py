@@ -7,27 +7,29 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap.cli import option
-from realitygap.cli.failure import resumable
-from realitygap.cli.kinds import Whole
-from realitygap.cli.notes import note_new
-from realitygap.cli.output import table, tell
-from realitygap.cli.studies import show_shard
+from realitygap.cli import options
+from realitygap.cli.console import note_new, print_json, resumable, table, tell, warn
+from realitygap.cli.study import show_shard
 from realitygap.work.progress import ProgressLine, counts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from realitygap.experiments.noise import NoiseConfig
+    from realitygap.experiments.realities import Realities
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
 
 __all__ = ["experiment", "show_noise"]
 
+SMALL = {"runs": 2, "starts": 2, "evaluations": 200}
+FEW = 5
+"""Runs a level below which the robots' table has no scores: their means would say nothing."""
+
 
 @click.group()
 def experiment() -> None:
-    """Run a multi-run experiment.
+    """Run an experiment of many runs.
 
     \b
     Example: which level of noise crosses the reality gap best?
@@ -36,32 +38,38 @@ def experiment() -> None:
 
 
 @experiment.command()
-@option.out("out/noise")
+@options.out("out/noise")
 @click.option(
     "--levels",
     metavar="L,L,…",
     help="Noise levels (1 = observed) to evolve at and to compare with [default: 0,0.5,1,2,4].",
 )
-@option.runs("Runs of each task at each level; the units take turns [default: 40].")
+@options.runs("Runs of each task at each level; the units take turns [default: 40].")
 @click.option(
-    "--robot", metavar="R",
+    "--robot",
+    metavar="R",
     help="twin, stranger, enki:MODEL, or a body of your own that places itself, file.py:Class: the only unit "
     "[default: twin].",
-)  # fmt: skip
-@option.base
-@click.option("--units", type=Whole(1, 100), help="Units of the twin, the stranger, or Enki's [default: 3].")
-@click.option("--starts", type=Whole(2, 1000), help="Trials of each controller on each unit [default: 8].")
-@option.evaluations
-@option.twin_noise()
-@option.seed(None, " [default: 1995]")
+)
+@options.base
+@click.option(
+    "--units",
+    type=click.IntRange(1, 100),
+    metavar="N",
+    help="Units of the twin, the stranger, or Enki's [default: 3].",
+)
+@options.starts("Trials of each controller on each unit [default: 8].", least=2)
+@options.evaluations
+@options.twin_noise()
+@options.seed(None, " [default: 1995]")
 @click.option("--tasks", metavar="TASK|both", help="obstacle-avoidance or light-seeking [default: both].")
-@option.seconds
-@option.arena
-@option.workers
-@option.engine
-@option.shard
-@option.resume
-@option.as_json
+@options.seconds
+@options.arena
+@options.workers
+@options.engine
+@options.shard
+@options.resume
+@options.as_json
 def noise(
     out: Path,
     workers: Workers,
@@ -69,7 +77,7 @@ def noise(
     shard: Shard | None,
     resume: bool,
     json_output: bool,
-    **options: Any,
+    **settings: Any,
 ) -> None:
     """Find which noise level crosses the reality gap best.
 
@@ -89,10 +97,10 @@ def noise(
     from realitygap.work.shard import read_mark
 
     out = out if shard is None else shard.folder(out)
-    config = _config(out, resume, options)
+    config = _noise_config(out, resume, settings)
     if resume:
         note_new(out, config.FILE)
-    again = config.resuming(out) + option.unusual(engine)
+    again = config.resuming(out) + options.unusual(engine)
     with resumable(out, again, config.FILE), ProgressLine() as progress:
         results = noise_experiment(
             out, config, workers=workers, engine=engine, resume=resume, shard=shard, on_progress=progress.show
@@ -118,14 +126,14 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output
     tell(json_output, facts, f"{words}\n\nresults {results}\nreport  {page}")
 
 
-def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
+def _noise_config(out: Path, resume: bool, settings: dict[str, Any]) -> NoiseConfig:
     """The usual experiment with what was given; or, resumed, the one that is there."""
     from dataclasses import replace
 
     from realitygap.experiments.noise import NoiseConfig, levels_of, tasks_of
 
     begun = NoiseConfig.begun(out, resume=resume)
-    asked = option.given(options)
+    asked = options.given(settings)
     if asked.get("robot") == "twin":
         if begun.robot is not None:
             raise click.UsageError(f"--robot: expected {begun.robot}, this experiment's robot, got twin.")
@@ -145,3 +153,89 @@ def _config(out: Path, resume: bool, options: dict[str, Any]) -> NoiseConfig:
         if key in asked:
             asked[key] = read(asked[key])
     return replace(begun, **asked)
+
+
+@experiment.command()
+@options.out("out/robots")
+@click.option(
+    "--robot",
+    "robots",
+    multiple=True,
+    metavar="R",
+    help="A robot to include: twin, stranger, enki:MODEL, or a body of your own that places "
+    "itself, file.py:Class; may be repeated.",
+)
+@click.option("--only", is_flag=True, default=None, help="Only those that --robot names.")
+@options.base
+@click.option("--small", is_flag=True, help="A small version, in minutes: 2 runs, 2 starts, 200 evaluations.")
+@click.option("--levels", metavar="L,L,…", help="Noise levels (1 = observed) [default: 0,1,2].")
+@options.runs("Runs at each level [default: 6].")
+@options.starts("Trials of each controller [default: 4].", least=2)
+@options.evaluations
+@options.seed(None, " [default: 1995]")
+@options.seconds
+@options.workers
+@options.resume
+@options.as_json
+def robots(
+    out: Path, workers: Workers, small: bool, resume: bool, json_output: bool, **settings: Any
+) -> None:
+    """Calibrate, evolve and transfer on several robots.
+
+    They are the twin, the robots of EPFL's simulator Enki (its Khepera, e-puck and Thymio II)
+    and those that --robot names. Each robot is recorded, and a simulation calibrated to it. Controllers
+    that avoid obstacles evolve in it at every noise level, drive the robot and are compared with the
+    simulation. Prints one matrix for all: model error over noise, beside that of real robots' readings;
+    noise; correspondence by level; and where the simulation is as noisy as the robot. Robots that are
+    not installed are left out, unless --robot names them. With --resume, omitted options keep their saved
+    values.
+
+    \b
+    Examples: a small one to try; a robot of your own beside all others; two of Enki's alone
+        realitygap experiment robots --small
+        realitygap experiment robots --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
+        realitygap experiment robots --only --robot enki:epuck --robot enki:thymio2 --out out/enki
+    """
+    from realitygap.experiments.realities import carry_out
+    from realitygap.report.experiment import build_realities_page, matrix, noise_summary
+
+    asked = _robots_config(out, resume, {**(SMALL if small else {}), **options.given(settings)})
+    if resume:
+        note_new(out, asked.FILE)
+    with resumable(out, asked.resuming(out), asked.FILE), ProgressLine() as progress:
+        places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
+        few = asked.runs < FEW
+        drawn = counts(progress.show, "making the report", "figures")
+        page = build_realities_page(out, places, few=few, on_progress=drawn)
+    warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
+    if json_output:
+        made = [
+            {"robot": one.robot, "folder": str(one.folder), **noise_summary(one.folder)}
+            for one in places
+            if not one.why
+        ]
+        left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
+        print_json({"folder": str(out), "report": str(page), "robots": made, "left_out": left})
+        return
+    rows = matrix(places, few=few)
+    click.echo(f"{table(rows.head, rows.rows)}\n\nreport {page}")
+
+
+def _robots_config(out: Path, resume: bool, given: dict[str, Any]) -> Realities:
+    """The usual one with what was given; or, resumed, the one that is there."""
+    from dataclasses import replace
+
+    from realitygap.experiments.noise import levels_of
+    from realitygap.experiments.realities import Realities
+
+    begun = Realities.begun(out, resume=resume)
+    if not given["robots"]:
+        del given["robots"]
+        if begun.programs:
+            raise click.UsageError(
+                f"--robot: expected {', '.join(begun.robots)}, the robots of this experiment: programs, "
+                "which run only when you name them."
+            )
+    if "levels" in given:
+        given["levels"] = levels_of(given["levels"])
+    return replace(begun, **given)

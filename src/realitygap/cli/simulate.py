@@ -1,30 +1,53 @@
-"""`realitygap simulate`: one trial, step by step."""
+"""`realitygap simulate`, `probe`, `list`, `profile`, `arena`: a robot in an arena, and what there is."""
 
+from __future__ import annotations
+
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap.cli import option
-from realitygap.cli.output import tell
-from realitygap.cli.scene import facts, path_table, placed
+from realitygap.cli import options
+from realitygap.cli.console import note, shown, table, tell
 
-__all__ = ["simulate"]
+if TYPE_CHECKING:
+    from realitygap.simulation.simulation import Simulation
+    from realitygap.tasks.task import Task
+    from realitygap.track import Trajectory
+    from realitygap.values import Pose
+    from realitygap.world.arena import Arena
+
+__all__ = [
+    "arena", "list_shipped", "note_dark", "path_table", "probe", "profile", "simulate", "simulation_facts",
+]  # fmt: skip
+
+EVERY = 10
+"""Steps of a trajectory from one row that is shown to the next."""
 
 
 @click.command()
 @click.argument("task")
-@option.controller()
-@option.pose()
-@option.profile()
-@option.arena
-@option.noise()
-@option.seed()
-@option.seconds
-@option.picture
-@option.as_json
+@options.controller()
+@options.pose()
+@options.profile()
+@options.arena
+@options.noise()
+@options.seed()
+@options.seconds
+@options.picture
+@options.as_json
 def simulate(
-    controller: str, seed: int, seconds: float | None, picture: Path | None, json_output: bool, **where: Any
+    task: str,
+    controller: str,
+    pose: options.Numbers,
+    profile: str,
+    arena: str | None,
+    noise: float,
+    seed: int,
+    seconds: float | None,
+    picture: Path | None,
+    json_output: bool,
 ) -> None:
     """Simulate one trial of TASK.
 
@@ -34,20 +57,188 @@ def simulate(
 
     \b
     Example:
-        realitygap simulate avoidance --controller constant:5,-3 --pose 25 25 90 --json
+        realitygap simulate avoidance --controller constant:5,-3 --pose 25,25,90 --json
     """
     from realitygap.control.controllers import named_controller
     from realitygap.simulation.body import drive_simulated
 
-    simulation, pose = placed(**where)
-    task = simulation.task
-    driver = named_controller(controller, task.feeds, len(simulation.task.sensors))
-    trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=pose, seconds=seconds)
+    simulation, place = _placed(task, profile, noise, pose, arena)
+    played = simulation.task
+    driver = named_controller(controller, played.feeds, len(played.sensors))
+    trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=place, seconds=seconds)
     if picture is not None:
         from realitygap.report import save_picture
 
-        save_picture(picture, task, simulation.profile, trajectory, task.title)
-    told = [f"\nscore {score:.6g}, end at ({trajectory.end.x:.1f}, {trajectory.end.y:.1f}) cm"]
-    told += [] if picture is None else [f"picture {picture}"]
-    found = {**facts(simulation, seed), **trajectory.to_dict(), "score": score}
-    tell(json_output, found, path_table(trajectory), *told)
+        save_picture(picture, played, simulation.profile, trajectory, played.title)
+    lines = [f"\nscore {score:.6g}, end at ({trajectory.end.x:.1f}, {trajectory.end.y:.1f}) cm"]
+    lines += [] if picture is None else [f"picture {picture}"]
+    found = {**simulation_facts(simulation, seed), **trajectory.to_dict(), "score": score}
+    tell(json_output, found, path_table(trajectory), *lines)
+
+
+@click.command()
+@click.argument("task")
+@options.pose()
+@options.profile()
+@options.arena
+@options.noise()
+@options.seed()
+@click.option("--repeat", type=click.IntRange(1, 10**6), default=1, metavar="N", help="Read N times.")
+@options.as_json
+def probe(
+    task: str,
+    pose: options.Numbers,
+    profile: str,
+    arena: str | None,
+    noise: float,
+    seed: int,
+    repeat: int,
+    json_output: bool,
+) -> None:
+    """Read a robot's sensors at a place in TASK's arena.
+
+    Readings are whole counts, as the robot's converter gives them; at noise zero they are shown
+    before rounding.
+
+    \b
+    Example: what the paper's model reads facing a cylinder, without noise
+        realitygap probe avoidance --pose 25,15,180 --noise zero
+    """
+    simulation, place = _placed(task, profile, noise, pose, arena)
+    proximity, ambient = simulation.probe(place, stream=seed, repeat=repeat)
+    found, lines = {"proximity": proximity, "ambient": ambient}, []
+    for title, readings in found.items():
+        if readings.shape[1]:
+            rows = [[k, *(f"{round(one, 2):.15g}" for one in row)] for k, row in enumerate(readings.tolist())]
+            head = ["reading", *(f"s{i}" for i in range(readings.shape[1]))]
+            lines += [f"{title}, counts", table(head, rows)]
+    tell(json_output, {**simulation_facts(simulation, seed), **found}, *lines)
+
+
+def _placed(
+    task: str, profile: str, noise: float, pose: options.Numbers, arena: str | None
+) -> tuple[Simulation, Pose]:
+    """The simulation that a person names, and the robot's pose there; task, profile and an arena instead of
+    the task's own by name or file.
+
+    Raises:
+        BadParameter: the robot cannot stand at the pose.
+    """
+    from realitygap.simulation.simulation import Simulation
+    from realitygap.tasks import Start, load_task
+    from realitygap.world.arena import load_arena
+    from realitygap.world.robot import load_profile
+
+    loaded, robot = load_task(task), load_profile(profile)
+    place_in = loaded.arena if arena is None else load_arena(arena)
+    place = options.checked_pose(pose, place_in, robot)
+    note_dark(loaded, place_in)
+    faces = (place.heading_deg, place.heading_deg)
+    start = Start(x_cm=place.x, y_cm=place.y, heading_deg=faces)  # the task's own need not be free here
+    return Simulation(replace(loaded, arena=place_in, start=start), robot, noise), place
+
+
+def simulation_facts(simulation: Simulation, seed: int) -> dict[str, Any]:
+    """What a person needs to reproduce the figures."""
+    task, profile = simulation.task, simulation.profile
+    names = {"task": task.name, "arena": task.arena.name, "profile": profile.name}
+    return {**names, "noise": simulation.noise, "seed": seed}
+
+
+def note_dark(task: Task, arena: Arena) -> None:
+    """Note it if a task that feeds ambient light runs where there is no lamp."""
+    if "ambient" in task.kinds and not arena.lamps:
+        note(f"arena {arena.name!r} has no lamp: the light sensors that task {task.name!r} feeds read dark")
+
+
+def path_table(trajectory: Trajectory) -> str:
+    """Every tenth step of a trajectory."""
+    rows: list[list[object]] = []
+    places = (trajectory.t, trajectory.x, trajectory.y, trajectory.heading_deg)
+    for k in range(0, len(trajectory.t), EVERY):
+        place, wheels = (
+            [shown(value, ".1f") for value in row] for row in ([p[k] for p in places], trajectory.wheels[k])
+        )
+        touched = "yes" if trajectory.contact[k : k + EVERY].any() else ""
+        rows.append([*place, *map(int, trajectory.commands[k]), *wheels, touched])
+    head = ("t s", "x cm", "y cm", "heading°", "left", "right", "wheel l", "wheel r", "contact")
+    return table(head, rows)
+
+
+@click.command("list")
+@options.as_json
+def list_shipped(json_output: bool) -> None:
+    """List the tasks, arenas and robot profiles there are.
+
+    \b
+    Example:
+        realitygap list
+    """
+    from realitygap.tasks import TASKS
+    from realitygap.world.toml import shipped
+
+    found = {"tasks": TASKS, **{kind: shipped(kind) for kind in ("arenas", "profiles")}}
+    tell(json_output, found, *(f"{kind}: {', '.join(names)}" for kind, names in found.items()))
+
+
+def _show(folder: str, name: str, loaded: Any, json_output: bool) -> None:
+    """A shipped file as it is, with its comments, or a user's as it was read."""
+    from realitygap.world.toml import shipped_text
+
+    tell(json_output, loaded.to_dict(), (shipped_text(folder, name) or loaded.to_toml()).rstrip())
+
+
+@click.group()
+def arena() -> None:
+    """Show arenas.
+
+    \b
+    Example:
+        realitygap arena show light-seeking
+    """
+
+
+@arena.command("show")
+@click.argument("name")
+@options.as_json
+def show_arena(name: str, json_output: bool) -> None:
+    """Print an arena's walls, cylinders and lamps.
+
+    NAME is a shipped arena or a TOML file. Without --json this is TOML: save it, change it, and give the file
+    to --arena.
+
+    \b
+    Example: an arena of your own
+        realitygap arena show obstacle-avoidance > arena.toml
+    """
+    from realitygap.world.arena import load_arena
+
+    _show("arenas", name, load_arena(name), json_output)
+
+
+@click.group()
+def profile() -> None:
+    """Show robot profiles.
+
+    \b
+    Example:
+        realitygap profile show paper
+    """
+
+
+@profile.command("show")
+@click.argument("name")
+@options.as_json
+def show_profile(name: str, json_output: bool) -> None:
+    """Print all constants of a robot.
+
+    NAME is a shipped profile or a TOML file. Without --json this is TOML: save it, change it, and give the
+    file to --profile.
+
+    \b
+    Example: a robot of your own
+        realitygap profile show paper > mine.toml
+    """
+    from realitygap.world.robot import load_profile
+
+    _show("profiles", name, load_profile(name), json_output)

@@ -1,4 +1,4 @@
-"""`realitygap transfer`: let evolved individuals drive a robot, as they drove in simulation."""
+"""`realitygap transfer` and `drive`: a robot is driven, as in the simulation from the same starts."""
 
 from __future__ import annotations
 
@@ -6,33 +6,31 @@ import math
 import shlex
 import sys
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from realitygap.cli import option
-from realitygap.cli.failure import StoppedError
-from realitygap.cli.kinds import Whole
-from realitygap.cli.notes import ask_trust
-from realitygap.cli.output import shown, table, tell
-from realitygap.cli.studies import show_shard
+from realitygap.cli import options
+from realitygap.cli.console import StoppedError, ask_trust, shown, table, tell
+from realitygap.cli.study import show_shard
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from realitygap.robots.address import Address
     from realitygap.transfer.run import TransferredTrial
     from realitygap.transfer.spec import TrialSpec
     from realitygap.values import Pose
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
 
-__all__ = ["told_transfers", "transfer"]
+__all__ = ["drive", "transfer", "transfer_lines"]
 
 NEAR_CM, NEAR_DEG = 3.0, 20.0
 """If a robot is seen farther than this from its start, the person is asked."""
-
 
 SIDES = (
     "to the right (+x)", "to the upper right", "up (+y)", "to the upper left",
@@ -42,26 +40,25 @@ SIDES = (
 
 
 @click.command()
-@click.argument("study", type=click.Path())
+@click.argument("study", type=click.Path(path_type=Path))
 @click.argument("runs", metavar="[RUN]...", nargs=-1)
 @click.option(
     "--robot",
     "robots",
     multiple=True,
     required=True,
+    metavar="R",
     help="twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, "
     "thymio:PORT, or a body of your own, file.py:Class; may be repeated.",
 )
-@click.option(
-    "--starts", type=Whole(1, 10**6), default=1, help="Trials of each run, each from its own start."
-)
+@options.starts("Trials of each run, each from its own start.", default=1)
 @click.option(
     "--individual",
     type=click.Choice(["champion", "fittest"]),
     default="champion",
     help="champion (retested), or fittest (as in the paper).",
 )
-@option.controller(required=False)
+@options.controller(required=False)
 @click.option("--film/--no-film", default=False, help="Keep a film and track it.")
 @click.option(
     "--view",
@@ -71,30 +68,36 @@ SIDES = (
     "OSMesa library. An existing film is kept.",
 )
 @click.option(
-    "--watch/--no-watch",
-    default=True,
-    help="Take paths from the overhead camera; otherwise from the wheels, which miss slip.",
+    "--path-from",
+    type=click.Choice(["camera", "wheels"]),
+    default="camera",
+    help="Where unfilmed paths come from: the overhead camera, or the wheels, which miss slip.",
 )
 @click.option("--camera", metavar="FILE", help="Calibration of the live camera (camera.json).")
 @click.option(
-    "--eye", metavar="DEVICE", help="The live camera over a real robot: its number, a video file or a stream."
+    "--camera-device",
+    "eye",
+    metavar="DEVICE",
+    help="The live camera over a real robot: its number, a video file or a stream.",
 )
-@option.marker
-@click.option(
-    "--disk",
-    metavar="FILE",
-    help="TOML file of the disk that a real robot wears [default: the shipped disk].",
-)
-@option.twin_noise()
-@option.seed(None, " [default: the study's]")
-@option.seconds
-@option.baud()
-@option.workers
-@option.shard
-@option.trust
-@option.as_json
+@options.marker
+@options.disk
+@options.twin_noise()
+@options.seed(None, " [default: the study's]")
+@options.seconds
+@options.baud()
+@options.workers
+@options.shard
+@options.trust
+@options.as_json
 def transfer(
-    study: str, workers: Workers, shard: Shard | None, trust: bool, json_output: bool, **words: Any
+    study: Path,
+    workers: Workers,
+    shard: Shard | None,
+    path_from: str,
+    trust: bool,
+    json_output: bool,
+    **settings: Any,
 ) -> None:
     """Drive a robot with evolved individuals of STUDY.
 
@@ -111,7 +114,7 @@ def transfer(
     Examples: on two units of the twin, filmed; on a robot that you carry to its starts, under a camera; a
     controller of your own
         realitygap transfer out/reproduce 9 24 --robot twin:1 --robot twin:2 --film
-        realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --camera camera.json --eye 0
+        realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --camera camera.json --camera-device 0
         realitygap transfer out/reproduce 9 --robot twin:1 --controller my.py:decide --starts 8
     """
     from realitygap.study.load import load_study
@@ -121,40 +124,36 @@ def transfer(
 
     ask_trust(study, trust)
     loaded = load_study(study)
-    options = Transfer(**words)
-    option.check_baud(*options.bodies)
-    carry = partial(_carry, seen=options.eye is not None)
-    home = place_of(loaded.folder, options) if shard is None else shard_folder(loaded.folder, shard)
+    asked = Transfer(watch=path_from == "camera", **settings)
+    carry = partial(_carry, seen=asked.eye is not None)
+    home = place_of(loaded.folder, asked) if shard is None else shard_folder(loaded.folder, shard)
     operator = Operator(carry, _found, partial(click.echo, err=True))
     try:
-        with ProgressLine(after_s=0) as line:  # a person may be asked things first
+        with ProgressLine() as line:
             made = run_transfer(
-                loaded, options, workers=workers, operator=operator, shard=shard, on_progress=line.show
+                loaded, asked, workers=workers, operator=operator, shard=shard, on_progress=line.show
             )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
-        raise StoppedError(_stopped(stop, str(home / FOLDER))) from None
-    facts, lines = {"transfers": [one.to_dict() for one in made]}, told_transfers(made)
+        raise StoppedError(_stopped(stop, home / FOLDER)) from None
+    facts, lines = {"transfers": [one.to_dict() for one in made]}, transfer_lines(made)
     if shard is not None:
         show_shard(home, facts, *lines, json_output=json_output)
         return
     where = (f"\ntransfers {one.folder.parents[2]}" for one in made[:1])
-    tell(json_output, {"study": study, **facts}, *lines, *where)
+    tell(json_output, {"study": str(study), **facts}, *lines, *where)
 
 
-def told_transfers(made: list[TransferredTrial]) -> Iterator[str]:
+def transfer_lines(made: list[TransferredTrial]) -> Iterator[str]:
     """A table with a line per trial, then what went wrong."""
-    rows = [
-        [
-            one.robot, one.name, one.start, shown(one.fitness_simulated), shown(one.fitness_situated),
-            one.situated_from, one.late_steps,
-        ]
-        for one in made
-    ]  # fmt: skip
+    rows = []
+    for one in made:
+        fitness = map(shown, (one.fitness_simulated, one.fitness_situated))
+        rows.append([one.robot, one.name, one.start, *fitness, one.situated_from, one.late_steps])
     yield table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows)
     for one in made:
         if one.missed_steps:
-            told = f"{one.missed_steps} steps had no answer in time; the last readings were used instead"
-            yield f"{one.robot}, start {one.start}: {told}"
+            missed = f"{one.missed_steps} steps had no answer in time; the last readings were used instead"
+            yield f"{one.robot}, start {one.start}: {missed}"
         if one.timing:
             yield f"{one.robot}, {one.name}, start {one.start}: {one.timing}; it is left out of scores"
         if one.trouble:
@@ -170,17 +169,15 @@ def _carry(one: TrialSpec, pose: Pose, *, seen: bool) -> None:
         f"facing {side}: {pose.heading_deg:.0f}°, counter-clockwise from +x.",
         err=True,
     )
-    enter = "Press Enter when it is in place and your hand is away" if seen else "Press Enter to start it"
-    click.prompt(enter, default="", show_default=False, prompt_suffix=" ", err=True)
+    _answer("Press Enter when it is in place and your hand is away" if seen else "Press Enter to start it")
 
 
 def _found(one: TrialSpec, requested: Pose, seen: Pose | None) -> bool:
     """Tell a person where the camera sees the robot; ask where it is not seen, or far from its start."""
     if seen is None:
         click.echo("The camera does not see the robot.", err=True)
-        return _answered(
-            "Type w to start it as if it were exactly at the requested pose; press Enter to look again"
-        )
+        start = "Type w to start it as if it were exactly at the requested pose; press Enter to look again"
+        return _answer(start) == "w"
     from realitygap.values import Pose
 
     off = math.hypot(seen.x - requested.x, seen.y - requested.y)
@@ -192,17 +189,90 @@ def _found(one: TrialSpec, requested: Pose, seen: Pose | None) -> bool:
     )
     if off <= NEAR_CM and abs(turned) <= NEAR_DEG:
         return True
-    return _answered("That is far off. Type w to start it anyway; press Enter to look again")
+    return _answer("That is far off. Type w to start it anyway; press Enter to look again") == "w"
 
 
-def _answered(question: str) -> bool:
+def _answer(question: str) -> str:
     said = click.prompt(question, default="", show_default=False, prompt_suffix=" ", err=True)
-    return bool(said.strip().lower() == "w")
+    return str(said).strip().lower()
 
 
-def _stopped(stop: BaseException, kept: str) -> str:
+def _stopped(stop: BaseException, kept: Path) -> str:
     if isinstance(stop, RobotStoppedError):
         return str(stop)
     again = f"realitygap transfer {shlex.join(sys.argv[2:])}" if sys.argv[1:2] == ["transfer"] else ""
     cure = f"continue with `{again}`" if again else "the same command continues"
     return f"stopped; finished trials are kept in {kept}; {cure}"
+
+
+@click.command()
+@click.argument("task")
+@options.controller()
+@click.option(
+    "--robot",
+    type=options.ROBOT,
+    default="twin:1",
+    help="It must place itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2) or FILE.py:CLASS.",
+)
+@options.pose(required=False)
+@options.starts("Trials, each from a start that the task draws.", default=1)
+@options.profile()
+@options.arena
+@options.noise()
+@options.twin_noise()
+@options.seed()
+@options.seconds
+@options.out(says="Keep the tracks there, for `realitygap score DIR`.")
+@options.as_json
+def drive(
+    task: str,
+    controller: str,
+    robot: Address,
+    pose: options.Numbers | None,
+    starts: int,
+    profile: str,
+    arena: str | None,
+    noise: float,
+    twin_noise: float | None,
+    seed: int,
+    seconds: float | None,
+    out: Path | None,
+    json_output: bool,
+) -> None:
+    """Drive a robot with a controller of your own.
+
+    It is simulated from the same starts. You need no study: the controller is a file of yours. TASK is
+    obstacle-avoidance, light-seeking or a Python file of your own. The robot must have the sensors of
+    --profile.
+
+    \b
+    Example:
+        realitygap drive avoidance --controller my.py:decide --robot twin:1 --starts 3 --out out/mine
+        realitygap score out/mine
+    """
+    from realitygap.control.controllers import named_controller
+    from realitygap.simulation.simulation import Simulation
+    from realitygap.transfer.drive import pairs
+
+    simulation = Simulation(task, profile, noise, arena)
+    at = None if pose is None else options.checked_pose(pose, simulation.task.arena, simulation.profile)
+    driver = named_controller(controller, simulation.task.feeds, len(simulation.task.sensors))
+    made = list(
+        pairs(
+            simulation,
+            driver,
+            robot,
+            starts=starts,
+            pose=at,
+            seed=seed,
+            seconds=seconds,
+            twin_noise=twin_noise,
+            folder=out,
+        )
+    )
+    facts = {"task": simulation.task.name, "robot": str(robot), "trials": [one.to_dict() for one in made]}
+    rows = [
+        [one.start, shown(one.score_simulated), shown(one.score_situated), one.track.lost] for one in made
+    ]
+    kept = () if out is None else (f"\ntracks {out}",)
+    tell(json_output, facts, table(("start", "simulated", "situated", "steps lost"), rows), *kept)

@@ -173,28 +173,30 @@ def count_networks(networks: Networks, inputs: int) -> int:
     """How many networks there are, each of so many inputs.
 
     Raises:
-        UsageError: something else, or another number of inputs.
+        UsageError: an array of another type or shape, or another number of inputs.
     """
     if not isinstance(networks, Networks):
         raise UsageError(f"networks: expected what `decode` makes of genotypes, got {shown(networks)}.")
-    if (networks.inputs != inputs).any():
-        got = networks.inputs[networks.inputs != inputs][0]
+    n, (_, m), (_, k, _) = len(networks.inputs), networks.thresholds.shape, networks.links.shape
+    shapes = ((n,), (n,), (n, m), (n, k, 4), (n,), (n, k, 4), (n, m + 1))
+    arrays: tuple[Any, ...] = networks
+    if tuple(one.shape for one in arrays) != shapes or tuple(one.dtype for one in arrays) != KINDS:
+        expected = ", ".join(f"{kind}{list(shape)}" for kind, shape in zip(KINDS, shapes, strict=True))
+        raise UsageError(f"networks: expected {expected}, got {', '.join(map(shown, arrays))}.")
+    if others := set(networks.inputs.tolist()) - {inputs}:
+        got = min(others)
         raise UsageError(f"networks: inputs: expected networks of the task's {inputs}, got one of {got}.")
-    return len(networks.inputs)
+    return n
 
 
 def check_networks(networks: Networks, inputs: int) -> None:
-    """Refuse a user's networks that would lead compiled code out of its arrays.
+    """Refuse a user's networks with a link out of range, which would lead compiled code out of its arrays.
 
     Raises:
-        UsageError: an array of another type or shape, another number of inputs, or a link out of range.
+        UsageError: also as of `count_networks`.
     """
-    n, (_, m), (_, k, _) = count_networks(networks, inputs), networks.thresholds.shape, networks.links.shape
-    shapes = ((n,), (n,), (n, m), (n, k, 4), (n,), (n, k, 4), (n, m + 1))
-    arrays: tuple[Any, ...] = networks
-    for name, one, kind, shape in zip(Networks._fields, arrays, KINDS, shapes, strict=True):
-        if (one.dtype, one.shape) != (kind, shape):
-            raise UsageError(f"networks.{name}: expected {kind}{list(shape)}, got {shown(one)}.")
+    count_networks(networks, inputs)
+    m, k = networks.thresholds.shape[1], networks.links.shape[1]
     last, sensed, links = networks.neurons, networks.sensor_links, networks.links
     limits = (
         (last, 2, m + 1), (networks.sensor_count, 0, k + 1), (networks.link_start, 0, k + 1),

@@ -207,7 +207,7 @@ def decode(genes: Genes, inputs: int, *, prune: bool = True) -> Networks:
     """
     genes = genes[np.newaxis] if np.ndim(genes) == 2 else genes
     refuse_wrong(genes, inputs)
-    networks: Networks = dense_networks(np.ascontiguousarray(genes), inputs, bool(prune))
+    networks: Networks = dense_networks(np.array(genes, order="C"), inputs, bool(prune))
     return networks
 
 

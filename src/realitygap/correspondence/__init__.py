@@ -5,8 +5,7 @@ from realitygap.lazy import names_of
 __all__, __getattr__ = names_of(__name__, {
     "judging": "agreement blind_pairs read_marks",
     "names": "Name Namer namer",
-    "reading": "read_transfer read_trials",
     "score": "Comparison behaviour_score compare",
     "setting": "Setting setting_of",
-    "trials": "Trial trial_of",
+    "trials": "Trial read_transfer read_trials trial_of",
 })  # fmt: skip

@@ -1,28 +1,35 @@
 """Human judges: blind pairs of trials, their ratings, and the agreement of the score with them."""
 
-import hashlib
-import json
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from realitygap.correspondence.setting import Setting
-from realitygap.correspondence.statistics import Correlation, correlation
 from realitygap.correspondence.trials import Trial
 from realitygap.errors import TrackError
 from realitygap.files import read_table
-from realitygap.world.arena import Arena
+from realitygap.values import Floats
 
-__all__ = ["Agreement", "Pair", "agreement", "blind_pairs", "page", "read_marks"]
+__all__ = ["Agreement", "Correlation", "Pair", "agreement", "blind_pairs", "correlation", "read_marks"]
 
 Row = dict[str, Any]
 MARKS = ("pair", "judge", "mark")
 FRAMES_HZ = 10
-ROOM = ("cylinders", "walls", "lamps")
+MARGIN_CM = 4.0
+"""Around the tracks, where no arena is known."""
+
+
+class Correlation(NamedTuple):
+    """Correlation of two figures over `pairs`: Pearson's r, Spearman's rho, and r's interval (95 %)."""
+
+    r: float
+    rho: float
+    interval: tuple[float, float]
+    pairs: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +75,19 @@ class Agreement:
         }  # fmt: skip
 
 
+def correlation(first: Sequence[float] | Floats, second: Sequence[float] | Floats) -> Correlation:
+    """Of two lists of numbers, with a bootstrap over their pairs; NaN where one of them is constant."""
+    from scipy.stats import rankdata
+
+    x, y = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    rows = np.random.default_rng(0).integers(0, len(x), (2000, len(x)))
+    with np.errstate(invalid="ignore"):
+        made = [float(np.corrcoef(x[row], y[row])[0, 1]) for row in rows]
+        r, rho = (float(np.corrcoef(*two)[0, 1]) for two in ((x, y), (rankdata(x), rankdata(y))))
+    low, high = np.nanquantile(made, [0.025, 0.975]) if np.isfinite(made).any() else (np.nan, np.nan)
+    return Correlation(r, rho, (float(low), float(high)), len(x))
+
+
 def blind_pairs(
     pairs: Sequence[Pair], setting: Setting, *, seed: int = 0
 ) -> tuple[dict[str, Any], list[Row]]:
@@ -77,24 +97,18 @@ def blind_pairs(
         the page's data, which reveal neither sides nor names; and rows of the key.
     """
     draw = np.random.default_rng(seed)
+    places = np.concatenate([np.stack([t.x, t.y]) for pair in pairs for t in (*pair.a, *pair.b)], axis=1)
+    low, high = places.min(axis=1) - MARGIN_CM, places.max(axis=1) + MARGIN_CM
+    size, low = (setting.arena.size_cm, np.zeros(2)) if setting.arena else ((high - low).tolist(), low)
     shown, key = [], []
     for number, i in enumerate(draw.permutation(len(pairs)), start=1):
         pair = pairs[int(i)]
         swapped = bool(draw.random() < 0.5)
         both = _side_by_side(pair)
-        left, right = ([_film(two[side]) for two in both] for side in (swapped, not swapped))
+        left, right = ([_film(two[side], low) for two in both] for side in (swapped, not swapped))
         shown.append({"pair": number, "left": left, "right": right})
         key.append({"pair": number, "name": pair.name, "left": "b" if swapped else "a", "score": pair.score})
-    return {"arena": _room(setting.arena), "rate": FRAMES_HZ, "pairs": shown}, key
-
-
-def page(data: dict[str, Any]) -> str:
-    """The self-contained page: pairs side by side, ratings 0 to 10, saved in the browser and as a file."""
-    here = Path(__file__).with_name("judge.html").read_text(encoding="utf-8")
-    told = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    name = hashlib.sha256(told.encode()).hexdigest()[:16]  # ratings of another page are kept apart
-    text = json.dumps({**data, "id": name}, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
-    return here.replace("/*DATA*/null", text)
+    return {"size_cm": size, "rate": FRAMES_HZ, "pairs": shown}, key
 
 
 def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
@@ -153,7 +167,7 @@ def _between(marks: dict[int, dict[str, float]], judges: Sequence[str]) -> float
             for of in marks.values() if judge in of and len(of) > 1
         ]  # fmt: skip
         if len(both) >= 3:
-            found.append(correlation(*np.array(both).T, resamples=1).r)
+            found.append(np.corrcoef(*np.array(both).T)[0, 1])
     kept = [r for r in found if np.isfinite(r)]
     return float(np.mean(kept)) if kept else None
 
@@ -172,11 +186,6 @@ def _side_by_side(pair: Pair) -> list[tuple[Trial, Trial]]:
     return made
 
 
-def _film(trial: Trial) -> dict[str, list[float]]:
-    x, y, heading = trial.x.round(2), trial.y.round(2), trial.heading.round(3)
+def _film(trial: Trial, origin: Floats) -> dict[str, list[float]]:
+    x, y, heading = (trial.x - origin[0]).round(2), (trial.y - origin[1]).round(2), trial.heading.round(3)
     return {"x": x.tolist(), "y": y.tolist(), "h": heading.tolist()}
-
-
-def _room(arena: Arena | None) -> dict[str, Any]:
-    plain = arena.plain() if arena else {}
-    return {"size": plain.get("size_cm"), **{name: plain.get(name, []) for name in ROOM}}

@@ -1,30 +1,23 @@
 """Uncertainty of a comparison, and further statistics."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.distances import Distances
 from realitygap.correspondence.trials import RADIUS_CM, STEP_S, Trial
 from realitygap.errors import UsageError
 from realitygap.values import Floats
 
-__all__ = [
-    "Correlation", "correlation", "parting_s", "resampled_weights", "transferability", "two_sample_p",
-]  # fmt: skip
+if TYPE_CHECKING:
+    from realitygap.correspondence.score import Distances
+
+__all__ = ["parting_s", "resampled_weights", "transferability", "two_sample_p"]
 
 NEIGHBOURS = 3
-
-
-class Correlation(NamedTuple):
-    """Correlation of two figures over controllers: Pearson's r, Spearman's rho, and r's interval (95 %)."""
-
-    r: float
-    rho: float
-    interval: tuple[float, float]
-    controllers: int
 
 
 def resampled_weights(distances: Distances, draw: np.random.Generator, count: int) -> tuple[Floats, Floats]:
@@ -108,37 +101,6 @@ def transferability(simulated: Sequence[Trial], situated: Sequence[Trial]) -> fl
     if not _pairs(simulated, situated):
         raise UsageError("transferability: expected trials of both sets with one start in common, got none.")
     return -apart / max(gone, 1e-9)
-
-
-def correlation(
-    simulated: Sequence[float] | Floats, situated: Sequence[float] | Floats, *, resamples: int = 2000
-) -> Correlation:
-    """Of fitness in simulation and situated, over controllers (Kadian et al. 2020, "SRCC").
-
-    Raises:
-        UsageError: fewer than three controllers, or lists of different lengths.
-    """
-    from scipy.stats import rankdata
-
-    x, y = np.asarray(simulated, np.float64), np.asarray(situated, np.float64)
-    if x.shape != y.shape or x.ndim != 1 or len(x) < 3 or not np.isfinite([x, y]).all():
-        raise UsageError(
-            f"correlation: expected two lists of finite numbers, one a controller, three or more; "
-            f"got {len(x)} and {len(y)}."
-        )
-    draw = np.random.default_rng(0)
-    drawn = (draw.integers(0, len(x), len(x)) for _ in range(resamples))
-    made = [_pearson(x[rows], y[rows]) for rows in drawn]
-    low, high = np.nanquantile(made, [0.025, 0.975]) if np.isfinite(made).any() else (np.nan, np.nan)
-    return Correlation(
-        r=_pearson(x, y), rho=_pearson(rankdata(x), rankdata(y)), interval=(float(low), float(high)),
-        controllers=len(x),
-    )  # fmt: skip
-
-
-def _pearson(x: Floats, y: Floats) -> float:
-    with np.errstate(invalid="ignore"):  # NaN where one of them is constant
-        return float(np.corrcoef(x, y)[0, 1])
 
 
 def _pairs(a: Sequence[Trial], b: Sequence[Trial]) -> list[tuple[Trial, Trial]]:

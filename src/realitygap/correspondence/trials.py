@@ -1,19 +1,29 @@
-"""A trial prepared for comparison: the robot's poses at 10 Hz, from any source."""
+"""Trials, prepared for comparison: the robot's poses at 10 Hz, from any source.
 
+They come from simulation or from files: CSV tables, JSON of `realitygap simulate`, folders of them. A track's
+heading must agree with its movement: a robot with two wheels moves where it faces, or back.
+"""
+
+import json
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Self
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 
-from realitygap.errors import TrackError
-from realitygap.files import must_be
-from realitygap.track import Track, Trajectory
-from realitygap.values import Floats, shown
+from realitygap.errors import ConfigError, TrackError
+from realitygap.files import as_path, must_be, read_toml
+from realitygap.track import COLUMNS, Track, Trajectory, read_tracks
+from realitygap.values import Floats
+from realitygap.world.robot import load_profile
 
 __all__ = [
-    "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "Trial", "require_trials", "resampled", "trial_of",
+    "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "TRANSFER", "Trial", "doubt_of_disk", "doubts_of",
+    "heading_agreement", "read_transfer", "read_trials", "require_trials", "resampled", "trial_of",
 ]  # fmt: skip
 
 RADIUS_CM = 2.9
@@ -49,8 +59,8 @@ class Trial:
         doubt: a warning; "" for none.
 
     Raises:
-        TrackError: arrays that are no trial: of several lengths, not finite, or a heading that is not in
-            radians or not unwrapped; a radius that is not positive.
+        TrackError: arrays that are not finite, or a heading that is not in radians or not unwrapped; a radius
+            that is not positive.
     """
 
     x: Floats
@@ -65,32 +75,19 @@ class Trial:
     doubt: str = ""
 
     def __post_init__(self) -> None:
-        try:
-            rows = np.array((self.x, self.y, self.heading), np.float64)
-        except (TypeError, ValueError):
-            sizes = ", ".join(map(shown, (self.x, self.y, self.heading)))
-            raise self._refused("x, y and heading as arrays [n] of one length", sizes) from None
-        if rows.ndim != 2 or not rows.size:
-            raise self._refused("x, y and heading as arrays [n], n at least 1", shown(self.x))
-        if not np.isfinite(rows).all():
-            cure = "resampled(track) bridges short losses."
-            raise self._refused("finite numbers", "NaN or infinity", cure)
-        turn = float(np.abs(rows[2, 1:] - rows[2, :-1]).max(initial=0.0))
-        if turn > LARGEST_TURN:
-            cure = "Unwrap it: np.unwrap(np.radians(degrees)), or np.unwrap(radians)."
-            raise self._refused(
-                "a heading in rad that turns by at most π from row to row", f"{turn:.3g}", cure
+        where = f"{self.source}, start {self.start}: expected"
+        rows = np.array((self.x, self.y, self.heading), np.float64)
+        if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
+            raise TrackError(
+                f"{where} x, y and heading as finite arrays [n]. resampled(track) bridges losses."
             )
-        must_be(self.radius_cm, float | int, "radius_cm", "Give the body's, in cm.")
+        if (turn := float(np.abs(np.diff(rows[2])).max(initial=0.0))) > LARGEST_TURN:
+            raise TrackError(
+                f"{where} a heading in rad that turns by at most π from row to row, got {turn:.3g}. "
+                "Unwrap it: np.unwrap(np.radians(degrees)), or np.unwrap(radians)."
+            )
         if not 0 < self.radius_cm < math.inf:
-            raise self._refused("a positive radius_cm", repr(self.radius_cm))
-        for name, row in zip(("x", "y", "heading"), rows, strict=True):
-            if not isinstance(getattr(self, name), np.ndarray):
-                object.__setattr__(self, name, row)
-
-    def _refused(self, expected: str, got: str, cure: str = "") -> TrackError:
-        where = f"{self.source}, start {self.start}"
-        return TrackError(f"{where}: expected {expected}, got {got}.{' ' + cure if cure else ''}")
+            raise TrackError(f"{where} a positive radius_cm, got {self.radius_cm!r}.")
 
     def __len__(self) -> int:
         return len(self.x)
@@ -208,3 +205,211 @@ def require_trials(trials: object) -> None:
     must_be(trials, Sequence, "trials", "read_trials(path) reads them.")
     for one in trials:  # type: ignore[attr-defined]
         must_be(one, Trial, "trial", "read_trials(path) reads them.")
+
+
+# From files
+
+SIMULATED, SITUATED = "simulated.csv", "situated.csv"
+TRANSFER = "transfer.toml"
+"""A folder with this file is a trial of `realitygap transfer`, in which several files have tracks."""
+MOVES_CM, ENOUGH_CM = 0.5, 20.0
+"""Movement over two steps that shows a direction, and the sum of it that is needed."""
+CONTRADICTS, EXPLAINS, BETTER = 0.3, 0.9, 0.1
+"""Agreement below which a heading is doubted; the agreement of another reading of the heading at which that
+is believed, and the improvement that is needed. Of 132 tracks, simulated and filmed on the twin, the lowest
+agreement is 0.45 (a robot that slid along walls), and no other reading with such agreement was better."""
+READINGS: dict[str, Callable[[Floats], Floats]] = {
+    "is it in radians? Convert it to degrees": np.degrees,
+    "does y run downwards, or heading_deg clockwise? Turn the sign of one of them": np.negative,
+    "is heading_deg 0 where the robot looks along y? Subtract it from 90": lambda h: np.pi / 2 - h,
+    "is heading_deg that of the axle? Turn it by 90": lambda h: h + np.pi / 2,
+}
+"""Mistakes, named by their cure, and the corrected heading (rad)."""
+
+
+def read_trials(path: str | Path) -> list[Trial]:
+    """All trials of a file or a folder, in order.
+
+    A CSV file has columns t_s, x_cm, y_cm, heading_deg (empty or NaN where the robot was lost) and may
+    have start (separates several trials), unit (which robot) and quality (0: lost), as `realitygap
+    track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every such file
+    is read and its name is the start; subfolders are units. From a trial of `realitygap transfer` the
+    situated track is read, and its folder's name is the start.
+
+    Raises:
+        TrackError: names the file, the line and the column.
+    """
+    place = as_path(path, "tracks")
+    if not place.exists():
+        raise TrackError(f"{path}: no such file or folder. Give a CSV file of tracks, or a folder of them.")
+    if not place.is_dir():
+        return _read_file(place, start="1", unit="")
+    found = sorted(p for p in place.rglob("*") if p.suffix.lower() in (".csv", ".json") and _is_track(p))
+    found = [p for p in found if p.name == SITUATED or not (p.parent / TRANSFER).exists()]
+    if not found:
+        raise TrackError(
+            f"{path}: expected CSV files with columns {', '.join(COLUMNS)} in this folder, got none."
+        )
+    read = [(file, _read_in(place, file)) for file in found]
+    keys = [(t.unit, t.start) for _, trials in read for t in trials]
+    if len(set(keys)) == len(keys):
+        return [t for _, trials in read for t in trials]
+    return [replace(t, start=f"{file.name}:{t.start}") for file, trials in read for t in trials]
+
+
+def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
+    """The simulated and the situated trials of a folder made by `realitygap transfer`.
+
+    Raises:
+        TrackError: no such folder, or several controllers in it; names the file, the line and the column.
+    """
+    place = Path(path)
+    folders = sorted(file.parent for file in place.rglob(TRANSFER)) if place.is_dir() else []
+    if not folders:
+        raise TrackError(
+            f"{path}: expected a folder of trials that `realitygap transfer` made, since there is no second "
+            "set of tracks. Give one."
+        )
+    _require_one_controller(place, folders)
+    simulated, situated = (
+        [t for folder in folders for t in _read_in(place, folder / name)] for name in (SIMULATED, SITUATED)
+    )
+    return simulated, situated
+
+
+def doubts_of(trials: Iterable[Trial]) -> list[str]:
+    """Warnings about trials, each once."""
+    return list(dict.fromkeys(trial.doubt for trial in trials if trial.doubt))
+
+
+def heading_agreement(trials: Sequence[Trial]) -> tuple[float, float, str]:
+    """Agreement of headings with movements: 1 along them, −1 across.
+
+    Returns:
+        The agreement; that of the best other reading of the heading; and its cure.
+    """
+    as_is, way = _agreement(trials, np.asarray)
+    if way < ENOUGH_CM:
+        return 1.0, 0.0, ""
+    cure, best = max(
+        ((cure, _agreement(trials, other)[0]) for cure, other in READINGS.items()), key=lambda pair: pair[1]
+    )
+    return as_is, best, cure
+
+
+def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
+    """A question where a tracker's own heading contradicts the movement that it saw."""
+    if heading_agreement([trial])[0] >= CONTRADICTS:
+        return ()
+    return (
+        f"{trial.source}: heading_deg contradicts the way from row to row: is the disk turned on the "
+        "robot, or was the camera calibrated with other headings?",
+    )
+
+
+def _require_one_controller(place: Path, folders: Sequence[Path]) -> None:
+    """Refuse trials of several: as one set they are no behaviour, and would all be scored in one arena."""
+    facts = [read_toml(folder / TRANSFER, TrackError, "Transfer again.") for folder in folders]
+    whose = [tuple(one.get(key) for key in ("task", "name", "individual", "controller")) for one in facts]
+    if len(set(whose)) > 1:
+        last = folders[-1] if folders[-1].parent == place else folders[-1].parent
+        raise TrackError(
+            f"tracks: expected the trials of one controller, got those of {len(set(whose))}. Give the folder "
+            f"of one of them, such as {last.relative_to(place)} in this one."
+        )
+
+
+def _read_in(place: Path, file: Path) -> list[Trial]:
+    """A file's trials, named after its place in the folder."""
+    own = (file.parent / TRANSFER).exists()
+    start, above = (file.parent.name, file.parent.parent) if own else (file.stem, file.parent)
+    inside = above != place and above.is_relative_to(place)
+    unit = str(above.relative_to(place)) if inside else ""
+    trials = _read_file(file, start=start, unit=unit)
+    return [replace(t, radius_cm=_radius_cm(file.parent)) for t in trials] if own else trials
+
+
+def _radius_cm(folder: Path) -> float:
+    """Body radius of a trial of `realitygap transfer`, from its study's profile, cm."""
+    with suppress(ConfigError):
+        return load_profile(folder.joinpath(*[".."] * 4, "profile.toml")).body.radius_cm
+    return RADIUS_CM
+
+
+def _is_track(path: Path) -> bool:
+    """Whether a file is meant to be a track; a broken one is refused when it is read."""
+    if path.suffix.lower() == ".json":
+        told = _json(path)
+        return told is None or (isinstance(told, dict) and all(name in told for name in COLUMNS))
+    head = _head(path)
+    return not head or sum(name in head for name in COLUMNS) >= 2
+
+
+def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
+    if path.suffix.lower() == ".json":
+        return _with_doubts([_from_json(path, start, unit)])
+    tracks = read_tracks(path, start=start, unit=unit)
+    if not tracks:
+        raise TrackError(f"{path}: expected rows below its first line, got none. Film again.")
+    return _with_doubts([
+        resampled(track, start=start, unit=unit, source=str(path)) for (start, unit), track in tracks.items()
+    ])  # fmt: skip
+
+
+def _from_json(path: Path, start: str, unit: str) -> Trial:
+    data = _json(path)
+    try:
+        columns = [[math.nan if v is None else float(v) for v in data[name]] for name in COLUMNS]
+    except (KeyError, TypeError, ValueError, OverflowError):
+        raise TrackError(
+            f"{path}: expected JSON with lists {', '.join(COLUMNS)}, as `realitygap simulate --json` prints."
+        ) from None
+    if len({len(column) for column in columns}) != 1:
+        raise TrackError(f"{path}: expected lists of one length, got {[len(c) for c in columns]}.")
+    return resampled(Track.from_degrees(*columns), start=start, unit=unit, source=str(path))
+
+
+def _json(path: Path) -> Any:
+    """A file's JSON; None if it cannot be read."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, ValueError, RecursionError):
+        return None
+
+
+def _head(path: Path) -> list[str]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            head = next((line for line in file if line.strip() and not line.startswith("#")), "")
+        return [cell.strip(' "\r\n').lower() for cell in re.split("[,;\t]", head) if head]
+    except (OSError, UnicodeDecodeError):
+        return []
+
+
+def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
+    """The trials of one file, with a warning if the heading seems wrong.
+
+    Raises:
+        TrackError: the heading contradicts the movement, and another reading of it does not.
+    """
+    as_is, best, cure = heading_agreement(trials)
+    told = f"{trials[0].source}: heading_deg contradicts the way from row to row"
+    if best > EXPLAINS and best > as_is + BETTER:
+        raise TrackError(f"{told}: {cure}.")
+    if as_is >= CONTRADICTS:
+        return list(trials)
+    return [replace(trial, doubt=f"{told}: is it the robot's, in degrees?") for trial in trials]
+
+
+def _agreement(trials: Sequence[Trial], read: Callable[[Floats], Floats]) -> tuple[float, float]:
+    """Mean cosine of twice the angle between heading and movement, weighted by distance; and the distance,
+    cm."""
+    total = way = 0.0
+    for trial in trials:
+        dx, dy = trial.x[2:] - trial.x[:-2], trial.y[2:] - trial.y[:-2]
+        length = np.hypot(dx, dy)
+        apart = np.arctan2(dy, dx) - read(trial.heading[1:-1])
+        seen = length > MOVES_CM
+        total += float((length * np.cos(2.0 * apart))[seen].sum())
+        way += float(length[seen].sum())
+    return total / max(way, 1e-9), way / 2.0

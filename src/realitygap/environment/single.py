@@ -25,8 +25,8 @@ from realitygap.environment.vector import (
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
-from realitygap.robots.body import Body, Paced, Placing, Seen, attend, clock_of, known_pose, odometry_of
-from realitygap.robots.signals import MOVING, NUMBERS, Stopping, heed
+from realitygap.robots.body import Body
+from realitygap.robots.drive import MOVING, NUMBERS, StopOnSignal, raise_pending
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
@@ -186,12 +186,12 @@ class _Situated:
         self._trial += 1
         self._start = pose or self.simulation.start(int(stream))
         body = self.body
-        if isinstance(body, Placing):
+        if body.places_itself:
             body.enter(self.simulation.task.arena.plain(), int(stream) % 2**63, None)
         body.reset(self._start)
-        attend(body, *self.simulation.task.kinds)
-        clock = clock_of(body)
-        self._moving.enter_context(Stopping(NUMBERS if clock.waits else MOVING))
+        body.attend(*self.simulation.task.kinds)
+        clock = body.clock
+        self._moving.enter_context(StopOnSignal(NUMBERS if clock.waits else MOVING))
         self._driving = True
         self._due, self._worth = clock.now(), 0.0
         self._poses, self._odometry = list[Pose](), list[tuple[float, ...]]()
@@ -211,12 +211,12 @@ class _Situated:
         wheels, period = profile.wheels, profile.period_s
         try:
             self.body.act(Command(left=wheels.command(left), right=wheels.command(right)))
-            clock = clock_of(self.body)
+            clock = self.body.clock
             now = clock.now()
             self._due += period if now - self._due <= period else period + (now - self._due)
             clock.sleep_until(self._due)
             seen = self._look()
-            heed()
+            raise_pending()
             scored = score(self._track(), self.simulation.task, profile)
         except BaseException:
             self.close()
@@ -233,10 +233,10 @@ class _Situated:
     def _look(self) -> Seen32:
         body, task, unknown = self.body, self.simulation.task, (np.nan, np.nan)
         readings = body.sense()
-        if isinstance(body, Seen):
-            self._poses.append(known_pose(body))
-        told = odometry_of(body)
-        now = clock_of(body).now()
+        if body.knows_pose:
+            self._poses.append(body.known_pose())
+        told = body.odometry
+        now = body.clock.now()
         self._odometry.append((now, *(told.counters or unknown), *(told.speeds or unknown)))
         return observations_of(self.simulation, fed(readings, task.feeds)[np.newaxis])
 
@@ -247,7 +247,7 @@ class _Situated:
         if self._poses:
             return of_poses(self._poses, profile.period_s, told[:, 0])
         ways, unit = turned(body, profile, told[:, 1:3], told[:, 3:], told[:, 0])
-        if unit is None or not (body.counts_turns or isinstance(body, Paced)):
+        if unit is None or not (body.counts_turns or body.measures_speeds):
             expected = "one that reports its pose or its wheels' speeds, or counts pulses of a known length"
             raise UsageError(f"robot {self.robot}: expected {expected}.")
         return of_counters(
@@ -266,11 +266,10 @@ class _Situated:
 
     def close(self) -> None:
         """Release it."""
-        from realitygap.robots.body import abandon
 
         try:
             self._rest()
         finally:
             body, self._body = self._body, None
             if body is not None:
-                abandon(body)
+                body.abandon()

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.unit import PROFILE
 from realitygap.control.encoding import Encoding, genotype_of
 from realitygap.correspondence.names import common_name, namer
-from realitygap.correspondence.scale import Scale, exemplar_scale
-from realitygap.correspondence.score import compare
+from realitygap.correspondence.score import Scale, compare, exemplar_scale
 from realitygap.correspondence.setting import Setting, setting_of
 from realitygap.correspondence.trials import Trial, resampled, trial_of
 from realitygap.errors import LineError, StudyError, TrackError
@@ -35,7 +34,7 @@ from realitygap.files import atomic_write, read_toml, to_toml
 from realitygap.kernels.types import Networks
 from realitygap.plugins import place_of, placed
 from realitygap.robots.address import Address
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
 from realitygap.study.config import LARGEST, Condition, StudyConfig, TaskSettings

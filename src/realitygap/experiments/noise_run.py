@@ -34,7 +34,6 @@ from realitygap.experiments.noise import (
     check_of,
 )
 from realitygap.robots.address import Address
-from realitygap.robots.body import Placing, Seen
 from realitygap.streams import named_stream
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import exists
@@ -283,10 +282,10 @@ def check_robot(config: NoiseConfig) -> None:
     base = None if config.base is None else load_profile(config.base)
     with closing(Address.parse(config.address(config.every_unit[0])).open()) as body:
         who = f"robot {config.robot}: expected"
-        if not isinstance(body, Placing):
+        if not body.places_itself:
             cure = "Give it one; a robot that a person carries is driven by `realitygap transfer`."
             raise UsageError(f"{who} one that places itself; it has no `enter`. {cure}")
-        if not (isinstance(body, Seen) or body.counts_turns):
+        if not (body.knows_pose or body.counts_turns):
             raise UsageError(f"{who} one whose path is known; it has neither a `pose` nor counters.")
         if base is not None:
             check_period(body, base)

@@ -46,7 +46,7 @@ class Realities(Settings):
         ConfigError: names the key, what was expected and what came.
     """
 
-    FILE, WHAT, COMMAND = ASKED, "experiment on realities", "realitygap realities"
+    FILE, WHAT, COMMAND = ASKED, "experiment on realities", "realitygap experiment robots"
 
     robots: tuple[str, ...] = ()
     only: bool = False

@@ -10,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.control.genotype import Genotype
-from realitygap.errors import StudyError, UsageError
+from realitygap.errors import StudyError
 from realitygap.files import as_path, atomic_path, must_be
 from realitygap.film.video import FilmReader
 from realitygap.lazy import needed
-from realitygap.report.arenas import rays_of
+from realitygap.report.drawing import front, rays_of
 from realitygap.report.network import network_drawing
-from realitygap.report.player_tracks import activity, decided
-from realitygap.report.robots import front
-from realitygap.robots.recording import Recording
+from realitygap.report.player import activity, decided
+from realitygap.robots.drive import Recording
 from realitygap.study.load import Run
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory, read_track
@@ -179,11 +178,9 @@ def write_log(one: TrialLog, kind: str, folder: str | Path) -> Path:
         folder: where to; a file of the same name is replaced.
 
     Raises:
-        UsageError: another format, or its library is not installed.
+        UsageError: its library is not installed.
         OSError: it cannot be written.
     """
-    if kind not in FORMATS:
-        raise UsageError(f"format: expected {', '.join(FORMATS)}, got {kind!r}.")
     library = needed("rerun" if kind == "rerun" else "mcap.writer", "logs")
     folder = as_path(folder, "folder")
     folder.mkdir(parents=True, exist_ok=True)

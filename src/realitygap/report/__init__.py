@@ -5,6 +5,5 @@ from realitygap.lazy import names_of
 __all__, __getattr__ = names_of(__name__, {
     "build": "build_report",
     "network": "draw_network",
-    "paths": "draw_path",
-    "pictures": "save_animation save_picture",
+    "drawing": "draw_path save_animation save_picture",
 })  # fmt: skip

@@ -1,191 +1,385 @@
-"""The page of a calibration: one self-contained HTML file."""
+"""What a calibration shows: its own page, the section on it in a study's page, and their figures (§3.2.1)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from functools import partial
-from math import isfinite
+from itertools import cycle, product
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
-from realitygap.calibration.judge import LIMITS
-from realitygap.calibration.recordings import WheelRecording
-from realitygap.report import calibration_figures as draw
-from realitygap.report.page import Figures, OnProgress, Picture, Steps, Words, write_page
+import numpy as np
+from numpy.typing import NDArray
+
+from realitygap.calibration.judge import LIMITS, Judgement, judge
+from realitygap.calibration.load import load_recording
+from realitygap.calibration.recordings import WheelRecording, cylinder_radius
+from realitygap.errors import UsageError
+from realitygap.report.page import Figures, OnProgress, write_page
+from realitygap.report.style import GRID, INK, MUTED, PAGE, new_figure
+from realitygap.study.load import Study
+from realitygap.values import Floats
 
 if TYPE_CHECKING:
-    from realitygap.calibration.calibrate import Calibration
-    from realitygap.calibration.channel_fit import ChannelFit
-    from realitygap.calibration.wheels.fit import WheelFit
+    from matplotlib.axes import Axes
+    from matplotlib.collections import Collection
+    from matplotlib.figure import Figure
 
-__all__ = ["REAL", "beside_real", "calibration_figures", "write_calibration_page"]
+    from realitygap.calibration.calibrate import Calibration, ChannelFit
+    from realitygap.calibration.wheels import WheelFit
 
-TITLES = {"infrared": "Infrared proximity", "ambient": "Ambient light"}
-SHOWN = {
-    "bearing": "measured dots over fitted curves, four distances from the nearest to the farthest at which "
-    "the sensor answers, a kind of line for each recording",
-    "distance": "measured dots over fitted curves, a colour for each recording",
-    "poses": "modelled against measured, all over a room",
-}
-LEFT_OVER = "Residuals, over {}. A pattern is model error; speckle is noise."
-NOISE = (
-    "Left: noise against a normal distribution. Right: its deviation over the reading, in quarters of "
-    "the data, and the 95 % interval of the whole."
-)
+__all__ = [
+    "REAL", "TITLES", "calibrated_part", "calibration_figures", "curves_figure", "look_of", "maps_figure",
+    "write_calibration_page",
+]  # fmt: skip
 
-
-class _Table(NamedTuple):
-    title: str
-    head: list[str]
-    rows: list[list[str]]
-
-
-@dataclass(kw_only=True)
-class _Part:
-    name: str
-    title: str
-    sentences: list[str] = field(default_factory=list)
-    tables: list[_Table] = field(default_factory=list)
-    cards: list[Picture] = field(default_factory=list)
+TITLES = {"infrared": "Infrared proximity", "ambient": "Ambient light", "wheels": "Wheels"}
+REAL = {"infrared": "3.4 to 3.7", "ambient": "3.9"}
+"""Model error over noise of fits to a real Khepera's tables of a wall and a lamp, in either form
+(`python benchmarks/real_khepera.py`); what simulated robots' errors are to be read beside."""
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+MARKS = ("o", "s", "^", "D")
+LINES = ("-", "--", ":")
+"""For the curves of the first recording, the second, the third."""
+SHOWN = 4
+"""Distances whose curves are shown."""
+BINS = 12
+"""Ranges of a wheel's speed in which the model's error is averaged."""
+FEWEST = 20
+"""Steps needed in a range for its average to be drawn."""
 
 
 def write_calibration_page(made: Calibration, target: Path, on_progress: OnProgress | None = None) -> Path:
-    """Write the page of a calibration and return its path.
+    """Write the page of a calibration, which stands alone, and return its path.
 
     Raises:
         OSError: it cannot be written.
     """
-    figures = Figures()
-    parts, profile = _parts(made, figures), made.profile
-    facts = {"profile": profile, "where": profile.provenance, "warnings": made.warnings, "parts": parts}
-    return write_page(target, "calibration.html.j2", figures, facts, Steps(on_progress, len(figures)))
+    facts = {
+        "profile": made.profile, "where": made.profile.provenance, "warnings": made.warnings,
+        "channels": made.channels, "wheels": made.wheels, "titles": TITLES, "limits": LIMITS, "real": REAL,
+        "look_of": look_of,
+    }  # fmt: skip
+    return write_page(target, "calibration.html.j2", calibration_figures(made), facts, on_progress)
 
 
 def calibration_figures(made: Calibration) -> Figures:
     """All figures of a calibration's page by name, not yet drawn."""
     figures = Figures()
-    _parts(made, figures)
+    for fit in made.channels:
+        what = f"Sensors of {fit.source.split('/')[-1]}"
+        figures.add(f"{fit.kind}-curves", partial(curves_figure, fit), f"{what}: measured and fitted.")
+        figures.add(f"{fit.kind}-maps", partial(maps_figure, fit), f"{what}: residuals.")
+        if fit.measured:
+            alt = f"{what}: noise against a normal distribution."
+            figures.add(f"{fit.kind}-noise", partial(noise_figure, fit), alt)
+    driven = [r for r in made.recordings if isinstance(r, WheelRecording)]
+    if made.wheels is not None and driven:
+        draw = partial(steps_figure, made.wheels, driven[0])
+        figures.add("wheels-steps", draw, "Speed steps, measured and modelled.")
+        if made.wheels.odometry is not None:
+            figures.add("wheels-slip", partial(slip_figure, made.wheels), "Camera minus counters.")
     return figures
 
 
-def _parts(made: Calibration, figures: Figures) -> list[_Part]:
-    parts = [_sensors(fit, figures) for fit in made.channels]
-    driven = [r for r in made.recordings if isinstance(r, WheelRecording)]
-    if made.wheels is not None and driven:
-        parts.append(_wheels(made.wheels, driven[0], figures))
-    return parts
+def calibrated_part(study: Study, figures: Figures) -> dict[str, Any] | None:
+    """The section for a study's page: accuracy, and a figure if the recordings are in the study's folder.
+
+    None if the robot's profile was not fitted to recordings.
+    """
+    if not study.profile.provenance.fits:
+        return None
+    judged = _judged(study)
+    figure = None
+    if judged:
+        draw = partial(errors_figure, judged)
+        figure = figures.add("calibration", draw, "Model error over noise, by channel.")
+    sensors = [(Path(one.source).name, one) for one in judged if one.kind in LIMITS]
+    return {"figure": figure, "sensors": sensors, "titles": TITLES, "limits": LIMITS, "real": REAL}
 
 
-def _sensors(fit: ChannelFit, figures: Figures) -> _Part:
-    limit = LIMITS[fit.kind]
-    held_out = {m.sensor: m.lit_ratio for m in fit.judged}
-    rows = [
-        [
-            str(m.sensor), f"{m.rmse:.1f}", f"{m.bias:+z.1f}".replace("-", "−"), f"{m.error:.1f}",
-            f"{held_out[m.sensor]:.2f}" + (" ▲" if held_out[m.sensor] > limit else ""), f"{m.ratio:.2f}",
-            f"{fit.span[m.sensor, 0]:.0f} to {fit.span[m.sensor, 1]:.0f}",
-        ]
-        for m in fit.sensors
-    ]  # fmt: skip
-    head = ["sensor", "RMSE", "bias", "model error", "over noise", "over all", "spans"]
-    title = (
-        f"Model minus measured, counts. ▲: model error over noise deviation above {limit:g}, where "
-        f"model error exceeds noise: on places held out, where readings are neither dark nor saturated. "
-        f"{beside_real(fit.kind)}Over all: on all readings, at the fitted places"
-    )
-    what, look = f"Sensors of {fit.source.split('/')[-1]}", draw.look_of(fit)
-    over = "distance" if look == "distance" else "distance and bearing"
-    told = {
-        "curves": (draw.curves_figure, f"{what}: measured and fitted.", f"Readings: {SHOWN[look]}."),
-        "maps": (draw.maps_figure, f"{what}: residuals.", LEFT_OVER.format(over)),
-    }
-    if fit.measured:
-        told["noise"] = (draw.noise_figure, f"{what}: noise against a normal distribution.", NOISE)
-    return _Part(
-        name=fit.kind, title=TITLES[fit.kind], sentences=_read(fit),
-        tables=[_forms(fit.by_form, fit.form, "counts", 1), _Table(title, head, rows)],
-        cards=[
-            figures.add(f"{fit.kind}-{name}", partial(figure, fit), Words(*words))
-            for name, (figure, *words) in told.items()
-        ],
-    )  # fmt: skip
+def _judged(study: Study) -> list[Judgement]:
+    """The study's profile judged by its own recordings, if it has them."""
+    own = (study.folder / "profile.toml").read_bytes()
+    for unit in sorted((study.folder / "calibration").glob("*/robot.toml")):
+        if unit.read_bytes() != own:
+            continue
+        folders = sorted(path for path in unit.parent.glob("recordings/*") if path.is_dir())
+        try:
+            return [judge(load_recording(folder), study.profile) for folder in folders]
+        except UsageError:
+            return []
+    return []
 
 
-def _forms(rmse: Mapping[str, float], fitted: str, unit: str, places: int) -> _Table:
-    rows = [[name, f"{value:.{places}f}", "fitted" if name == fitted else ""] for name, value in rmse.items()]
-    return _Table("All forms side by side", ["form", f"RMSE, {unit}", ""], rows)
+# Figures
 
 
-REAL = {"infrared": "3.4 to 3.7", "ambient": "3.9"}
-"""Model error over noise of fits to a real Khepera's tables of a wall and a lamp, in either form
-(`python benchmarks/real_khepera.py`); what simulated robots' errors are to be read beside."""
+def errors_figure(found: Sequence[Judgement]) -> Figure:
+    """A panel a channel: error over noise for each sensor, and the wheels' error over their speed."""
+    kinds = [kind for kind in TITLES if any(one.kind == kind for one in found)]
+    figure = new_figure(PAGE, 2.4, layout="constrained")
+    for kind, ax in zip(kinds, figure.subplots(1, len(kinds), squeeze=False)[0], strict=True):
+        here = [one for one in found if one.kind == kind]
+        if kind in LIMITS:
+            _sensors(ax, here, LIMITS[kind])
+        else:
+            _wheels(ax, here[0])
+        ax.set_title(TITLES[kind])
+        ax.grid(True, color=GRID, lw=0.5)
+    return figure
 
 
-def beside_real(kind: str) -> str:
-    """The same figure for a real robot's tables, since a twin is easier to model."""
-    return f"On the tables of a real Khepera it is {REAL[kind]}. " if kind in REAL else ""
+def _sensors(ax: Axes, here: Sequence[Judgement], limit: float) -> None:
+    """A dot for each sensor and recording, with the line that it should be below."""
+    for one, look in zip(here, cycle("osD^"), strict=False):
+        shown = [(m.sensor, m.lit_ratio) for m in one.per_sensor if np.isfinite(m.lit_ratio)]
+        name = Path(one.source).name.rpartition("-")[2]
+        ax.plot(*np.array(shown).reshape(-1, 2).T, look, ms=4, color=INK, mfc="none", label=name)
+    ax.axhline(limit, color=MUTED, lw=1.0, ls=(0, (4, 2)))
+    top = max([limit, *(m.lit_ratio for one in here for m in one.per_sensor if np.isfinite(m.lit_ratio))])
+    ax.set(ylim=(0, 1.12 * top), xlabel="sensor", ylabel="model error over noise")
+    ax.set_xticks(range(len(here[0].per_sensor)))
+    if len(here) > 1:
+        ax.legend(fontsize=6.5)
 
 
-def _read(fit: ChannelFit) -> list[str]:
-    out = [
-        f"The form “{fit.form}” has an RMSE of {fit.rmse:.1f} counts, and of {fit.held_out[fit.form]:.1f} "
-        f"on places held out of the fit."
-    ]
-    for e in fit.noise:
-        shape = "heavier tails than normal" if e.heavy else "tails about normal"
-        tied = "" if e.channel == "proximity_dark" else (
-            ", and depends on the reading" if e.depends else ", about the same at every reading"
+def _wheels(ax: Axes, one: Judgement) -> None:
+    """The mean error of each wheel in ranges of its speed."""
+    ax.axhline(0, color=MUTED, lw=0.8)
+    edges = np.linspace(one.model.min(), one.model.max(), BINS + 1)
+    for wheel, (name, look) in enumerate((("left", "o"), ("right", "s"))):
+        speed, off = one.model[:, wheel], one.model[:, wheel] - one.counts[:, wheel]
+        part = np.clip(np.digitize(speed, edges) - 1, 0, BINS - 1)
+        parts = [k for k in range(BINS) if (part == k).sum() >= FEWEST]
+        means = [(speed[part == k].mean(), off[part == k].mean()) for k in parts]
+        x, y = np.array(means).reshape(-1, 2).T
+        ax.plot(x, y, look, ls="-", lw=0.8, ms=3, color=INK, mfc="none", label=name)
+    ax.set(xlabel="speed, cm/s", ylabel="model − measured, cm/s")
+    ax.legend(fontsize=6.5)
+
+
+def curves_figure(fit: ChannelFit) -> Figure:
+    """Measured dots and fitted curves over bearing or distance, or model against measured, by sensor."""
+    live = _live(fit)
+    figure, panels = _panels(len(live))
+    look = look_of(fit)
+    for k, axes in zip(live, panels, strict=True):
+        if look == "bearing":
+            _curves_over_bearing(fit, k, axes)
+        elif look == "distance":
+            _over_distance(fit, k, axes, left=False)
+        else:
+            top = fit.profile.channel(fit.kind).top
+            axes.plot([0, top], [0, top], color=MUTED, lw=0.8)
+            dots = axes.scatter(fit.counts[:, k], fit.model[:, k], s=3, color=COLOURS[0], lw=0, alpha=0.4)
+            dots.set_rasterized(True)
+            both = np.stack([fit.counts, fit.model])
+            ends = float(np.nanmin(both)) - 10, float(np.nanmax(both)) + 10
+            axes.set(xlim=ends, ylim=ends)
+        axes.set_title(f"sensor {k}")
+    if look == "bearing":
+        recordings = list(_by_recording(fit))
+        for name, line in zip(recordings if recordings[1:] else [], cycle(LINES)):
+            panels[0].plot([], [], line, color=INK, lw=1.0, label=_named(name))
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=SHOWN + 2, markerscale=2.5)
+        _label(figure, "bearing of the object off the one that the sensor answers most to, degrees", "counts")
+    elif look == "distance":
+        _label(figure, "distance, cm", "counts")
+    else:
+        _label(figure, "measured, counts", "model, counts")
+    return figure
+
+
+def maps_figure(fit: ChannelFit) -> Figure:
+    """Model minus measured over distance and bearing, a panel a sensor and recording; or over distance."""
+    look, live, off = look_of(fit), _live(fit), fit.model - fit.counts
+    recordings = _by_recording(fit) if look == "bearing" else {"": np.ones(len(off), bool)}
+    pairs = product(recordings, live)
+    shown = [(name, k) for name, k in pairs if np.isfinite(off[recordings[name], k]).any()]
+    figure, panels = _panels(len(shown))
+    scale = max(float(np.nanpercentile(np.abs(off), 99)), 1.0)
+    drawn: list[Collection] = []
+    for axes, (name, k) in zip(panels, shown, strict=True):
+        axes.set_title(f"sensor {k}" + (f"\n{_named(name)}" if len(recordings) > 1 else ""))
+        if look == "distance":
+            _over_distance(fit, k, axes, left=True)
+            continue
+        if look == "bearing":
+            distance, bearing, table = _table(fit, off[:, k], recordings[name])
+            drawn.append(axes.pcolormesh(bearing, distance, table, shading="nearest"))
+        else:
+            drawn.append(axes.scatter(fit.bearing_deg, fit.distance_cm, c=off[:, k], s=5, lw=0))
+        drawn[-1].set(cmap="PuOr", clim=(-scale, scale), rasterized=True)
+        axes.set_xticks([-180, -90, 0, 90, 180])
+    if look == "distance":
+        _label(figure, "distance, cm", "model minus measured, counts")
+        return figure
+    bar = figure.colorbar(drawn[-1], ax=panels, shrink=0.8, aspect=30, pad=0.02)
+    bar.set_label("model minus measured, counts")
+    _label(figure, "bearing of the object, degrees", "distance, cm")
+    return figure
+
+
+def noise_figure(fit: ChannelFit) -> Figure:
+    """Noise against a normal, and its deviation over the reading."""
+    figure = new_figure(PAGE, 2.5, layout="constrained")
+    left, right = figure.subplots(1, 2)
+    x = np.linspace(-5, 5, 201)
+    left.plot(x, np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi), color=INK, lw=1.0, label="normal")
+    shown = [estimate for estimate in fit.noise if estimate.channel != "proximity_dark"]
+    for estimate, colour, mark in zip(shown, COLOURS, MARKS, strict=False):
+        density, edges = np.histogram(estimate.values, bins=np.arange(-5.125, 5.2, 0.25), density=True)
+        middle = (edges[1:] + edges[:-1]) / 2
+        seen = density > 0
+        name = f"{estimate.channel}: {estimate.deviation:.3g} counts"
+        left.plot(middle[seen], density[seen], mark, ms=3.5, color=colour, label=name)
+        levels, sizes = np.reshape(estimate.bins, (-1, 2)).T
+        right.plot(levels, sizes, mark + "-", ms=4, lw=0.8, color=colour)
+        right.axhspan(estimate.low, estimate.high, color=colour, alpha=0.15, lw=0)
+    left.set(yscale="log", ylim=(1e-4, 2), xlabel="noise, in standard deviations", ylabel="density")
+    left.legend(loc="lower center", fontsize=6.5)
+    right.set(xlabel="reading, counts", ylabel="deviation, counts")
+    if not any(estimate.bins for estimate in shown):
+        right.set(xlabel="too few readings to tell it by the reading", xticks=[])
+    right.set_ylim(0, 1.25 * max([e.high for e in shown] + [s for e in shown for _, s in e.bins]))
+    for axes in (left, right):
+        axes.grid(True, color=GRID, lw=0.5)
+    return figure
+
+
+def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
+    """Step responses of the left wheel: measured dots over the model."""
+    trials = [rows for rows in recording.trials("step") if len(rows) > 8][:8] or recording.trials()[:8]
+    figure, panels = _panels(len(trials))
+    for rows, axes in zip(trials, panels, strict=True):
+        t = recording.t_s[rows] + recording.period_s
+        asked = recording.commands[rows, 0] * fit.profile.wheels.speed_per_unit_cm_s[0]
+        axes.step(recording.t_s[rows], asked, where="post", color=MUTED, lw=0.8, label="asked for")
+        axes.plot(t, fit.model[rows, 0], color=COLOURS[1], lw=1.0, label="model")
+        axes.plot(t, fit.measured[rows, 0], "o", ms=2.2, color=COLOURS[0], mew=0, label="measured")
+        axes.grid(True, color=GRID, lw=0.5)
+        axes.set_title(f"trial {int(recording.trial[rows[0]])}")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3)
+    _label(figure, "time, s", "speed of the left wheel, cm/s")
+    return figure
+
+
+def slip_figure(fit: WheelFit) -> Figure:
+    """The camera's excess over the counters, over the distance between two pictures."""
+    assert fit.odometry is not None
+    figure = new_figure(PAGE, 2.6, layout="constrained")
+    axes = figure.subplots()
+    for w, name in enumerate(("left", "right")):
+        axes.plot(
+            fit.odometry.ways[:, w], 10 * fit.odometry.beyond[:, w], MARKS[w], ms=3, mew=0, color=COLOURS[w],
+            label=f"{name} wheel", alpha=0.7,
         )  # fmt: skip
-        out.append(
-            f"Noise, {e.channel.replace('_', ' ')}: {e.deviation:.2f} counts ({e.low:.2f} to "
-            f"{e.high:.2f}), {shape}{tied}."
-        )
-    if fit.fit.alike:
-        pairs = "; ".join(f"{a} and {b} (ρ = {r:+.2f})" for a, b, r in fit.fit.alike[:3])
-        out.append(
-            f"Hard to tell apart from these data: {pairs}"
-            + ("; and others." if len(fit.fit.alike) > 3 else ".")
-        )
-    if isfinite(fit.misplaced):
-        share = f"{fit.misplaced:.2f} of it and leave {fit.ratio_placed:.2f}"
-        all_of_it = f"all of it: alone they would make {fit.misplaced:.2f}"
-        out.append(
-            f"Model error over noise on places held out is {fit.ratio:.2f}; places set by hand, if each is a "
-            f"millimetre off, explain {share if fit.ratio_placed else all_of_it}."
-        )
-    turns = [c for c in fit.fit.constants if c.key.startswith("turn_")]
-    if turns:
-        said = ", ".join(f"{c.value:+.1f}° ({c.low:+.1f} to {c.high:+.1f})" for c in turns)
-        out.append(f"The rig was turned by {said}; this was fitted, and is not part of the profile.")
-    return out
+    axes.axhline(0, color=MUTED, lw=0.8)
+    axes.grid(True, color=GRID, lw=0.5)
+    axes.set(xlabel="way by the counters, cm", ylabel="camera minus counters, mm")
+    axes.legend()
+    return figure
 
 
-def _wheels(fit: WheelFit, recording: WheelRecording, figures: Figures) -> _Part:
-    part = _Part(name="wheels", title="Wheels")
-    part.tables.append(_forms(fit.rmse, fit.form, "cm/s", 3))
-    rows = [
-        [c.key, *(text.replace("-", "−") for text in (f"{c.value:.5g}", f"{c.low:.5g} to {c.high:.5g}"))]
-        for c in fit.constants
-    ]
-    part.tables.append(_Table("Constants", ["constant", "value", "95 % interval"], rows))
-    if fit.friction is not None:
-        part.sentences.append(
-            f"From {fit.friction.starts} standing starts, the threshold of friction lies between "
-            f"{fit.friction.low:.1f} and {fit.friction.high:.1f} cm/s²."
-        )
-    if fit.odometry is not None:
-        part.sentences += [
-            f"When commanded to drive straight, it drifts {fit.odometry.drift_deg_per_m:+.1f}° a metre.",
-            f"Slip, which counters cannot see, is {fit.odometry.slip:.1%} of the way of a step.",
-        ]
-    told = Words(
-        "Speed steps, measured and modelled.",
-        "Steps of the left wheel: mean speed of each 100 ms by its counter, and the model's.",
-    )
-    part.cards.append(figures.add("wheels-steps", partial(draw.steps_figure, fit, recording), told))
-    if fit.odometry is not None:
-        further = "How much further each wheel went than its counter says, between two pictures."
-        told = Words("Camera minus counters.", further)
-        part.cards.append(figures.add("wheels-slip", partial(draw.slip_figure, fit), told))
-    return part
+def _panels(count: int) -> tuple[Figure, list[Axes]]:
+    """`count` panels, four a row."""
+    rows = max(1, -(-count // 4))
+    figure = new_figure(PAGE, 0.6 + 1.55 * rows, layout="constrained")
+    grid = figure.subplots(rows, 4, sharex="all", sharey="all", squeeze=False)
+    panels = list(grid.ravel())
+    for spare in panels[count:]:
+        spare.set_visible(False)
+    return figure, panels[:count]
+
+
+def _label(figure: Figure, x: str, y: str) -> None:
+    figure.supxlabel(x, fontsize=8)
+    figure.supylabel(y, fontsize=8)
+
+
+def _live(fit: ChannelFit) -> list[int]:
+    return [k for k in range(len(fit.counts[0])) if k not in fit.dead]
+
+
+def look_of(fit: ChannelFit) -> Literal["bearing", "distance", "poses"]:
+    """What readings are drawn over: bearings, if the same were recorded at each of a few distances; distance,
+    if each sensor has one bearing in each recording; or nothing (poses all over a room)."""
+    if not np.isfinite(fit.bearing_deg).all():
+        return "poses"
+    told, parts = np.isfinite(fit.counts), _by_recording(fit).values()
+    if all(len(np.unique(fit.bearing_deg[told[:, k] & rows])) <= 1 for k in _live(fit) for rows in parts):
+        return "distance"
+    places = len(np.unique(np.stack([fit.distance_cm, fit.bearing_deg], 1), axis=0))
+    distances, bearings = len(np.unique(fit.distance_cm)), len(np.unique(fit.bearing_deg))
+    return "bearing" if distances > 1 and places >= 0.9 * distances * bearings else "poses"
+
+
+def _by_recording(fit: ChannelFit) -> dict[str, NDArray[np.bool_]]:
+    """Rows of each recording by its name."""
+    return {str(name): fit.name == name for name in dict.fromkeys(fit.name)}
+
+
+def _curves_over_bearing(fit: ChannelFit, k: int, axes: Axes) -> None:
+    told = np.isfinite(fit.counts[:, k])
+    distances = np.unique(fit.distance_cm[told])
+    lively = [d for d in distances if np.ptp(fit.counts[told & (fit.distance_cm == d), k]) > 60]
+    lively = lively or list(distances)
+    picked = [lively[i] for i in np.unique(np.linspace(0, len(lively) - 1, SHOWN).round().astype(int))]
+    answer = fit.model[:, k] if fit.kind == "infrared" else fit.model[:, k].max() - fit.model[:, k]
+    middle = np.degrees(np.angle(answer @ np.exp(1j * np.radians(fit.bearing_deg))))
+    reach = 90 if fit.kind == "infrared" else 180
+    turned = (fit.bearing_deg - middle + 180.0) % 360.0 - 180.0
+    for distance, colour, mark in zip(picked, COLOURS, MARKS, strict=False):
+        at = fit.distance_cm == distance
+        name = ("near", "", "", "far")[picked.index(distance)] if len(picked) == SHOWN else ""
+        _dots(axes, turned[at], fit.counts[at, k], mark, colour, f"{name} {distance:.1f} cm".strip())
+        for rows, line in zip(_by_recording(fit).values(), cycle(LINES)):
+            axes.plot(*_means(turned[rows & at], fit.model[rows & at, k]), line, color=colour, lw=1.0)
+    axes.set(xlim=(-reach, reach), xticks=(-reach, -reach // 2, 0, reach // 2, reach))
+    axes.grid(True, color=GRID, lw=0.5)
+
+
+def _over_distance(fit: ChannelFit, k: int, axes: Axes, *, left: bool) -> None:
+    """Readings and the model's curve, or the residuals if `left`, of each recording with information from a
+    sensor."""
+    told = np.isfinite(fit.counts[:, k])
+    some = {name: rows & told for name, rows in _by_recording(fit).items() if (rows & told).any()}
+    for (name, rows), colour, mark in zip(some.items(), cycle(COLOURS), cycle(MARKS)):
+        distance, counts, model = fit.distance_cm[rows], fit.counts[rows, k], fit.model[rows, k]
+        _dots(axes, distance, model - counts if left else counts, mark, colour, _named(name))
+        if not left:
+            axes.plot(*_means(distance, model), color=colour, lw=1.0)
+    if left:
+        axes.axhline(0, color=MUTED, lw=0.8)
+    axes.grid(True, color=GRID, lw=0.5)
+    axes.legend(fontsize=6, markerscale=2.5)
+
+
+def _dots(axes: Axes, x: Floats, counts: Floats, mark: str, colour: str, label: str) -> None:
+    axes.plot(x, counts, mark, ms=1.6, mew=0, color=colour, alpha=0.7, rasterized=True, label=label)
+
+
+def _means(x: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """The distinct x, and the mean of the values at each."""
+    found, i = np.unique(x, return_inverse=True)
+    return found, np.bincount(i, values) / np.bincount(i)
+
+
+def _named(name: str) -> str:
+    """An object in words."""
+    radius = cylinder_radius(name)
+    return f"cylinder of {radius:g} cm" if radius else name
+
+
+def _table(fit: ChannelFit, values: Floats, rows: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
+    """Distances, bearings, and the mean of `values` of those rows at each pair."""
+    rows = rows & np.isfinite(values)
+    distance, i = np.unique(fit.distance_cm[rows], return_inverse=True)
+    bearing, j = np.unique(fit.bearing_deg[rows], return_inverse=True)
+    total, many = np.zeros((len(distance), len(bearing))), np.zeros((len(distance), len(bearing)))
+    np.add.at(total, (i, j), values[rows])
+    np.add.at(many, (i, j), 1)
+    return distance, bearing, np.where(many > 0, total / np.maximum(many, 1), np.nan)

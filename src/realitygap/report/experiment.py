@@ -18,7 +18,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from realitygap.calibration.misfit import LIMITS
+from realitygap.calibration.noise import LIMITS
 from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.experiment import RESULTS
@@ -27,17 +27,9 @@ from realitygap.experiments.realities import ASKED, Place
 from realitygap.files import read_table, read_toml, to_csv
 from realitygap.report import style
 from realitygap.report.calibration import REAL
-from realitygap.report.page import (
-    Figures,
-    OnProgress,
-    Steps,
-    Words,
-    noise_key,
-    report_folder,
-    write_page,
-)
+from realitygap.report.page import Figures, OnProgress, report_folder, write_page
 from realitygap.report.scores import PAPER_ROWS
-from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_styles
+from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_key, noise_styles
 from realitygap.robots.address import Address
 from realitygap.tasks import load_task
 from realitygap.values import Floats
@@ -52,7 +44,7 @@ FAILED = 6.0
 AGAIN = "Let the experiment finish (realitygap experiment noise --resume), or copy its results again."
 READINGS = {
     "a real Khepera (readings only)": {
-        "infrared": (REAL["infrared"], "7.8 to 8.6", "23.8"), "ambient": (REAL["ambient"], "4.1", "4.3"),
+        "infrared": (REAL["infrared"], "7.8 to 8.7", "23.8"), "ambient": (REAL["ambient"], "4.1", "4.3"),
     },
     "a real Thymio II (readings only)": {"infrared": ("10.2", "1.7", "7.4")},
 }  # fmt: skip
@@ -449,7 +441,7 @@ def build_noise_page(out: str | Path, *, on_progress: OnProgress | None = None) 
         StudyError: results are missing or broken: names the file and the line.
         OSError: the page cannot be written.
     """
-    data, figures, step = NoiseData.read(out), Figures(), Steps(on_progress, 5)
+    data, figures = NoiseData.read(out), Figures()
     who, table = "robot" if "robot" in data.settings else "twin", noise_table(data)
     for name, draw, alt in (
         ("noise-map", partial(map_figure, data), "Mean correspondence by evolved and compared level"),
@@ -457,7 +449,7 @@ def build_noise_page(out: str | Path, *, on_progress: OnProgress | None = None) 
         ("noise-fitness", partial(fitness_figure, data, who), "Fitness and its drop by evolved level"),
         ("noise-noisiness", partial(noisiness_figure, data, who), "Noisiness by compared level"),
     ):
-        figures.add(name, draw, Words(f"{alt}. The table has the figures.", ""))
+        figures.add(name, draw, f"{alt}. The table has the figures.")
     facts = {
         "data": data, "settings": data.settings, "cards": figures, "key": _key(data), "table": table,
         "matched": [(_titled(task), data.part(task).matched_text) for task in data.tasks],
@@ -465,7 +457,7 @@ def build_noise_page(out: str | Path, *, on_progress: OnProgress | None = None) 
         "text": (Path(out) / RESULTS / "study.toml").read_text("utf-8"),
     }  # fmt: skip
     target = report_folder(Path(out)) / "index.html"
-    return write_page(target, "noise.html.j2", figures, facts, step, tables={table.name: table.csv()})
+    return write_page(target, "noise.html.j2", figures, facts, on_progress, tables={table.name: table.csv()})
 
 
 def _key(data: NoiseData) -> list[tuple[str, str, str]]:
@@ -522,7 +514,7 @@ def read_robots(places: Sequence[Place]) -> dict[str, NoiseData]:
 
 def _own_noise(robot: str) -> dict[str, float]:
     """Published noise of a simulated robot, counts."""
-    from realitygap.enki.unit import MODELS
+    from realitygap.robots.enki import MODELS
     from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS
 
     address = Address.parse(robot)
@@ -595,16 +587,16 @@ def build_realities_page(
     """
     robots, figures, table = read_robots(places), Figures(), matrix(places, few=few)
     tried = [place for place in places if not place.why]
-    step = Steps(on_progress, len(robots) + 2)
     for place in tried:
-        step(_named(place))
         build_noise_page(place.folder)
     alt = "Correspondence and noisiness on each robot, by compared level. The table has the means."
-    figures.add("levels", partial(robots_figure, robots), Words(alt, ""))
+    figures.add("levels", partial(robots_figure, robots), alt)
     facts = {
         "table": table, "realities": [(_named(place), place.folder.name) for place in tried], "few": few,
         "left_out": [place for place in places if place.why], "cards": figures,
         "key": _key(next(iter(robots.values()))), "text": (Path(folder) / ASKED).read_text("utf-8"),
     }  # fmt: skip
     target = report_folder(Path(folder)) / "index.html"
-    return write_page(target, "realities.html.j2", figures, facts, step, tables={table.name: table.csv()})
+    return write_page(
+        target, "realities.html.j2", figures, facts, on_progress, tables={table.name: table.csv()}
+    )

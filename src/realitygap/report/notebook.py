@@ -16,16 +16,14 @@ from matplotlib.figure import Figure
 from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError
 from realitygap.files import atomic_write
-from realitygap.report.arenas import draw_arena
-from realitygap.report.build import figures_of, scripts
+from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
-from realitygap.report.gather import Paths, parts_of
+from realitygap.report.drawing import draw_arena, robot_figure, steepness
+from realitygap.report.evolution import Paths, counted, parts_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, rendered
 from realitygap.report.player import player_data, player_json, replay_data
-from realitygap.report.robots import robot_figure
 from realitygap.report.style import new_figure, save_figure, styled
-from realitygap.report.tables import counted
 from realitygap.report.transfers import pairs_of
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Run, Study
@@ -190,7 +188,7 @@ def arena_html(arena: Arena) -> str:
     """An arena, to scale."""
     with styled():
         width, depth = arena.size_cm
-        figure = new_figure(4.0, 4.0 * depth / width, layout="constrained")
+        figure = new_figure(4.0, 4.0 * steepness(arena.to_kernel()), layout="constrained")
         draw_arena(figure.add_subplot(), arena.to_kernel(), names=True)
         return _picture(figure, f"The arena {arena.name}, {width:g} × {depth:g} cm")
 
@@ -206,7 +204,7 @@ def network_html(genotype: Genotype) -> str:
 
 
 def _player(data: Mapping[str, object], title: str, height: int) -> Shown:
-    facts = {"title": title, "player": Markup(player_json(dict(data))), "scripts": Markup(scripts())}
+    facts = {"title": title, "player": Markup(player_json(dict(data)))}
     return Shown(rendered("notebook.html.j2", facts), height)
 
 

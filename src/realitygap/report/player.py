@@ -1,34 +1,43 @@
 """The page's player: everything that it can show of a study, as one JSON document.
 
 Tasks contain noise levels, those contain runs, those contain trials; a trial is a simulated drive and, if the
-run drove a robot or a twin, the situated one from the same pose.
+run drove a robot or a twin, the situated one from the same pose. Numbers of a drive are packed as
+little-endian int16 or int8 in base64: a tenth of the size of JSON.
 """
 
+import base64
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import ArrayLike, NDArray
+
 from realitygap.control.genotype import Genotype
-from realitygap.report.gather import PER_CONDITION, Paths, chosen, individual
+from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, front
+from realitygap.report.evolution import PER_CONDITION, NoiseClass, Paths, Row, TaskPart, chosen, individual
 from realitygap.report.network import network_drawing
-from realitygap.report.player_tracks import activity, decided, poses_of, track
-from realitygap.report.robots import WHEEL_CM, front
+from realitygap.report.page import rendered
 from realitygap.report.style import noise_styles
-from realitygap.report.tables import NoiseClass, Row, TaskPart
 from realitygap.report.transfers import Pair, robots_of
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
 from realitygap.transfer.replay import Replays
-from realitygap.values import fed
+from realitygap.values import Floats, fed
 from realitygap.world.arena import Arena
-from realitygap.world.robot import Profile, noise_name
+from realitygap.world.robot import TOP_INPUT, Profile, noise_name
 from realitygap.world.sensors import RAY_ANGLES_DEG, AmbientSensor, ProximitySensor
 
-__all__ = ["MOST_RUNS", "MOST_TRIALS", "player_data", "player_json", "replay_data"]
+__all__ = [
+    "LOST", "MOST_RUNS", "MOST_TRIALS", "activity", "arena_json", "decided", "judge_page", "pack",
+    "player_data", "player_json", "replay_data", "track",
+]  # fmt: skip
 
 Json = dict[str, object]
 
@@ -36,11 +45,15 @@ MOST_RUNS = 2 * PER_CONDITION
 """Runs of a condition on the page: as many as in its tables."""
 MOST_TRIALS = 2
 """Trials of a run on the page."""
-LIT_RAYS_CM = 15.0
-"""Only walls end the ambient sensors' rays: the length that the page draws."""
 FINEST_CM = 0.01
 LARGEST = 32_000
-"""Maximum length of a room's longer side in units of packed positions, which are int16."""
+"""Maximum length of an arena's longer side in units of packed positions, which are int16."""
+LOST = -32768
+"""A missing number: the camera lost the robot."""
+TURN = 100.0
+"""Headings are packed in hundredths of a degree."""
+DIGITS = 9
+"""More digits than a file has, fewer than a heading loses in conversions from degrees and back."""
 
 
 def player_json(data: Json) -> str:
@@ -103,7 +116,7 @@ def _scene(task: Task, profile: Profile) -> Json:
     """A task: its arena, the sensors it feeds."""
     return {
         "name": task.name, "title": task.title, "unit": task.fitness_unit, "feeds": task.feeds,
-        "unit_cm": _unit_cm(task), "arena": _arena(task.arena), "sensors": _sensors(task, profile),
+        "unit_cm": _unit_cm(task), "arena": arena_json(task.arena), "sensors": _sensors(task, profile),
     }  # fmt: skip
 
 
@@ -195,11 +208,11 @@ class _Gather:
 
 
 def _unit_cm(task: Task) -> float:
-    """Unit of packed positions: hundredths of a cm, larger in a room too large for int16."""
+    """Unit of packed positions: hundredths of a cm, larger in an arena too large for int16."""
     return float(max(FINEST_CM, max(task.arena.size_cm) / LARGEST))
 
 
-def _arena(arena: Arena) -> Json:
+def arena_json(arena: Arena) -> Json:
     """An arena as plain numbers in cm; a lamp has its middle and its points."""
     plain = arena.plain()
     plain["lamps"] = [
@@ -234,3 +247,104 @@ def _sensors(task: Task, profile: Profile) -> Json:
 def _sensor(one: ProximitySensor | AmbientSensor, reach_cm: float, limits: Json) -> Json:
     reach = round(min(reach_cm, LIT_RAYS_CM), 2)
     return {"x": one.x_cm, "y": one.y_cm, "direction": one.direction_deg, "reach": reach, **limits}
+
+
+def judge_page(data: Mapping[str, object], arena: Arena | None, radius_cm: float) -> str:
+    """The page on which people rate pairs: self-contained, ratings saved in the browser and as a file.
+
+    Args:
+        data: the pairs, from `correspondence.blind_pairs`.
+        arena: where they drove; None: an empty one around all of them.
+        radius_cm: of the bodies.
+    """
+    body = {
+        "radius": radius_cm,
+        "front": radius_cm,
+        "outline": [],
+        "track": 1.8 * radius_cm,
+        "wheel": WHEEL_CM,
+    }
+    empty = {"size_cm": data["size_cm"], "cylinders": [], "walls": [], "lamps": []}
+    text = player_json({**data, "arena": arena_json(arena) if arena else empty, "robot": body})
+    name = hashlib.sha256(text.encode()).hexdigest()[:16]  # ratings of another page are kept apart
+    return rendered("judge.html.j2", {"data": Markup(text[:-1] + f',"id":"{name}"}}')})
+
+
+# One drive
+
+
+def pack(values: ArrayLike, kind: str) -> str:
+    """Whole numbers as base64: `kind` is "<i2" or "i1"; NaN becomes LOST; larger values are clipped."""
+    numbers = np.asarray(values, np.float64)
+    limits = np.iinfo(np.dtype(kind))
+    lowest = limits.min + 1 if kind == "<i2" else limits.min
+    whole = np.clip(np.round(np.nan_to_num(numbers)), lowest, limits.max)
+    whole = np.where(np.isnan(numbers), limits.min, whole)
+    return base64.b64encode(np.ascontiguousarray(whole).astype(kind).tobytes()).decode("ascii")
+
+
+def poses_of(track: Track) -> Floats:
+    """Poses [n, 3] in cm, cm, degrees, with exactly a file's digits; NaN where the robot was lost."""
+    return np.stack([track.x, track.y, track.heading_deg.round(DIGITS)], axis=1)
+
+
+def decided(drive: Trajectory | Recording, profile: Profile) -> NDArray[np.int64]:
+    """A drive's commands [n, 2] from −10 to 10: a recording has them in the robot's own units."""
+    if isinstance(drive, Trajectory):
+        return drive.commands
+    outputs = np.rint(drive.commands * (TOP_INPUT / profile.wheels.top_command))
+    return np.asarray(outputs, np.int64)
+
+
+def activity(
+    genotype: Genotype, inputs: NDArray[np.int64], commands: NDArray[np.int64], slots: Sequence[int]
+) -> NDArray[np.int64] | None:
+    """Outputs [n, slots] of a network's neurons at the end of each step, by replaying a drive.
+
+    Args:
+        genotype: whose network it is.
+        inputs: its inputs [n, I].
+        commands: the commands [n, 2]; if the network's differ, it is not the one that drove, and the result
+            is None.
+        slots: the neurons.
+    """
+    controller = genotype.controller()
+    shown = np.zeros((len(inputs), len(slots)), np.int64)
+    for k, (readings, command) in enumerate(zip(inputs.tolist(), commands.tolist(), strict=True)):
+        decided = controller.decide(readings)
+        if [decided.left, decided.right] != command:
+            return None
+        outputs = controller.outputs
+        shown[k] = [outputs[slot] for slot in slots]
+    return shown
+
+
+def track(
+    who: str,
+    score: str,
+    poses: Floats,
+    unit_cm: float,
+    *,
+    readings: Floats | None = None,
+    commands: NDArray[np.int64] | None = None,
+    outputs: NDArray[np.int64] | None = None,
+) -> dict[str, object]:
+    """One drive for the page; rows of internal data belong to the first n poses.
+
+    Args:
+        who: the driver, in words.
+        score: as in the tables.
+        poses: [n + 1, 3] cm, cm, degrees.
+        unit_cm: unit of packed positions.
+        readings: [n, S] counts of the sensors that the task feeds, if known.
+        commands: [n, 2], −10 to 10, if known.
+        outputs: [n, N] of the network's neurons, if known.
+    """
+    steps = len(poses) - 1
+    packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
+    inside = {"readings": (readings, "<i2"), "commands": (commands, "i1"), "outputs": (outputs, "i1")}
+    rows = {
+        name: pack(values, kind) if values is not None and len(values) == steps > 0 else None
+        for name, (values, kind) in inside.items()
+    }
+    return {"who": who, "score": score, "steps": steps, **packed, **rows}

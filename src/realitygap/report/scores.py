@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from realitygap.files import to_csv
-from realitygap.report.statistics import Mean, mean_of
+from realitygap.report.evolution import Mean, mean_of
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.transfer.scores import ScoreRow, marks_of

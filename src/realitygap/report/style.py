@@ -8,13 +8,18 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import matplotlib
+from realitygap.errors import UsageError
+
+try:
+    import matplotlib
+except ValueError as error:  # it reads the environment when first imported
+    raise UsageError(f"MPLBACKEND: {error}. Name a backend of Matplotlib's, or unset it.") from None
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -25,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COLUMN", "INHIBITORY", "INK", "PAGE", "SIMULATED", "SITUATED", "Look", "NoiseStyle", "inline_svg",
-    "new_figure", "noise_styles", "save_figure", "styled",
+    "new_figure", "noise_key", "noise_styles", "number", "save_figure", "styled",
 ]  # fmt: skip
 
 COLUMN = 3.35
@@ -110,6 +115,23 @@ def noise_styles(levels: Iterable[float]) -> dict[float, NoiseStyle]:
     others = [level for level in levels if level not in _NAMED]
     spare = {level: _OTHERS[i % len(_OTHERS)] for i, level in enumerate(others)}
     return {level: _NAMED.get(level) or spare[level] for level in levels}
+
+
+GLYPHS = {
+    "o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖",
+    "<": "◀", ">": "▶", "*": "★", "p": "⬟",
+}  # fmt: skip
+
+
+def noise_key(levels: Mapping[float, str]) -> list[tuple[str, str, str]]:
+    """Name, colour and sign of each noise level, for a page's legend."""
+    styles = noise_styles(levels)
+    return [(name, styles[level].colour, GLYPHS[styles[level].marker]) for level, name in levels.items()]
+
+
+def number(value: float, places: int) -> str:
+    """A number with a proper minus sign, and none on a zero."""
+    return f"{value:z.{places}f}".replace("-", "−")
 
 
 def styled() -> AbstractContextManager[None]:

@@ -1,25 +1,40 @@
-"""A study's transfers: the same individual simulated and situated, from the same start."""
+"""A study's transfers: the same individual simulated and situated, from the same start.
 
+"Situated" is the paper's word for an individual that drives a robot (or here its stand-in, a twin). Figures 3
+and 5 show pairs of paths; beside them stand the films' last frames and a table.
+"""
+
+import base64
+import io
 import math
+import os
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.files import to_csv
-from realitygap.report.gather import chosen
-from realitygap.report.statistics import Mean, mean_of
-from realitygap.report.tables import NoiseClass, TaskPart
+from realitygap.files import atomic_path, to_csv
+from realitygap.report.drawing import PathPanel, Scene, pairs_figure, sheet_figure
+from realitygap.report.evolution import PER_CONDITION, Mean, NoiseClass, TaskPart, chosen, mean_of
+from realitygap.report.page import Figures, Picture
+from realitygap.report.style import SIMULATED, SITUATED, number
 from realitygap.robots.address import ROBOT, StandIn
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.record import TransferredTrial, load_transfers
 
-__all__ = ["Group", "Pair", "groups_of", "kinds_of", "pairs_of", "robots_of", "shown_pair", "transfers_csv"]
+__all__ = [
+    "Group", "Pair", "Situated", "groups_of", "kinds_of", "pairs_of", "robots_of", "shown_pair",
+    "situated_of", "transfers_csv",
+]  # fmt: skip
 
+FILM_PX = 720
+"""Width of a film's last frame on the page."""
 TAIL_S = 0.1
 """Interval of a tail's strokes, independent of the film's rate: as in the simulation."""
 
@@ -101,14 +116,14 @@ class Group:
 def pairs_of(study: Study, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
     """The study's transfers by task, in the order of its runs, robots and starts."""
     runs = {row.run.id: (c.level, row.run.index) for part in parts for c in part.conditions for row in c.rows}
-    pairs = [_pair(one, *runs[one.run]) for one in load_transfers(study.folder) if one.run in runs]
+    pairs = []
+    for one in load_transfers(study.folder):
+        if one.run in runs:
+            level, index = runs[one.run]
+            known = {field.name: getattr(one, field.name) for field in fields(one)}
+            pairs.append(Pair(**known, level=level, index=index))
     pairs.sort(key=lambda p: (p.run, p.stand_in is not None, len(p.robot), p.robot, p.start))
     return {part.task.name: [p for p in pairs if p.task == part.task.name] for part in parts}
-
-
-def _pair(one: TransferredTrial, level: float, index: int) -> Pair:
-    known = {field.name: getattr(one, field.name) for field in fields(one)}
-    return Pair(**known, level=level, index=index)
 
 
 def _drawn(track: Track) -> Track:
@@ -169,3 +184,154 @@ def transfers_csv(task: Task, groups: Sequence[Group], study: Path) -> str:
             who = [p.run, p.name, p.individual, p.robot, p.start, p.situated_from]
             rows.append([task.name, group.name, *who, *told, p.folder.relative_to(study).as_posix()])
     return to_csv(rows, end="\r\n")
+
+
+# On the page
+
+
+class Situated(NamedTuple):
+    """What a task's section shows of its transfers.
+
+    Attributes:
+        shown: the pairs in its figures.
+        figures: pairs of paths; sheets: all of them.
+        films: last frames, as the template needs them.
+        groups: rows of the table.
+    """
+
+    shown: list[Pair]
+    figures: list[Picture]
+    sheets: list[tuple[Picture, int]]
+    films: list[dict[str, object]]
+    groups: list[Group]
+
+    @property
+    def total(self) -> int:
+        return sum(len(group.pairs) for group in self.groups)
+
+    @property
+    def kinds(self) -> list[str]:
+        """Of what was driven, the first word of each kind: "robot", "twin", "stranger", "Enki"."""
+        return sorted({group.kind.split()[0] for group in self.groups})
+
+    def stands_for(self, part: TaskPart) -> bool:
+        """Whether its figures show every run that a figure of simulated paths would show."""
+        runs = {pair.run for pair in self.shown}
+        return all(row is None or row.run.id in runs for row in map(chosen, part.conditions))
+
+
+def situated_of(
+    part: TaskPart, pairs: Sequence[Pair], scene: Scene, label: str, figures: Figures, report: Path
+) -> Situated:
+    """What a section shows of a task's transfers.
+
+    Args:
+        part: the task's runs.
+        pairs: its transfers, at least one.
+        scene: the arena, and the simulated robot.
+        label: the paper's name of the figure.
+        figures: the page's, to which this part's are added.
+        report: the report's folder; films are linked or copied into it.
+    """
+    made = Situated([], [], [], [], groups_of(part, pairs))
+    for robot in robots_of(pairs):
+        here = [pair for pair in pairs if pair.robot == robot]
+        shown = [pair for c in part.conditions if (pair := shown_pair(c, here)) is not None]
+        if not shown:
+            continue
+        name = f"{part.task.name}-{'pairs' if not made.figures else 'pairs-' + robot}"
+        heads = [f"{part.names[pair.level]}, #{pair.index}" for pair in shown]
+        rows = [
+            [_panel(part, pair, situated=False, title="simulated: {}") for pair in shown],
+            [_panel(part, pair, situated=True, title=f"{pair.where}: {{}}") for pair in shown],
+        ]
+        alt = f"Paths. {'; '.join(_ends(part, pair) for pair in shown)}."
+        made.figures.append(figures.add(name, partial(pairs_figure, scene, heads, rows), alt, label))
+        made.shown.extend(shown)
+        made.sheets.extend(_sheet(part, here, scene, name, figures))
+        made.films.extend(film for pair in shown if (film := _film(part, pair, report)) is not None)
+    return made
+
+
+def _ends(part: TaskPart, pair: Pair) -> str:
+    before, after = pair.paths
+    return (
+        f"{part.names[pair.level]}: from ({before.x[0]:.0f}, {before.y[0]:.0f}) simulated to "
+        f"({before.x[-1]:.0f}, {before.y[-1]:.0f}), on {pair.where} to "
+        f"({after.x[-1]:.0f}, {after.y[-1]:.0f}) cm"
+    )
+
+
+def _panel(part: TaskPart, pair: Pair, *, situated: bool, title: str) -> PathPanel:
+    score = pair.fitness[situated]
+    text = "–" if math.isnan(score) else number(score / part.task.fitness_scale, 2)
+    look = SITUATED if situated else SIMULATED
+    return PathPanel(noise=pair.level, title=title.format(text), trajectory=pair.paths[situated], look=look)
+
+
+def _sheet(
+    part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, figures: Figures
+) -> list[tuple[Picture, int]]:
+    """Every transferred run of a robot, and their number: two rows a noise level, simulated above."""
+    rows: list[list[PathPanel | None]] = []
+    many = 0
+    for condition in part.conditions:
+        runs: dict[int, Pair] = {}
+        for p in here:
+            if p.level == condition.level and p.seen:
+                runs.setdefault(p.run, p)
+        pairs = [runs[run] for run in sorted(runs)][:PER_CONDITION]
+        many += len(pairs)
+        if pairs:
+            rows.append(
+                [_panel(part, p, situated=False, title=f"{condition.name} #{p.index}: {{}}") for p in pairs]
+            )
+            rows.append([_panel(part, p, situated=True, title="situated: {}") for p in pairs])
+    if many <= len(part.conditions) and len(rows) == 2 * many:  # the figure of pairs shows them all
+        return []
+    alt = f"Simulated and situated paths of {many} runs, each from its first start."
+    return [(figures.add(f"{name}-all", partial(sheet_figure, scene, rows), alt), many)]
+
+
+def _film(part: TaskPart, pair: Pair, report: Path) -> dict[str, object] | None:
+    """A film's last frame under its track's tail (a data URI) and its link; None without a film.
+
+    The film itself is linked into the report (copied where the disk has no links), so that the report's
+    folder is complete without the study's.
+    """
+    path = pair.folder / "tails.png"
+    if not (pair.filmed and path.is_file()):
+        return None
+    picture, size = _embedded(path)
+    film, link = pair.folder / "film.mp4", ""
+    if film.is_file():
+        link = f"films/{pair.folder.parent.name}-{pair.robot}-{pair.folder.name}.mp4"
+        (report / link).parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(report / link) as spare:
+            spare.unlink(missing_ok=True)
+            try:
+                os.link(film, spare)
+            except OSError:
+                shutil.copyfile(film, spare)
+    head = f"{part.names[pair.level]}, #{pair.index}"
+    return {
+        "head": head,
+        "where": pair.where,
+        "start": pair.start,
+        "picture": picture,
+        "size": size,
+        "link": link,
+    }
+
+
+def _embedded(path: Path) -> tuple[str, tuple[int, int]]:
+    """A picture reduced for a page, as a data URI, and its size in px."""
+    from PIL import Image
+
+    with Image.open(path) as frame:
+        wide = min(FILM_PX, frame.width)
+        size = (wide, max(1, round(frame.height * wide / frame.width)))
+        small = frame.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    buffer = io.BytesIO()
+    small.save(buffer, "JPEG", quality=82, optimize=True)
+    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}", size

@@ -1,11 +1,9 @@
-"""Robots: what a body is, its address, control loop, clocks, recordings, safe stop; a folder for each."""
+"""Robots: what a body is, its address, control loop, recordings, safe stop; a file for each."""
 
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
     "address": "Address",
-    "body": "Body Channel Odometry",
-    "clock": "Clock RealClock SteppedClock",
-    "loop": "Controller drive",
-    "recording": "Recorder Recording",
+    "body": "Body Channel Clock Odometry RealClock SteppedClock",
+    "drive": "Controller Recorder Recording",
 })  # fmt: skip

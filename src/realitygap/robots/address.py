@@ -34,14 +34,14 @@ OPENERS = {
     "twin": "realitygap.robots.twin:opened",
     "stranger": "realitygap.robots.twin:opened_stranger",
     "enki": "realitygap.robots.enki:opened",
-    "khepera": "realitygap.robots.khepera.body:opened",
-    "serial": "realitygap.robots.khepera.body:opened",
-    "epuck": "realitygap.robots.epuck.body:opened",
-    "epuck2": "realitygap.robots.epuck.body:opened_second",
-    "thymio": "realitygap.robots.thymio.body:opened",
+    "khepera": "realitygap.robots.khepera:opened",
+    "serial": "realitygap.robots.khepera:opened",
+    "epuck": "realitygap.robots.epuck:opened",
+    "epuck2": "realitygap.robots.epuck:opened_second",
+    "thymio": "realitygap.robots.thymio:opened",
 }
 """What opens each kind of robot, loaded when needed; any other prefix is a user's file or module."""
-OWN = "realitygap.robots.own:opened"
+OWN = "realitygap.robots.body:opened"
 
 BAUD = 38400
 BAUD_RATES = (9600, 19200, 38400, 57600, 115200)

@@ -1,12 +1,10 @@
-"""Bodies: sensors and wheels that a controller drives, simulated, twin or real, all alike.
+"""Bodies: sensors and wheels that a controller drives, simulated, twin or real, all alike; and their time.
 
-A robot of your own is a class with these members, in any file (`--robot file.py:Class`). For example,
-one with five sensors of 12 bits and no counters, which a person puts down:
+A robot of your own is a subclass of `Body`, in any file (`--robot file.py:Class`). For example, one with five
+sensors of 12 bits and no counters, which a person puts down:
 
-    class Five:
+    class Five(Body):
         channels = (Channel(name="proximity", sensors=5, high=4095),)
-        period_s = 0.1
-        counts_turns = False
 
         def reset(self, pose=None): self.stop()
         def sense(self): return Readings(proximity=self.line.read(5), ambient=np.empty(0))
@@ -14,44 +12,96 @@ one with five sensors of 12 bits and no counters, which a person puts down:
         def stop(self): self.line.write(0, 0)
         def close(self): self.line.close()
 
-Optional members are found by name:
-
-    odometry    an `Odometry`, as read with the last `sense`: of a body that counts turns
-    clock       its own time (`Timed`): of a simulated body, say a `SteppedClock`; else the computer's
-    enter       enter(room, seed, pose) puts it into a room (`Placing`), where `reset(pose)` may set it
-                down again: of a simulated body; else a person builds the room and carries the robot
-    pose        where it truly is (`Seen`): the path of a transfer, if no camera sees it; else the
-                path is computed from its counters
-    speeds      (left, right) that its motors measured, as read with the last `sense` (`Paced`): of a
-                body that does not count turns; the path, if nothing else tells it
-    inspect     inspect() tries what else it has, for `robot check`; a dict (`Inspected`)
-    pulses_per_mm   of its counters, roughly: where the profile has none that were measured
-    facts       what recordings say of it: "robot", its name; "units" of its commands, "base", the shipped
-                profile of what is known of it, and "pulses_per_mm"; your own needs no more
-    read_at     when what `sense` gives arrived, by its clock: of a body whose line may miss a step
-    infrared_grid   (bearings, distances in cm) of the infrared's plan (`record`), if not the usual ones: of a
-                body that is set down at many places in no time
-    attend      attend(kinds, turns) says which channels are read from now on (`Attentive`): of a
-                body that cannot read all of them in one period
+Everything else has a default. `realitygap.testing.BodyContract` tests what every body must do.
 """
 
-from collections.abc import Mapping
+import math
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
 
 from realitygap.errors import RealityGapError, UsageError
-from realitygap.robots.clock import Clock, RealClock
+from realitygap.plugins import blamed_on, named_object
 from realitygap.values import Command, Pose, Readings, as_count
 
 __all__ = [
-    "KINDS", "Attentive", "Body", "Channel", "Filmed", "Inspected", "Odometry", "Placing", "Seen", "Timed",
-    "abandon", "attend", "channel", "clock_of", "facts_of", "known_pose", "odometry_of",
+    "KINDS", "Body", "Channel", "Clock", "Odometry", "RealClock", "SteppedClock",
+    "checked_readings", "opened",
 ]  # fmt: skip
 
 KINDS = ("proximity", "ambient")
 """The kinds of sensors that there are."""
+
+ROUNDING_S = 1e-6
+"""A time this little before a step's counts as that step's."""
+
+
+class Clock(Protocol):
+    """What a loop needs of a clock, s."""
+
+    waits: bool
+    """Whether it stands still while this process does."""
+
+    def now(self) -> float:
+        """The time; only differences mean anything."""
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let time pass."""
+
+
+class RealClock:
+    """The computer's own."""
+
+    waits = False
+
+    def now(self) -> float:
+        """Seconds since some moment."""
+        return time.monotonic()
+
+    def sleep_until(self, time_s: float) -> None:
+        """Sleep."""
+        left = time_s - time.monotonic()
+        if left > 0:
+            time.sleep(left)
+
+
+class SteppedClock:
+    """A simulated body's time, s, in which nothing is ever late: it advances by whole steps.
+
+    Args:
+        step: advances the simulation by one step.
+        period_s: how long that is.
+    """
+
+    waits = True
+
+    def __init__(self, step: Callable[[], None], period_s: float) -> None:
+        self._step, self._period_s = step, period_s
+        self._now = 0.0
+        self._begun = 0.0
+        self._steps = 0
+
+    def now(self) -> float:
+        """Seconds since the body was made."""
+        return self._now
+
+    def sleep_until(self, time_s: float) -> None:
+        """Advance the simulation by the steps that are due."""
+        self._now = max(self._now, time_s)
+        due = math.floor((self._now - self._begun + ROUNDING_S) / self._period_s)
+        while self._steps < due:
+            self._steps += 1
+            self._step()
+
+    def begin_step(self) -> None:
+        """The robot has been set down: its steps are counted from now on."""
+        self._begun, self._steps = self._now, 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,156 +139,183 @@ class Odometry(NamedTuple):
     speeds: tuple[int, int] | None = None
 
 
-class Body(Protocol):
-    """Sensors and wheels, wherever they are."""
+class Body(ABC):
+    """Sensors and wheels, wherever they are.
 
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """The sensors that `sense` reads."""
+    Attributes:
+        channels: the sensors that `sense` reads.
+        period_s: time from one step to the next, s.
+        clock: its own time: of a simulated body, say a `SteppedClock`; else the computer's.
+        counts_turns: whether `odometry` has its wheels' counters.
+        pulses_per_mm: of its counters, roughly: where the profile has none that were measured.
+        speeds: (left, right) that its motors measured, as read with the last `sense`: of a body that does not
+            count turns; the path, if nothing else gives it.
+        pose: where it truly is: the path of a transfer, if no camera sees it; else the path is computed from
+            its counters.
+        read_at: when what `sense` gives arrived, by its clock: of a body whose line may miss a step.
+        infrared_grid: (bearings, distances in cm) of the infrared's plan (`record`), if not the usual ones:
+            of a body that is set down at many places in no time.
+    """
 
-    @property
-    def period_s(self) -> float:
-        """Time from one step to the next, s."""
+    channels: tuple[Channel, ...]
+    period_s: float = 0.1
+    clock: Clock = RealClock()
+    counts_turns: bool = False
+    pulses_per_mm: float | None = None
+    speeds: tuple[int, int] | None = None
+    pose: Pose | None = None
+    read_at: float | None = None
+    infrared_grid: tuple[int, tuple[float, ...]] | None = None
 
-    @property
-    def counts_turns(self) -> bool:
-        """Whether `odometry` tells the wheels' counters and speeds."""
-
+    @abstractmethod
     def reset(self, pose: Pose | None = None) -> None:
         """Stand still, counters at zero, at `pose` (None: where it is)."""
 
+    @abstractmethod
     def sense(self) -> Readings:
         """What the sensors read now, counts; empty for a kind that it lacks, or does not attend to."""
 
+    @abstractmethod
     def act(self, command: Command) -> None:
         """Wheel speeds from now on, in the robot's own units."""
 
+    @abstractmethod
     def stop(self) -> None:
         """Stop the wheels, and make sure of it."""
 
     def close(self) -> None:
         """Stop the wheels, and release the body."""
+        self.stop()
 
-
-@runtime_checkable
-class Timed(Protocol):
-    """A body with its own time."""
+    def abandon(self) -> None:
+        """Release a body that has stopped, or can no longer be told to."""
+        with suppress(RealityGapError):
+            self.close()
 
     @property
-    def clock(self) -> Clock:
-        """The clock that it moves with."""
+    def facts(self) -> Mapping[str, Any]:
+        """What recordings say of it: "robot", its name if not the class's; "units" of its commands; "base",
+        the shipped profile of what is known of it; "pulses_per_mm"."""
+        return {} if self.pulses_per_mm is None else {"pulses_per_mm": self.pulses_per_mm}
 
+    @property
+    def odometry(self) -> Odometry:
+        """As read with the last `sense`."""
+        return Odometry(speeds=self.speeds)
 
-@runtime_checkable
-class Placing(Protocol):
-    """A body that needs no person to place it."""
+    def attend(self, *kinds: str, turns: bool = True) -> None:
+        """Read these kinds of sensors from now on, and counters and speeds too if `turns`: of a body that
+        cannot read all of them in one period. Others are left alone."""
+        return
 
     def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
-        """Stand in a room from now on, at `pose` (None: anywhere), its counters at zero.
+        """Stand in a room from now on, at `pose` (None: anywhere), its counters at zero: of a simulated body,
+        which `reset(pose)` may set down again; else a person builds the room and carries the robot.
 
         The room is in plain numbers, cm: size_cm, cylinders [x, y, radius], walls [x, y, x, y] and lamps
         [x, y]; where surfaces differ also reflectance, of the walls and of each cylinder, 1 being usual.
         `seed` names the noise of what follows: the same seed, the same bits.
         """
-
-
-@runtime_checkable
-class Filmed(Protocol):
-    """A unit of the twin, as the camera above it knows it."""
-
-    unit: int
-    noise: float
+        raise UsageError("robot: expected one that places itself, by `enter`.")
 
     def film(self, states: Path | None) -> None:
-        """Write where it is, every 20 ms, into a sealed file for the camera; None ends it."""
-
-
-@runtime_checkable
-class Inspected(Protocol):
-    """A body that has more to check than sensors and wheels."""
+        """Write where it is, every 20 ms, into a sealed file for the camera above it; None ends it."""
+        raise UsageError("robot: expected one with a camera above it, as a twin has.")
 
     def inspect(self) -> Mapping[str, Any]:
-        """Try it; the results, by name."""
-
-
-@runtime_checkable
-class Seen(Protocol):
-    """A body that knows where it is."""
+        """Try what else it has, for `robot check`; the results, by name."""
+        return {}
 
     @property
-    def pose(self) -> Pose:
-        """Where it is now."""
-
-
-@runtime_checkable
-class Paced(Protocol):
-    """A body that does not count its wheels' turns, but measures their speeds."""
+    def places_itself(self) -> bool:
+        """Whether it has an `enter`."""
+        return type(self).enter is not Body.enter
 
     @property
-    def speeds(self) -> tuple[int, int] | None:
-        """Left and right, its own units, as read with the last `sense`; None before."""
+    def is_filmed(self) -> bool:
+        """Whether it has a `film`; then it also has a `unit` and a `noise`."""
+        return type(self).film is not Body.film
 
+    @property
+    def knows_pose(self) -> bool:
+        """Whether it has a `pose`."""
+        return "pose" in vars(self) or type(self).pose is not Body.pose
 
-@runtime_checkable
-class Attentive(Protocol):
-    """A body that reads only what is requested."""
+    @property
+    def measures_speeds(self) -> bool:
+        """Whether it has `speeds`."""
+        return "speeds" in vars(self) or type(self).speeds is not Body.speeds
 
-    def attend(self, kinds: tuple[str, ...], turns: bool) -> None:
-        """Read these kinds of sensors from now on, and counters and speeds too if `turns`."""
+    def known_pose(self) -> Pose:
+        """Where it is in the midst of a drive.
 
+        Raises:
+            UsageError: it does not know.
+        """
+        told = self.pose
+        if told is None:
+            raise UsageError(
+                "robot: expected its `pose` at every step of a drive, got None. A robot that loses its place "
+                "needs a camera above it, counters or `speeds`, and no `pose`."
+            )
+        return told
 
-def clock_of(body: Body) -> Clock:
-    """The body's own time; the computer's if it has none."""
-    return body.clock if isinstance(body, Timed) else RealClock()
+    def channel(self, kind: str) -> Channel:
+        """Its channel of a kind.
 
-
-def facts_of(body: Body) -> Mapping[str, Any]:
-    """What recordings say of it: "robot", which it is, and more."""
-    return getattr(body, "facts", {"robot": type(body).__name__})
-
-
-def odometry_of(body: Body) -> Odometry:
-    """As read with the last `sense`; of a body that does not count, only speeds."""
-    if body.counts_turns:
-        return Odometry(*body.odometry)  # type: ignore[attr-defined]
-    return Odometry(speeds=body.speeds if isinstance(body, Paced) else None)
-
-
-def known_pose(body: Seen) -> Pose:
-    """Where a body is in the midst of a drive.
-
-    Raises:
-        UsageError: it does not know.
-    """
-    told: Pose | None = body.pose
-    if told is None:
+        Raises:
+            UsageError: it has none.
+        """
+        for one in self.channels:
+            if one.name == kind:
+                return one
+        has = ", ".join(one.name for one in self.channels) or "none"
         raise UsageError(
-            "robot: expected its `pose` at every step of a drive, got None. A robot that loses its place "
-            "needs a camera above it, counters or `speeds`, and no `pose`."
+            f"robot: expected {kind} sensors, which this one does not have (its channels: {has})."
         )
-    return told
+
+    def description(self) -> dict[str, Any]:
+        """Its facts, with its name."""
+        return {"robot": type(self).__name__, **self.facts}
 
 
-def abandon(body: Body) -> None:
-    """Release a body that has stopped, or can no longer be told to."""
-    with suppress(RealityGapError):
-        getattr(body, "abandon", body.close)()
-
-
-def attend(body: Body, *kinds: str, turns: bool = True) -> None:
-    """Read these kinds of sensors from now on; a body that reads all of them anyway is left alone."""
-    if isinstance(body, Attentive):
-        body.attend(kinds, turns)
-
-
-def channel(body: Body, kind: str) -> Channel:
-    """The body's channel of a kind.
+def checked_readings(body: Body, read: Any) -> Readings:
+    """What a body has sensed, as its channels say.
 
     Raises:
-        UsageError: it has none.
+        UsageError: no Readings, of another shape, or counts that its sensors cannot have.
     """
-    for one in body.channels:
-        if one.name == kind:
-            return one
-    has = ", ".join(one.name for one in body.channels) or "none"
-    raise UsageError(f"robot: expected {kind} sensors, which this one does not have (its channels: {has}).")
+    name = type(body).__name__
+    if not isinstance(read, Readings):
+        raise UsageError(f"{name}.sense: expected Readings, got {read!r}.")
+    for kind in KINDS:
+        counts = np.asarray(getattr(read, kind), np.float64)
+        one = next((one for one in body.channels if one.name == kind), None)
+        if counts.shape not in ((0,), (one.sensors if one else 0,)):
+            wanted = f"{one.sensors} {kind} readings" if one else f"no {kind} readings"
+            raise UsageError(f"{name}.sense: expected {wanted}, as its channels say, got {counts.shape}.")
+        if one and not ((counts >= one.low) & (counts <= one.high)).all():
+            raise UsageError(
+                f"{name}.sense: expected {kind} counts from {one.low} to {one.high}, got {counts}."
+            )
+    return read
+
+
+def opened(name: str, **_: Any) -> Body:
+    """The body that `file.py:Class` or `module:Class` makes when it is called.
+
+    Raises:
+        UsageError: there is no such class, it fails, or it is not a body.
+    """
+    found, place = named_object(name, UsageError, "robot"), name.rpartition(":")[0]
+    place = str(Path(place).expanduser().resolve()) if place.endswith(".py") else place
+    if not callable(found):
+        raise UsageError(f"robot: {name}: expected a class, or a function that makes a body, got {found!r}.")
+    with blamed_on(place, UsageError, f"{name.rpartition(':')[2]}() fails"):
+        body = found()
+    if not isinstance(body, Body):
+        raise UsageError(f"robot: {name}: expected a subclass of realitygap.robots.Body, got {body!r}.")
+    if not body.channels or not 0.02 <= body.period_s <= 0.2:
+        got = f"{body.channels!r} and {body.period_s!r}"
+        raise UsageError(f"robot: {name}: expected channels, and a period_s from 0.02 to 0.2 (s), got {got}.")
+    return body

@@ -16,9 +16,8 @@ from realitygap.files import must_be
 from realitygap.kernels import trial as loop
 from realitygap.kernels.trial import new_record, new_robots, new_scratch
 from realitygap.kernels.types import Path
-from realitygap.robots.body import KINDS, Channel, Odometry
-from realitygap.robots.clock import SteppedClock
-from realitygap.robots.loop import Controller
+from realitygap.robots.body import KINDS, Body, Channel, Odometry, SteppedClock
+from realitygap.robots.drive import Controller
 from realitygap.simulation.simulation import Simulation
 from realitygap.track import Trajectory
 from realitygap.values import Command, Floats, Pose, Readings, as_stream, fed
@@ -36,7 +35,7 @@ ONE, NOWHERE = np.zeros(1, np.int64), np.zeros((0, 3))
 """The only robot; it does not begin anew."""
 
 
-class SimulatedBody:
+class SimulatedBody(Body):
     """The robot of a simulation, which any controller may drive.
 
     Driven by its task's network with `network_inputs`, it lives the same trial, to the bit, as
@@ -56,6 +55,7 @@ class SimulatedBody:
     """
 
     counts_turns = True
+    clock: SteppedClock
 
     def __init__(
         self, simulation: Simulation, *, stream: int = 0, kinds: tuple[str, ...] | None = None
@@ -84,7 +84,7 @@ class SimulatedBody:
         self._set_down(simulation.start(stream))
 
     @property
-    def pose(self) -> Pose:
+    def pose(self) -> Pose:  # type: ignore[override]
         """Where the robot is."""
         x, y, heading = map(float, self._robots.pose[0])
         return Pose(x=x, y=y, heading=heading)

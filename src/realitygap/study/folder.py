@@ -38,7 +38,8 @@ from realitygap.world.robot import Profile, load_profile
 __all__ = [
     "CONFIG", "Home", "Inputs", "Materials", "agree", "agree_to", "exists", "gather", "home_of",
     "input_files", "inputs_for", "open_folder", "open_to_begin", "own", "own_config", "programs",
-    "read_config", "read_materials", "read_profile", "refuse_other", "strange", "take_back", "write_files",
+    "read_config", "read_materials", "read_profile", "refuse_other", "refuse_strange", "strange", "take_back",
+    "write_files",
 ]  # fmt: skip
 
 CONFIG, PROFILE = "study.toml", "profile.toml"
@@ -51,7 +52,7 @@ LOOSE = ("title", "checkpoint_every")
 
 EXPERIMENTS = {
     "noise-study.toml": "experiment noise",
-    "realities.toml": "realities",
+    "realities.toml": "experiment robots",
     "reproduce.toml": "reproduce",
 }
 """Settings of what is no study itself, or not yet, and the command that made them."""
@@ -284,11 +285,7 @@ def read_materials(folder: Path) -> Materials:
         StudyError: a copy is missing or was edited since, or is a program that is not trusted.
     """
     config = own_config(folder)
-    for file in strange(_program_files(config)):
-        raise StudyError(
-            f"{folder}: the study was made elsewhere and brings a program, {file}, that would be run. "
-            "Read it; if you trust its author, give --trust (in Python: load_study(…, trust=True))."
-        )
+    refuse_strange(folder, _program_files(config))
     return gather(config)
 
 
@@ -363,6 +360,19 @@ def agree_to(contents: Iterable[bytes]) -> None:
 def strange(files: Iterable[Path]) -> list[Path]:
     """Those of some programs that this user has neither evolved with nor agreed to."""
     return [file for file in files if sha256(file.read_bytes()).hexdigest() not in _known()]
+
+
+def refuse_strange(place: Path, files: Iterable[Path]) -> None:
+    """Refuse to run such programs, which a study's folder or a configuration names.
+
+    Raises:
+        StudyError: names the file and the cure.
+    """
+    for file in strange(files):
+        raise StudyError(
+            f"{place}: it was made elsewhere and brings a program, {file}, that would be run. "
+            "Read it; if you trust its author, give --trust (in Python: trust=True)."
+        )
 
 
 @cache

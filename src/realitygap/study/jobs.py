@@ -32,7 +32,7 @@ from realitygap.tasks.task import Task
 from realitygap.values import Closing
 from realitygap.work.pool import Tell
 
-__all__ = ["Advanced", "Finished", "Job", "Message", "Workshop", "merged"]
+__all__ = ["Advanced", "Finished", "Job", "Message", "Rehearsal", "Workshop", "merged"]
 
 AMBIENT_COST = 2.5
 """Time of a step with ambient sensors over that with proximity sensors: a hint for the order of work."""
@@ -43,6 +43,12 @@ class Job(NamedTuple):
 
     run: int
     checkpoint: bytes | None
+
+
+class Rehearsal(NamedTuple):
+    """A half of what runs call, to be compiled (or loaded) in a worker while another has the other half."""
+
+    breeding: bool
 
 
 Steps = Generator[Asked | Message, Any, None]
@@ -74,8 +80,14 @@ class Workshop:
                 if self.engine != "cores" and fleet.fits(bench):
                     fleet.prepare(bench)
 
-    def carry_out(self, job: Job, tell: Tell) -> None:
+    def carry_out(self, job: Job | Rehearsal, tell: Tell) -> None:
         """Carry out a run; `tell` receives its messages."""
+        if isinstance(job, Rehearsal):
+            for condition in range(len(self._materials.tasks)):
+                with self._blamed():
+                    bench = self._bench(condition)
+                    bench.breed() if job.breeding else bench.simulation(bench.noise).compile()
+            return
         plan = self._plans[job.run]
         for messages in self._rounds(plan.condition, {job.run: self._run(job.run, self._state(job))}):
             for message in messages:

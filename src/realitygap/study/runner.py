@@ -25,12 +25,12 @@ from realitygap.study.folder import (
     take_back,
     write_files,
 )
-from realitygap.study.jobs import Advanced, Job, Message, Workshop
+from realitygap.study.jobs import Advanced, Job, Message, Rehearsal, Workshop
 from realitygap.study.load import Study, load_study
 from realitygap.study.provenance import versions
 from realitygap.study.store import DATABASE, Reader, Store
 from realitygap.work.folder import file_errors, lock, new_folder
-from realitygap.work.pool import Pool, Setup, Workers, opened
+from realitygap.work.pool import Pool, Processes, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import Mark, Shard, marked
 
@@ -123,6 +123,9 @@ def _carry_out(
         if not left:
             return
         store.begin_session({**versions(), "engine": workshop.engine})
+        setup = Setup(workshop_of, (inputs_for(folder, pool),), here=workshop)
+        if isinstance(pool, Processes) and min(pool.size, len(left)) > 1 and workshop.engine == "cores":
+            pool.work(setup, (Rehearsal(False), Rehearsal(True)), lambda message: None)
         workshop.compile()
         keeper.begin(EVOLVING)
         costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}
@@ -133,7 +136,7 @@ def _carry_out(
                 for messages in bundles:
                     keeper.keep(*messages)
             return
-        pool.work(Setup(workshop_of, (inputs_for(folder, pool),), here=workshop), jobs, keeper.keep)
+        pool.work(setup, jobs, keeper.keep)
 
 
 class _Keeper:

@@ -138,7 +138,7 @@ class OverheadTracker:
     @cached_property
     def eye(self) -> OverheadCamera:
         """The camera itself, drawn, in grey."""
-        from realitygap.calibration.floor_camera import plate_of
+        from realitygap.calibration.record import plate_of
         from realitygap.twin.camera import OverheadCamera
 
         plate = plate_of(self.marker)

@@ -1,12 +1,11 @@
 """Runs any controller on any body at a task: the track, and the task's score."""
 
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from realitygap.control.controllers import as_controller, named_controller
 from realitygap.errors import UsageError
@@ -14,9 +13,7 @@ from realitygap.files import atomic_write, to_toml
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body
-from realitygap.robots.loop import Controller
-from realitygap.robots.own import OwnBody
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Controller, Recording
 from realitygap.simulation.body import SimulatedBody, drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
@@ -30,9 +27,6 @@ from realitygap.values import Pose, as_stream, shown
 from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["DriveResult", "Pair", "drive", "pairs"]
-
-MUST = ("reset", "sense", "act")
-"""Methods without which nothing is a body."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +56,7 @@ def drive(
     """Drive a body at a task with a controller, and score its track.
 
     Args:
-        body: the robot: a SimulatedBody, or any with the protocol of `robots/body.py`.
+        body: the robot: a SimulatedBody, or any other of `robots/body.py`.
         controller: a genotype's, a function decide(inputs) → (left, right), a class or an object that
             has one, or what `--controller` takes: `file.py:name`, a network's file, "braitenberg",
             "constant:5,5"; −10 … 10 in and out.
@@ -76,37 +70,28 @@ def drive(
             profile of another kind of robot; a pose that cannot be: outside the arena, or too fast.
         RobotError: the robot was lost; it was told to stop.
     """
-    if isinstance(body, type) or not all(callable(getattr(body, name, None)) for name in MUST):
-        expected = f"one with {', '.join(MUST)}, such as SimulatedBody(simulation)"
+    given: object = body
+    if not isinstance(given, Body):
+        expected = "a subclass of realitygap.robots.Body, such as SimulatedBody(simulation)"
         raise UsageError(f"body: expected {expected}, got {shown(body)}.")
     own = body.simulation.profile if isinstance(body, SimulatedBody) else "paper"
     task, profile = load_task(task), load_profile(own if profile is None else profile)
     if isinstance(body, SimulatedBody) and task.arena != body.simulation.task.arena:
         expected = f"one in the body's arena {body.simulation.task.arena.name!r}, such as its simulation.task"
         raise UsageError(f"task: expected {expected}, got one in {task.arena.name!r}.")
-    start = getattr(body, "pose", None) if start is None else start
+    start = body.pose if start is None else start
     if not isinstance(start, Pose):
         expected = "a Pose, such as Pose.from_degrees(25, 25, 90)"
         raise UsageError(f"start: expected {expected}, unless the body knows its place, got {start!r}.")
     if isinstance(controller, str):
         controller = named_controller(controller, task.feeds, len(task.of(profile).sensors))
     controller = as_controller(controller)
-    body = _checked_body(body)
     check_fit(body, profile, task.kinds)
     body.reset(start)
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
     track = made.known(task, profile) if made.poses else made.counted(start, profile)
     return DriveResult(track=track, score=score(track, task, profile), recording=made.recording)
-
-
-def _checked_body(body: Body) -> Body:
-    """A body of the user's own as `--robot` opens it: its readings are checked, its errors told by line."""
-    home = type(body).__module__
-    if isinstance(body, SimulatedBody) or home.startswith("realitygap."):
-        return body
-    place = getattr(sys.modules.get(home), "__file__", None) or home
-    return cast("Body", OwnBody(body, place))
 
 
 @dataclass(frozen=True, kw_only=True)

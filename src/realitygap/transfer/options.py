@@ -124,14 +124,14 @@ class Transfer:
         self._check_view(twins)
         if self.marker is not None and not twins and self.eye is None:
             raise UsageError(
-                "marker: expected eye too: the camera that looks down on the robot (--eye, --camera)."
+                "marker: expected eye too: the camera that looks down on the robot (--camera-device)."
             )
         if self.marker is not None:
             self.worn  # noqa: B018 - one that is none is refused now
         if real and self.film and self.eye is None:
             raise UsageError(
                 "film: expected the live camera that films a robot, and its calibration "
-                "(--eye DEVICE, --camera FILE). A film of your own: `realitygap track FILM`."
+                "(--camera-device DEVICE, --camera FILE). A film of your own: `realitygap camera track FILM`."
             )
 
     @cached_property
@@ -203,12 +203,10 @@ class Transfer:
             raise UsageError(f"eye: expected camera too: {cure}.")
         if self.camera is not None and self.eye is None:
             raise UsageError(
-                "camera: expected eye too: the camera that looks down on the robot (--eye DEVICE)."
+                "camera: expected eye too: the camera that looks down on the robot (--camera-device DEVICE)."
             )
         if self.disk is not None and self.eye is None:
-            cure = (
-                "the camera that looks down on the robot, and its calibration (--eye DEVICE, --camera FILE)"
-            )
+            cure = "the camera above the robot, and its calibration (--camera-device DEVICE, --camera FILE)"
             raise UsageError(f"disk: expected eye too: {cure}.")
         if self.eye is not None and not real:
             raise UsageError("eye: expected a robot under it; a twin has a camera of its own.")

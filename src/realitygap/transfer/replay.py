@@ -9,7 +9,7 @@ import numpy as np
 from realitygap.control.genotype import Genotype
 from realitygap.errors import UsageError
 from realitygap.evolution.algorithm import Genes
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.track import Trajectory

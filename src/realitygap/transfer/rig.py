@@ -20,20 +20,8 @@ from realitygap.errors import RealityGapError, UsageError
 from realitygap.film.tag import Marker
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
-from realitygap.robots.body import (
-    Body,
-    Filmed,
-    Odometry,
-    Paced,
-    Placing,
-    Seen,
-    abandon,
-    attend,
-    known_pose,
-    odometry_of,
-)
-from realitygap.robots.loop import Controller, drive
-from realitygap.robots.recording import Recorder, Recording
+from realitygap.robots.body import Body, Odometry
+from realitygap.robots.drive import Controller, Recorder, Recording, drive
 from realitygap.simulation.body import SimulatedBody
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
@@ -144,11 +132,11 @@ def driven(
     poses: list[Pose] = []
     ended: list[Odometry] = []
     sensors = task.of(profile).sensors
-    seen = body if isinstance(body, Seen) else None
+    seen = body if body.knows_pose else None
 
     def look() -> None:
         if seen is not None:
-            poses.append(known_pose(seen))
+            poses.append(seen.known_pose())
 
     def inputs(readings: Readings) -> list[int]:
         look()
@@ -156,11 +144,11 @@ def driven(
 
     def look_again() -> None:
         look()
-        attend(body)
+        body.attend()
         body.sense()
-        ended.append(odometry_of(body))
+        ended.append(body.odometry)
 
-    attend(body, *task.kinds)
+    body.attend(*task.kinds)
     commands = controller if isinstance(body, SimulatedBody) else Scaled(controller, profile)
     made = drive(body, commands, seconds=seconds, inputs=inputs, recorder=recorder, at_end=look_again)
     last, unknown = ended[0], (np.nan, np.nan)
@@ -195,10 +183,10 @@ def turned(
         counters, speeds: [rows, 2] as read, in the body's units, NaN where missing.
         times: [rows] s.
     """
-    if not body.counts_turns and isinstance(body, Paced):
+    if not body.counts_turns and body.measures_speeds:
         ways = np.cumsum((speeds[1:] + speeds[:-1]) / 2 * np.diff(times)[:, None], axis=0)
         return np.vstack([np.zeros(2), ways]), profile.wheels.speed_per_unit_cm_s
-    told, nominal = profile.provenance, getattr(body, "pulses_per_mm", None)
+    told, nominal = profile.provenance, body.pulses_per_mm
     known = told.pulses_per_mm or nominal is not None
     return counters, told.cm_per_pulse(1.0 if nominal is None else nominal) if known else None
 
@@ -292,12 +280,12 @@ class Rig(Closing):
             body = self._fresh(int(substream(np.uint64(stream), np.uint64(TWIN_NOISE))))
             body.stop()
             body.reset(pose)
-            if isinstance(body, Seen):
-                _refuse_elsewhere(known_pose(body), pose)
-            if sealed is not None and isinstance(body, Filmed):
+            if body.knows_pose:
+                _refuse_elsewhere(body.known_pose(), pose)
+            if sealed is not None and body.is_filmed:
                 body.film(sealed)
             made = driven(body, controller, recorder=recorder, **settings)
-            if sealed is not None and isinstance(body, Filmed):
+            if sealed is not None and body.is_filmed:
                 body.film(None)
         except BaseException:
             self._leave()  # its state is unknown
@@ -333,7 +321,7 @@ class Rig(Closing):
 
     def _fresh(self, seed: int) -> Body:
         """The robot in the arena with noise of a seed, unaffected by earlier trials."""
-        if not isinstance(self.body, Placing):
+        if not self.body.places_itself:
             raise UsageError(f"robot {self.robot}: expected one that places itself, by `enter`.")
         self.body.enter(self._arena, seed, None)
         return self.body
@@ -348,7 +336,7 @@ class Rig(Closing):
     def _leave(self) -> None:
         body, self._body = self._body, None
         if body is not None:
-            abandon(body)
+            body.abandon()
 
 
 def _refuse_elsewhere(told: Pose, asked: Pose) -> None:

@@ -30,9 +30,8 @@ from realitygap.evolution.algorithm import Genes
 from realitygap.files import atomic_write, must_be, to_toml, written_together
 from realitygap.film.camera import CameraModel, load_camera
 from realitygap.robots.address import Address
-from realitygap.robots.body import Body, abandon, attend
-from realitygap.robots.loop import Controller
-from realitygap.robots.recording import Recorder
+from realitygap.robots.body import Body
+from realitygap.robots.drive import Controller, Recorder
 from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.folder import Home, Inputs, exists, home_of, inputs_for
@@ -279,7 +278,7 @@ class TransferContext:
         genes = self.genes(spec)
         with new_trial(self.place / spec.folder, spec.robot) as folder:
             pose = requested = self.simulation(spec.task, spec.noise).start(spec.stream)
-            attend(body, *self.study.task(spec.task).kinds)  # refuses a line that is too slow
+            body.attend(*self.study.task(spec.task).kinds)  # refuses a line that is too slow
             body.stop()
             place_robot(spec, requested)
             body.reset()
@@ -340,7 +339,7 @@ class TransferContext:
 
     def _camera(self, spec: TrialSpec) -> OverheadCamera:
         """The camera that films a trial."""
-        from realitygap.calibration.floor_camera import plate_of
+        from realitygap.calibration.record import plate_of
         from realitygap.twin.camera import OverheadCamera
 
         arena, unit, noise = self.study.task(spec.task).arena.plain(), spec.robot.unit, spec.twin_noise
@@ -392,7 +391,7 @@ def _by_hand(
                     with file_errors(place / spec.folder):
                         context.by_hand(at_rate, body, operator.place_robot, overhead)
             except BaseException:
-                abandon(body)  # it was told to stop first, wherever this came from
+                body.abandon()  # it was told to stop first, wherever this came from
                 raise
             body.close()
 

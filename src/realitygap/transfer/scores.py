@@ -26,17 +26,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.distances import matched_starts
 from realitygap.correspondence.names import Namer, common_name, namer
-from realitygap.correspondence.scale import Scale, exemplar_scale
-from realitygap.correspondence.score import behaviour_score, compare, ends_of
+from realitygap.correspondence.score import (
+    Scale,
+    behaviour_score,
+    compare,
+    ends_of,
+    exemplar_scale,
+    matched_starts,
+)
 from realitygap.correspondence.setting import Setting, fits, setting_of
 from realitygap.correspondence.trials import SHORTEST_S, Trial, resampled, trial_of
 from realitygap.errors import TrackError, UsageError
 from realitygap.files import atomic_write
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import ROBOT, StandIn
-from realitygap.robots.recording import Recording
+from realitygap.robots.drive import Recording
 from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.streams import NAMED

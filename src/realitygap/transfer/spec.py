@@ -15,7 +15,7 @@ from realitygap.film.disk import Disk
 from realitygap.film.tag import Marker, Tag
 from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
-from realitygap.robots.body import Body, Paced, Placing, Seen, channel
+from realitygap.robots.body import Body
 from realitygap.streams import TRANSFER
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
@@ -67,8 +67,8 @@ class Known(NamedTuple):
         with closing(robot.open()) as body:
             for task in tasks:
                 check_body(study, task, body)
-            paced = isinstance(body, Paced)
-            return cls(isinstance(body, Placing), isinstance(body, Seen), body.counts_turns, paced)
+            paced = body.measures_speeds
+            return cls(body.places_itself, body.knows_pose, body.counts_turns, paced)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,7 +232,7 @@ def _source(options: Transfer, robot: Address, known: Known, run: Run, start: in
     if known.paced:
         return "speeds"
     raise UsageError(
-        f"robot {robot}: expected a way to know where it is: a camera above it (--eye, --camera), "
+        f"robot {robot}: expected a way to know where it is: a camera above it (--camera-device, --camera), "
         "`pose` of its own, counters, or `speeds` that it measures."
     )
 
@@ -267,7 +267,7 @@ def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str = 
     """
     name = f"(profile {profile.name!r})"
     for kind in kinds:
-        law, one = profile.channel(kind), channel(body, kind)
+        law, one = profile.channel(kind), body.channel(kind)
         if len(law.sensors) != one.sensors:
             raise UsageError(
                 f"{wanted} {len(law.sensors)} {kind} sensors {name}; this robot has {one.sensors}: use its "

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import IO, NamedTuple, Protocol
 
 from realitygap.files import naming_errors
-from realitygap.robots.khepera.protocol import KHEPERA
-from realitygap.robots.line.protocol import RefusedError, answer
+from realitygap.robots.khepera import KHEPERA
+from realitygap.robots.line import RefusedError, answer
 from realitygap.values import Pose
 
 __all__ = ["BIOS", "PROTOCOL", "Firmware", "RobotBody"]
@@ -195,8 +195,6 @@ class Firmware:
             number, action = arguments
             self.body.leds[number] = action if action < 2 else 1 - int(self.body.leds[number])
             return ()
-        if letter == "T":  # no turret is mounted: what the robot says then no source tells; we let it refuse
-            raise RefusedError(KHEPERA.protocol_error)
         return self._motion() if letter == "K" else (BIOS, PROTOCOL)
 
     def _motion(self) -> tuple[int, ...]:

@@ -1,1 +1,0 @@
-"""The wheels: speed, lag, friction, odometry and noise, fitted from recorded drives."""

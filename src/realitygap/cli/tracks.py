@@ -1,0 +1,437 @@
+"""`realitygap camera`, `score`, `classify` and `judge`: tracks, from a film to what they say."""
+
+from __future__ import annotations
+
+import json
+import time
+from contextlib import ExitStack, suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from realitygap.cli import options
+from realitygap.cli.console import shown, table, tell, warn
+from realitygap.errors import RealityGapError, TrackError
+from realitygap.work.progress import FILM_AFTER_S, ProgressLine
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from realitygap.correspondence.judging import Agreement, Pair
+    from realitygap.correspondence.score import Comparison
+    from realitygap.correspondence.setting import Setting
+    from realitygap.film.calibrate import Calibration
+    from realitygap.film.tracker import Tracked
+    from realitygap.tasks.task import Task
+
+__all__ = ["camera", "classify", "judge", "score"]
+
+
+@click.group()
+def camera() -> None:
+    """Calibrate an overhead camera, and track films.
+
+    \b
+    Example:
+        realitygap camera calibrate --frames frames --poses poses.csv --out camera.json
+    """
+
+
+@camera.command()
+@click.option("--frames", required=True, metavar="DIR", help="Folder of pictures with the robot in them.")
+@click.option("--poses", required=True, metavar="FILE", help="CSV: frame, x_cm, y_cm, heading_deg.")
+@click.option("--out", type=options.OutFile(".json"), required=True, help="Write the camera there (.json).")
+@options.marker
+@options.disk
+@click.option(
+    "--lens-height",
+    type=click.FloatRange(0),
+    metavar="CM",
+    help="Height of the lens above the floor; needed to track markers of other heights.",
+)
+@options.as_json
+def calibrate(
+    frames: str,
+    poses: str,
+    out: Path,
+    marker: str | None,
+    disk: str | None,
+    lens_height: float | None,
+    json_output: bool,
+) -> None:
+    """Calibrate a camera with known poses.
+
+    Put the robot, with its marker, at 12 or more places all over the floor, at many headings. Take a
+    picture of each, and write down the pose. Prints the error of each pose.
+
+    \b
+    Example:
+        realitygap camera calibrate --frames frames --poses poses.csv --out camera.json
+    """
+    from realitygap.film.calibrate import calibrate_camera, read_frames
+    from realitygap.film.tag import load_marker
+
+    worn, known = load_marker(marker, disk), read_frames(frames, poses)
+    with ProgressLine(FILM_AFTER_S) as line:
+        report = partial(line.frames, "calibrating")
+        made = calibrate_camera(known, worn, lens_height_cm=lens_height, on_progress=report)
+    made.camera.save(out)
+    tell(json_output, {"camera": str(out), **made.to_dict()}, *_calibration_lines(made), f"saved {out}")
+    warn(made.warnings)
+
+
+@camera.command(name="sheet")
+@click.option(
+    "--out",
+    type=options.OutFile(".pdf", ".svg", ".png"),
+    required=True,
+    help="Write the page there (.pdf, .svg or .png).",
+)
+@options.marker
+@options.disk
+def print_sheet(out: Path, marker: str | None, disk: str | None) -> None:
+    """Write a page with a marker to print.
+
+    Print it at 100 %, measure its ruler, cut the marker out along its rim and fix it on the robot, its line
+    to the front.
+
+    \b
+    Example:
+        realitygap camera sheet --marker aruco:4x4_50:7,size=40 --out marker.pdf
+    """
+    from realitygap.film.printed import save_sheet
+    from realitygap.film.tag import load_marker
+
+    save_sheet(out, load_marker(marker, disk))
+    click.echo(f"saved {out}")
+
+
+def _calibration_lines(made: Calibration) -> tuple[str, str]:
+    rows = []
+    for r in made.residuals:
+        numbers = (shown(value, ".2f") for value in (r.x_mm, r.y_mm, r.distance_mm, r.heading_deg))
+        remark = "no marker seen" if r.x_mm is None else "" if r.used else "left out: check this pose"
+        rows.append((r.frame, *numbers, remark))
+    facts = made.to_dict()
+    return table(("frame", "x mm", "y mm", "off mm", "heading deg", ""), rows), (
+        f"\n{facts['used']} of {facts['frames']} frames used; "
+        f"mean {facts['mean_mm']:.2f} mm and {facts['mean_heading_deg']:.2f}°, "
+        f"worst {facts['worst_mm']:.2f} mm and {facts['worst_heading_deg']:.2f}°"
+    )
+
+
+@camera.command()
+@click.argument("film", type=click.Path())
+@click.option("--camera", required=True, metavar="FILE", help="Calibration of the camera (camera.json).")
+@options.marker
+@options.disk
+@click.option("--out", type=options.OutFile(".csv"), required=True, help="Write the track there (.csv).")
+@click.option("--tails", type=options.OutFile(".png"), help="Draw tails over the last frame there (.png).")
+@options.as_json
+def track(
+    film: str,
+    camera: str,
+    marker: str | None,
+    disk: str | None,
+    out: Path,
+    tails: Path | None,
+    json_output: bool,
+) -> None:
+    """Track the robot in FILM.
+
+    FILM is any film from above (MP4, MOV, MKV, AVI …) of a robot that wears a marker. The track is a table:
+    t_s, x_cm, y_cm, heading_deg, quality (0 to 1). If the robot is not found in a
+    frame, place and heading are empty and quality is 0.
+
+    \b
+    Example:
+        realitygap camera track film.mp4 --camera camera.json --out track.csv --tails tails.png
+    """
+    from realitygap.film.camera import load_camera
+    from realitygap.film.printed import draw_tails, save_tails
+    from realitygap.film.tag import load_marker
+    from realitygap.film.tracker import track_film
+
+    model, worn = load_camera(camera), load_marker(marker, disk)
+    begun = time.perf_counter()
+    with ProgressLine(FILM_AFTER_S) as line:
+        tracked = track_film(film, model, worn, partial(line.frames, "tracking"))
+    seconds = time.perf_counter() - begun
+    tracked.track.write_csv(out)
+    if tails is not None:
+        save_tails(tails, draw_tails(tracked.last_frame, tracked.track, model, worn))
+    warnings = _doubts(tracked, str(out))
+    facts = {"film": film, "camera": camera, "trouble": tracked.trouble, "seconds": seconds}
+    rows = {"lost": tracked.track.lost, **tracked.track.to_dict(), "warnings": warnings}
+    saved = (f"saved {made}" for made in (out, tails) if made is not None)
+    tell(json_output, {**facts, **rows}, *_track_lines(tracked, seconds), *saved)
+    if tracked.trouble is not None and not json_output:
+        warn([f"{tracked.trouble}; what could be read is kept."])
+    warn(warnings)
+
+
+def _doubts(tracked: Tracked, source: str) -> tuple[str, ...]:
+    """Whether the robot went where its disk says that it looks; nothing of a film that shows too little."""
+    from realitygap.correspondence.trials import doubt_of_disk, resampled
+
+    try:
+        return doubt_of_disk(resampled(tracked.track, source=source))
+    except TrackError:
+        return ()
+
+
+def _track_lines(tracked: Tracked, seconds: float) -> Iterator[str]:
+    rows = tracked.track
+    assert rows.quality is not None
+    good = rows.quality[rows.found].mean()
+    yield (
+        f"{len(rows)} frames, {rows.t[-1]:.2f} s of film; found in {len(rows) - rows.lost}, "
+        f"mean quality {good:.2f}; {len(rows) / max(seconds, 1e-9):.0f} frames/s"
+    )
+    if rows.lost:
+        gaps = rows.gaps()
+        listed = ", ".join(f"{a:.2f} s" if a == b else f"{a:.2f} to {b:.2f} s" for a, b in gaps[:5])
+        more = f" and {len(gaps) - 5} more stretches" if len(gaps) > 5 else ""
+        yield f"lost in {rows.lost} frames: {listed}{more}"
+        if 2 * rows.lost > len(rows):
+            from realitygap.track import COLUMNS
+
+            columns = ", ".join(COLUMNS)
+            yield f"another program may track it better: `realitygap score` reads its CSV ({columns})"
+
+
+@click.command()
+@click.argument("a", type=click.Path())
+@click.argument("b", type=click.Path(), required=False)
+@options.task
+@click.option(
+    "--ceiling", metavar="PATH", help="Tracks of a different behaviour; they set the zero of the scale."
+)
+@options.as_json
+def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_output: bool) -> None:
+    """Score how alike two sets of tracks are.
+
+    A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
+    a column start separates several trials and a column unit several robots; or what `realitygap camera
+    track` or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
+    transfer`, needs no B: its simulated trials are compared with its situated
+    ones. 10 means as alike as the same robot twice, 0 a different behaviour; the output says what these ends
+    were measured on.
+
+    \b
+    Examples:
+        realitygap score simulated.csv filmed/ --task avoidance
+        realitygap score out/reproduce/transfer/twin-1/obstacle-avoidance-observed-1
+    """
+    from realitygap.correspondence.score import compare
+    from realitygap.correspondence.setting import setting_of
+    from realitygap.correspondence.trials import doubts_of, read_transfer, read_trials
+    from realitygap.tasks.load import load_task
+    from realitygap.transfer.record import unpacked
+
+    whose = None
+
+    with ExitStack() as stack:
+
+        def there(path: str) -> Path:
+            return stack.enter_context(unpacked(Path(path)))
+
+        if b is None:
+            sets = read_transfer(there(a))
+            whose = _task_of(Path(a), there(a)) if task is None else None
+        else:
+            sets = read_trials(there(a)), read_trials(there(b))
+        others = read_trials(there(ceiling)) if ceiling is not None else None
+    every = [trial for trials in (*sets, others or []) for trial in trials]
+    setting = setting_of(every, load_task(task)) if task else setting_of([] if whose else every, whose)
+    made = compare(sets[0], sets[1], setting, ceiling=others)
+    warnings = doubts_of(every)
+    tell(json_output, {"a": a, "b": b, **made.to_dict(), "warnings": warnings}, *_comparison_lines(made))
+    warn(warnings)
+
+
+def _task_of(folder: Path, trials: Path) -> Task | None:
+    """The task of a transfer in its study, whose arena it is; None for trials that left their study, and
+    where the task is a program that nobody agreed to run."""
+    from realitygap.correspondence.trials import TRANSFER
+    from realitygap.files import read_toml
+    from realitygap.study.load import load_study
+    from realitygap.study.store import DATABASE
+
+    above = next((one for one in folder.resolve().parents if (one / DATABASE).is_file()), None)
+    with suppress(RealityGapError):
+        if above is not None:
+            name = read_toml(next(trials.rglob(TRANSFER)), TrackError, "Transfer again.")["task"]
+            return load_study(above).task(name)
+    return None
+
+
+def _comparison_lines(made: Comparison) -> Iterator[str]:
+    interval = "" if made.interval is None else f"   (95 %: {made.interval[0]:.1f} to {made.interval[1]:.1f})"
+    yield f"correspondence score {made.score:.1f} of 10{interval}"
+    yield f"  behaviour {made.behaviour:.1f}, layout {made.layout:.1f}"
+    yield f"differences: {made.differences}"
+    response = "" if made.responsiveness is None else f", responsiveness {made.responsiveness:+z.2f}"
+    yield f"  noisiness {made.noisiness:+z.2f}{response} (log2 of B to A), looping {made.looping:+z.2f}"
+    if made.matched:
+        when = "never part" if made.parting_s is None else f"part by {made.parting_s:.1f} s"
+        yield f"trials are paired by start; half {when}; transferability {made.transferability:z.2f}"
+    yield f"can they be told apart? nearest neighbours, p = {made.p:.3f} (a test, not a scale)"
+    yield f"{made.trials[0]} and {made.trials[1]} trials; task: {made.setting}"
+    yield f"10 is: {made.scale.floor_from}; 0 is: {made.scale.ceiling_from}"
+    for note in made.notes:
+        yield f"note: {note}"
+
+
+@click.command()
+@click.argument("tracks", type=click.Path())
+@options.task
+@options.as_json
+def classify(tracks: str, task: str | None, json_output: bool) -> None:
+    """Name the behaviour in TRACKS.
+
+    One name a trial: the paper's kinds (one way turner, two way turner, wall follower, one way looper;
+    three point turner, straight looper, two way turner, bobber) or none of these. Of names with a
+    confidence of 0.8 about four in five are right. TRACKS is a file or a folder, as for `realitygap score`.
+
+    \b
+    Example:
+        realitygap classify track.csv --task light
+    """
+    from realitygap.correspondence.names import common_name, namer
+    from realitygap.correspondence.setting import setting_of
+    from realitygap.correspondence.trials import doubts_of, read_trials
+    from realitygap.tasks.load import load_task
+    from realitygap.transfer.record import unpacked
+
+    with unpacked(Path(tracks)) as there:
+        trials = read_trials(there)
+    setting = setting_of(trials, load_task(task) if task else None)
+    warnings = doubts_of(trials)
+    named = namer(setting, trials[0].radius_cm).name(trials, setting)
+    common, entries = common_name(named), [name._asdict() for name in named]
+    rows = [(n.start, n.name, f"{n.confidence:.2f}") for n in named]
+    facts = {"task": setting.name, "name": common, "tracks": entries, "warnings": warnings}
+    named_table = table(("start", "name", "confidence"), rows)
+    tell(json_output, facts, named_table, f"\n{common} (task: {setting.name})")
+    warn(warnings)
+
+
+@click.group()
+def judge() -> None:
+    """Collect people's blind ratings of pairs of tracks.
+
+    \b
+    Example:
+        realitygap judge page pairs/ --task avoidance --out judge.html --key key.json
+        realitygap judge marks marks-anna.csv marks-ben.csv --key key.json
+    """
+
+
+@judge.command()
+@click.argument("pairs", type=click.Path(exists=True, file_okay=False))
+@options.task
+@click.option("--out", type=options.OutFile(".html"), required=True, help="Write the page there.")
+@click.option(
+    "--key",
+    type=options.OutFile(".json"),
+    required=True,
+    help="Write the key there: which pair is which. Keep it from the judges.",
+)
+@click.option("--seed", type=click.IntRange(0), default=0, help="Random seed of order and sides.")
+def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
+    """Make a page of the pairs in a folder PAIRS.
+
+    Each folder in PAIRS is a pair: it holds a (a.csv, or a folder a) and b. The page shows the two
+    side by side without their names, on random sides. A judge rates each pair from 0 to 10 and saves
+    the ratings as a file. Keep the key from the judges: it contains names and scores.
+
+    \b
+    Example:
+        realitygap judge page pairs/ --out judge.html --key key.json
+    """
+    from realitygap.correspondence.judging import blind_pairs
+    from realitygap.correspondence.trials import doubts_of
+    from realitygap.files import atomic_write
+    from realitygap.report.player import judge_page
+
+    found, setting = _pairs(Path(pairs), task)
+    data, rows = blind_pairs(found, setting, seed=seed)
+    atomic_write(out, judge_page(data, setting.arena, found[0].a[0].radius_cm))
+    atomic_write(key, json.dumps(rows, indent=1) + "\n")
+    warn(doubts_of(trial for pair in found for trial in (*pair.a, *pair.b)))
+    click.echo(f"{len(found)} pairs: open {out} in a browser; keep {key} from the judges")
+
+
+@judge.command()
+@click.argument("files", nargs=-1, required=True, type=click.Path(exists=True))
+@click.option(
+    "--key", required=True, type=click.Path(exists=True, dir_okay=False), help="The key file of the page."
+)
+@options.as_json
+def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
+    """Compare ratings with the score.
+
+    FILES are the CSV files that the page saved (columns pair, judge, mark), or folders of them.
+
+    \b
+    Example:
+        realitygap judge marks marks/ --key key.json
+    """
+    from realitygap.correspondence.judging import agreement, read_marks
+
+    given: dict[int, dict[str, float]] = {}
+    for file in files:
+        for pair, of in read_marks(file).items():
+            there = given.setdefault(pair, {})
+            for judge, mark in of.items():
+                if there.setdefault(judge, mark) != mark:
+                    raise TrackError(
+                        f"{file}: pair {pair}: judge {judge!r} gave it {there[judge]:g} in another file, "
+                        f"{mark:g} here. Two judges need two names: change the column judge in one."
+                    )
+    made = agreement(given, _scores(Path(key)))
+    tell(json_output, made.to_dict(), *_agreement_lines(made))
+
+
+def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
+    from realitygap.correspondence.judging import Pair
+    from realitygap.correspondence.score import compare
+    from realitygap.correspondence.setting import setting_of
+    from realitygap.correspondence.trials import read_trials
+    from realitygap.tasks.load import load_task
+
+    read = []
+    for place in sorted(p for p in folder.iterdir() if p.is_dir()):
+        sides = [next((p for p in sorted(place.iterdir()) if p.stem == side), None) for side in "ab"]
+        if sides[0] is None or sides[1] is None:
+            raise TrackError(f"{place}: expected tracks a and b in this folder (a.csv or a folder a).")
+        read.append((place.name, read_trials(sides[0]), read_trials(sides[1])))
+    if not read:
+        raise TrackError(f"{folder}: expected a folder for each pair in it, got none.")
+    setting = setting_of([t for _, a, b in read for t in (*a, *b)], load_task(task) if task else None)
+    made = [Pair(name=n, a=a, b=b, score=compare(a, b, setting, resamples=2).score) for n, a, b in read]
+    return made, setting
+
+
+def _scores(path: Path) -> dict[int, float]:
+    try:
+        rows: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+        scores = {int(row["pair"]): float(row["score"]) for row in rows}
+        if not all(0 <= score <= 10 for score in scores.values()):
+            raise ValueError
+        return scores
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
+        raise TrackError(f"{path}: expected the key that `realitygap judge page` wrote.") from None
+
+
+def _agreement_lines(made: Agreement) -> Iterator[str]:
+    found = made.correlation
+    low, high = found.interval
+    yield f"{made.judges} judges, {made.pairs} pairs"
+    yield f"score and mean rating: r {found.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {found.rho:.2f}"
+    yield f"ratings differ from the score by {made.difference:+.1f} on average"
+    if made.between_judges is not None:
+        yield f"a judge and the others' mean: r {made.between_judges:.2f}"

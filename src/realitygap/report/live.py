@@ -1,0 +1,116 @@
+"""The page of a study in progress: growing curves, and the best robot so far.
+
+It is a file that reloads itself every few seconds. There is no server, and nothing is fetched.
+"""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from realitygap.errors import RealityGapError
+from realitygap.files import atomic_write
+from realitygap.report.evolution import TaskPart, best_so_far, parts_of
+from realitygap.report.page import rendered
+from realitygap.report.style import noise_key
+from realitygap.simulation.simulation import Simulation
+from realitygap.study.load import Run, Study, load_study
+from realitygap.tasks.task import Task
+from realitygap.work.progress import Progress
+
+__all__ = ["PAGE", "LivePage"]
+
+PAGE = "watch.html"
+EVERY_S = 5.0
+"""Time between two versions of the page."""
+SHARE = 0.05
+"""Largest share of the time spent on making them."""
+POINTS = 400
+"""Points of a curve."""
+
+
+class LivePage:
+    """Keeps FOLDER/watch.html up to date within its context; results do not depend on it.
+
+    Args:
+        folder: the study's.
+        tell: also called with each progress event.
+    """
+
+    def __init__(self, folder: Path, tell: Callable[[Progress], None]) -> None:
+        self.page, self._folder, self._tell = folder / PAGE, folder, tell
+        self._next, self._simulations = 0.0, dict[str, Simulation]()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.page.exists():
+            self._write("stopped" if kind else "finished", ended=True)
+
+    def show(self, event: Progress) -> None:
+        """Pass an event on; write the page when it is due."""
+        self._tell(event)
+        begun = time.monotonic()
+        if begun >= self._next:
+            left = "" if event.seconds_left is None else f", about {event.seconds_left:.0f} s left"
+            self._write(f"{event.phase}: {event.done} of {event.total} {event.what}{left}", ended=False)
+            self._next = time.monotonic() + max(EVERY_S, (time.monotonic() - begun) / SHARE)
+
+    def _write(self, words: str, *, ended: bool) -> None:
+        """Write the page; if that fails it is tried again later, and evolution continues."""
+        with suppress(RealityGapError, OSError):
+            study = load_study(self._folder)
+            parts = [self._part(study, part) for part in parts_of(study)]
+            facts = {"words": words, "ended": ended, "every_s": round(EVERY_S), "parts": parts}
+            report = self._folder / "report" / "index.html"
+            facts |= {"title": self._folder.resolve().name, "report": ended and report.exists()}
+            atomic_write(self.page, rendered("live.html.j2", facts))
+
+    def _part(self, study: Study, part: TaskPart) -> dict[str, Any]:
+        """A task's curves and its best robot."""
+        scale, unit = part.task.fitness_scale, part.task.fitness_unit
+        key = noise_key(part.names)
+        looks = dict(zip(part.names, (look for _, *look in key), strict=True))
+        curves = [
+            (looks[level], best / scale) for level, runs in best_so_far(study, part).items() for best in runs
+        ]
+        ends = [float(end) for _, best in curves for end in (best[0], best[-1])]
+        low, most = min([0.0, *ends]), max([0.0, *ends])
+        total = study.config.evaluations
+        begun = [(row.stored, row.run) for one in part.conditions for row in one.begun]
+        best = max(begun, key=lambda one: one[0] or 0.0, default=(None, None))[1]
+        return {
+            "title": part.task.title, "unit": unit and f" {unit}", "total": total,
+            "ends": f"{low:.3g} to {most:.3g}",
+            "curves": [(*look, _line(best, total, low, most)) for look, best in curves], "key": key,
+            "drive": None if best is None else self._drive(part.task, best),
+        }  # fmt: skip
+
+    def _drive(self, task: Task, run: Run) -> dict[str, Any]:
+        """The fittest robot on one trial, always the same, at its own noise."""
+        study = run.study
+        kept = self._simulations.setdefault(run.name, Simulation(task, study.profile, run.noise))
+        assert run.fittest is not None
+        lived, score = kept.trajectory(study.networks(run.task, run.fittest), stream=1)
+        track, depth = lived.track, task.arena.size_cm[1]
+        places = [f"{x:.2f} {depth - y:.2f}" for x, y in zip(track.x, track.y, strict=True)]
+        return {
+            "name": run.name, "score": f"{score / task.fitness_scale:.3g}", "arena": task.arena,
+            "radius": study.profile.body.radius_cm, "path": " ".join(places), "places": ";".join(places),
+            "turns": ";".join(f"{-angle:.1f}" for angle in np.degrees(np.unwrap(track.heading))),
+            "seconds": track.t[-1],
+        }  # fmt: skip
+
+
+def _line(best: np.ndarray, total: int, low: float, high: float) -> str:
+    """A curve in a box of 100 × 50, as SVG's points; 0 is in the box, whatever the signs."""
+    rows = np.unique(np.linspace(0, len(best) - 1, min(POINTS, len(best))).astype(int))
+    up = 48 / ((high - low) or 1.0)
+    return " ".join(f"{100 * (k + 1) / total:.2f},{50 - up * (best[k] - low):.2f}" for k in rows)

@@ -1,1 +1,0 @@
-"""A Khepera on its serial line."""

@@ -1,1 +1,0 @@
-"""Robots on a line of letters: table of commands, faults, safe stop, body; dialects are apart."""

@@ -1,1 +1,0 @@
-"""A Thymio II: seven infrared sensors, motors without encoders, Aseba's protocol."""

@@ -1,0 +1,231 @@
+"""Figures and films show what they are given, to scale."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import resource
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.patches import Circle
+
+from realitygap.errors import UsageError
+from realitygap.report import save_animation, save_picture, style
+from realitygap.report.drawing import (
+    PathPanel,
+    Scene,
+    arena_figure,
+    cast,
+    frames,
+    panels_figure,
+    rays_of,
+    robot_figure,
+    sheet_figure,
+    tail,
+)
+from realitygap.report.evolution import Curves, curves_figure
+from realitygap.tasks import load_task
+from realitygap.world.robot import load_profile
+from tests.report.scenes import LEVELS, circle
+
+PROFILE = load_profile("paper")
+TASKS = [load_task("avoidance"), load_task("light")]
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: task.name)
+def test_an_arena_is_drawn_to_scale(task) -> None:
+    """Axes are in cm with one scale for both, and every cylinder has its place and radius."""
+    with style.styled():
+        axes = arena_figure(task.arena, PROFILE, task.feeds, task.to_kernel(PROFILE).start).axes[0]
+    assert axes.get_aspect() == 1.0
+    assert "(cm)" in axes.get_xlabel() and "(cm)" in axes.get_ylabel()
+    drawn = {(*patch.center, patch.radius) for patch in axes.patches if isinstance(patch, Circle)}
+    assert {tuple(map(float, c)) for c in task.arena.to_kernel().cylinders} <= drawn
+
+
+def test_what_surfaces_throw_back_is_written_on_them() -> None:
+    """Where reflectances are stated those of walls and cylinders stand in the picture."""
+    room = TASKS[0].arena
+    first, *others = room.cylinders
+    tinted = replace(room, reflectance=0.8, cylinders=(replace(first, reflectance=0.25), *others))
+    for arena, words in ((room, []), (tinted, ["×0.25", "×1", "×1", "×1", "walls ×0.8"])):
+        start = TASKS[0].to_kernel(PROFILE).start
+        with style.styled():
+            axes = arena_figure(arena, PROFILE, TASKS[0].feeds, start).axes[0]
+        assert [text.get_text() for text in axes.texts if "×" in text.get_text()] == words
+
+
+def test_rays_end_where_they_meet_something() -> None:
+    """From the middle of the paper's arena: a wall at 25 cm ahead, a cylinder on the diagonal; a sensor's ten
+    are no longer than it reaches."""
+    arena, robot = TASKS[0].arena.to_kernel(), PROFILE.to_kernel()
+    away = np.array([[1.0, 0.0], [math.sqrt(0.5), math.sqrt(0.5)], [0.0, -1.0]])
+    found = cast(arena, np.full((3, 2), 25.0), away)
+    assert found == pytest.approx([25.0, math.hypot(10, 10) - 4.0, 25.0])
+    rays = rays_of(robot, arena, "proximity", (25.0, 25.0, 0.3))
+    lengths = np.hypot(*(rays[:, 1] - rays[:, 0]).T)
+    assert rays.shape == (80, 2, 2) and lengths == pytest.approx(np.repeat(robot.proximity.reach, 10))
+    assert len(rays_of(robot, arena, "proximity+ambient", (10.0, 5.0, 0.0))) == 160
+
+
+def test_a_tail_has_a_stroke_from_centre_to_leading_edge_for_every_step() -> None:
+    """Strokes start at the path's places, are one radius long, point ahead, and are not joined."""
+    trajectory = circle(50)
+    strokes = tail(trajectory, 2.9).reshape(-1, 3, 2)
+    assert len(strokes) == 51
+    assert strokes[:-1, 0, 0] == pytest.approx(trajectory.x)
+    along = strokes[:, 1] - strokes[:, 0]
+    assert np.hypot(*along.T) == pytest.approx(np.full(51, 2.9))
+    assert np.cos(np.arctan2(along[:-1, 1], along[:-1, 0]) - trajectory.heading) == pytest.approx(np.ones(50))
+    assert np.isnan(strokes[:, 2]).all()
+
+
+def test_panels_and_sheets_hold_every_path() -> None:
+    """A panel for each path, rows of different lengths included."""
+    panels = [PathPanel(noise=level, title=name, trajectory=circle(10)) for level, name in LEVELS.items()]
+    with style.styled():
+        assert len(panels_figure(Scene.of(TASKS[1], PROFILE), panels).axes) == 3
+        assert len(panels_figure(Scene.of(TASKS[1], PROFILE), panels[:1]).axes) == 1
+        assert len(sheet_figure(Scene.of(TASKS[0], PROFILE), [panels, panels[:2], panels[:1]]).axes) == 6
+
+
+def test_noise_levels_keep_their_look() -> None:
+    """Zero, observed and double look the same whatever else is shown, and nothing is told by colour alone."""
+    shown = style.noise_styles([0, 0.5, 1, 1.5, 2])
+    assert all(shown[level] == style.noise_styles([level])[level] for level in (0.0, 1.0, 2.0))
+    assert len({(s.colour) for s in shown.values()}) == len({s.marker for s in shown.values()}) == 5
+    assert len({str(s.line) for s in shown.values()}) == 5
+    many = style.noise_styles([k / 4 for k in range(11)])
+    assert len({(s.marker, str(s.line)) for s in many.values()}) == 11
+    assert all(sign for _, _, sign in style.noise_key(dict.fromkeys(many, "")))
+
+
+def test_a_level_looks_the_same_in_all_figures_of_a_page() -> None:
+    """Also where only some levels have runs, or drove a robot."""
+    look = style.noise_styles([0.5, 1.5])[1.5]
+    assert look != style.noise_styles([1.5])[1.5]
+    path = PathPanel(noise=1.5, title="", trajectory=circle())
+    with style.styled():
+        paths = panels_figure(Scene.of(TASKS[0], PROFILE)._replace(levels=(0.5, 1.5)), [path])
+        curves = curves_figure(Curves(runs={1.5: [np.linspace(0, 1, 20)]}, names={0.5: "", 1.5: "1.5 noise"}))
+    assert curves.axes[0].lines[0].get_color() == look.colour
+    assert curves.axes[0].lines[0].get_marker() == look.marker
+    assert look.colour in {line.get_color() for line in paths.axes[0].lines}
+
+
+@pytest.mark.parametrize(("share", "names"), [(0.97, ""), (0.5, "a0 a1 a2 a3 a4 a5 a6 a7")])
+def test_sensors_that_a_calibration_moved_apart_are_drawn_as_one(share: float, names: str) -> None:
+    """A light sensor a millimetre from an infrared one has no number of its own, to cover that one's."""
+    light = PROFILE.ambient
+    moved = tuple(replace(one, x_cm=share * one.x_cm, y_cm=share * one.y_cm) for one in light.sensors)
+    robot = replace(PROFILE, ambient=replace(light, sensors=moved))
+    with style.styled():
+        shown = [text.get_text() for text in robot_figure(robot).axes[0].texts]
+    wanted = [*"01234567", *names.split()]
+    assert [name for name in shown if name and "cm" not in name] == wanted
+
+
+def test_a_figure_is_written_to_the_same_bytes(tmp_path: Path) -> None:
+    """Two drawings of one thing are the same files, and SVG text stays text."""
+    prints = []
+    for name in "ab":
+        folder = tmp_path / name
+        folder.mkdir()
+        with style.styled():
+            svg = style.save_figure(robot_figure(PROFILE), folder, "robot", dpi=60)
+        prints.append(
+            [hashlib.sha256((folder / f"robot.{e}").read_bytes()).hexdigest() for e in ("png", "svg")]
+        )
+        assert ">5.8 cm</text>" in svg
+    assert prints[0] == prints[1]
+
+
+def test_an_inline_svg_has_ids_of_its_own_and_the_pages_colours(tmp_path: Path) -> None:
+    """Two figures on one page do not share an id; ink follows light and dark; the blind are told."""
+    with style.styled():
+        svg = style.save_figure(robot_figure(PROFILE), tmp_path, "robot", dpi=60)
+    text = style.inline_svg(svg, "robot", 'A "robot" & more')
+    assert text.startswith("<svg ") and 'aria-label="A &quot;robot&quot; &amp; more"' in text
+    assert "var(--ink, " in text and "<metadata" not in text
+    assert 'id="robot-figure_1"' in text and 'id="figure_1"' not in text
+
+
+@pytest.mark.parametrize(("ending", "mark"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".PDF", b"%PDF")])
+def test_the_file_ending_says_the_format(tmp_path: Path, ending: str, mark: bytes) -> None:
+    """PNG, SVG and PDF, in capitals too."""
+    path = save_picture(tmp_path / f"path{ending}", TASKS[0], PROFILE, circle(20), "a run")
+    assert path.read_bytes().startswith(mark)
+
+
+@pytest.mark.parametrize("save", [save_picture, save_animation])
+@pytest.mark.parametrize("name", ["path.bmp", "path"])
+def test_other_endings_are_refused_by_name(tmp_path: Path, save, name: str) -> None:
+    """The message names the endings that can be written."""
+    with pytest.raises(UsageError, match=r"\.(png|gif).* or \.(pdf|mp4)"):
+        save(tmp_path / name, TASKS[0], PROFILE, circle(3))
+
+
+def test_a_gif_has_a_frame_for_every_step_at_ten_a_second(tmp_path: Path) -> None:
+    """In real time, or faster when asked."""
+    from PIL import Image
+
+    for speed, duration in ((1.0, 100), (2.0, 50)):
+        path = save_animation(tmp_path / "path.gif", TASKS[0], PROFILE, circle(12), speed=speed)
+        with Image.open(path) as film:
+            assert film.n_frames == 12 and film.info["duration"] == duration
+
+
+def test_an_mp4_can_be_played(tmp_path: Path) -> None:
+    """As many frames as steps, ten a second."""
+    av = pytest.importorskip("av")
+    path = save_animation(tmp_path / "path.mp4", load_task("light"), PROFILE, circle(12))
+    with av.open(str(path)) as film:
+        assert film.streams.video[0].average_rate == 10
+        assert sum(1 for _ in film.decode(video=0)) == 12
+
+
+@pytest.mark.parametrize(
+    ("save", "ending"),
+    [(save_picture, "png"), (save_picture, "svg"), (save_animation, "gif"), (save_animation, "mp4")],
+)
+def test_what_was_there_stays_where_the_disk_is_full(tmp_path: Path, save, ending: str) -> None:
+    """A picture or film that cannot be finished leaves the earlier one as it was, and nothing beside it."""
+    path = tmp_path / f"path.{ending}"
+    path.write_bytes(b"earlier")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(OSError, match=f"File too large: '{path}'"):
+            save(path, TASKS[0], PROFILE, circle(12))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert path.read_bytes() == b"earlier" and [*tmp_path.iterdir()] == [path]
+
+
+def test_tails_are_not_erased_in_a_film() -> None:
+    """The last frame differs from the first in more places than a robot covers."""
+    pictures = list(frames(TASKS[0], PROFILE, circle(40)))
+    assert all(picture.dtype == np.uint8 and picture.shape == pictures[0].shape for picture in pictures)
+    changed = (pictures[0] != pictures[-1]).any(axis=2).sum()
+    assert changed > (pictures[0] != pictures[1]).any(axis=2).sum() > 0
+
+
+@pytest.mark.parametrize("size", [(50.0, 100_000.0), (100_000.0, 50.0)])
+def test_a_long_arena_makes_no_huge_picture(tmp_path: Path, size: tuple[float, float]) -> None:
+    """A kilometre by half a metre: a figure as large as others, whichever way it lies."""
+    arena = replace(TASKS[0].arena, size_cm=size, cylinders=())
+    task = replace(TASKS[0], arena=arena)
+    scene = Scene.of(task, PROFILE)
+    panels = [PathPanel(noise=1.0, title="", trajectory=circle(5))] * 2
+    with style.styled():
+        made = [
+            arena_figure(arena, PROFILE, "proximity", np.array([25.0, 25.0, 3.0, 0.0, 6.3])),
+            panels_figure(scene, panels),
+            sheet_figure(scene, [panels]),
+        ]
+    assert all(max(figure.get_size_inches()) < 16 for figure in made)
+    assert save_picture(tmp_path / "path.png", task, PROFILE, circle(5)).stat().st_size < 10**6
+    assert next(frames(task, PROFILE, circle(5))).size < 10**7
