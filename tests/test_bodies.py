@@ -163,5 +163,5 @@ def test_a_body_is_refused_what_it_cannot_do() -> None:
         body.reset(Pose(x=1, y=25, heading=0))
     with pytest.raises(UsageError, match="kinds"):
         SimulatedBody(simulation, kinds=("sonar",))
-    with pytest.raises(UsageError, match="proximity readings"):
+    with pytest.raises(UsageError, match="proximity sensor"):
         network_inputs(simulation)(body.sense())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -16,8 +15,7 @@ from realitygap.calibration.unit import (
     calibrated_robot,
     calibrated_unit,
 )
-from realitygap.errors import CalibrationError, StudyError
-from realitygap.work.pool import Processes, Setup
+from realitygap.errors import CalibrationError
 from realitygap.world.robot import load_profile
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -76,17 +74,6 @@ def test_another_units_folder_is_refused(tmp_path, jobs, change):
     calibrated_unit(tmp_path / "unit", **SETTINGS)
     with pytest.raises(CalibrationError, match=r"unit\.toml: .*expected .*got .*another folder"):
         calibrated_unit(tmp_path / "unit", **{**SETTINGS, **change})
-
-
-def test_what_goes_wrong_in_a_job_is_told(tmp_path):
-    """A job's refusal comes as it is; one that dies is named, with its exit code."""
-    (tmp_path / "unit.toml").write_text("unit = 1\n", "utf-8")
-    for job, error, words in (
-        ("nothing", CalibrationError, "no recordings"),
-        ("wheels", StudyError, r"a worker process died \(exit code 1\)"),
-    ):
-        with closing(Processes(1)) as pool, pytest.raises(error, match=words):
-            pool.work(Setup(module.Unit, (str(tmp_path),)), [job], print)
 
 
 def test_without_readings_to_fit_the_base_is_returned(recorded):

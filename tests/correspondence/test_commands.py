@@ -73,29 +73,11 @@ def test_a_heading_that_contradicts_the_way_is_refused(refused, trials, tmp_path
         assert f"heading_deg contradicts the way from row to row: {cure}" in refused(*words)
 
 
-def test_a_heading_without_rhyme_is_warned_of(json_of, call, trials, tmp_path):
-    """Where no mistake explains it, score and classify go on and say so, on stderr and in JSON."""
-    draw = np.random.default_rng(0)
-    odd = [replace(t, heading=draw.uniform(-1.5, 1.5, len(t))) for t in trials]
-    wrong = write(tmp_path / "odd.csv", odd)
-    for words in (("score", wrong, wrong), ("classify", wrong)):
-        (said,) = json_of(*words)["warnings"]
-        assert "contradicts the way" in said and f"warning: {said}" in call(*words).stderr
-
-
 @pytest.mark.parametrize("hz", [25, 50, 7])
 def test_other_rates_are_the_same_behaviour(json_of, tracks, trials, tmp_path, hz):
     """A film's rate does not count: the same trials at 7, 25 or 50 rows a second score 9.5 or more."""
     made = json_of("score", tracks, write(tmp_path / "b.csv", trials, hz=hz))
     assert made["score"] >= 9.5
-
-
-def test_a_ceiling_that_is_given_is_said(json_of, tracks, tmp_path):
-    """With --ceiling the scale's end is that behaviour, and the output says so."""
-    wall = write(tmp_path / "w.csv", Behaviour(task=ROBOT.task, kind="wall follower").trials(6))
-    made = json_of("score", tracks, tracks, "--ceiling", wall)
-    assert "given" in made["scale"]["ceiling_from"]
-    assert json_of("score", tracks, wall, "--ceiling", wall)["score"] <= 3
 
 
 def test_folders_json_and_units(json_of, tracks, trials, tmp_path, call):

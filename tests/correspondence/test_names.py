@@ -1,21 +1,18 @@
 """Names on the shipped exemplars: confidence, size, mirror images, robots that are none of these."""
 
-import math
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from studies.correspondence.kinds import KINDS, LARGE_ARENA, exemplar
+from studies.correspondence.kinds import KINDS, exemplar
 from studies.correspondence.ladders import setting_for
 from studies.correspondence.naming import SHIPPED, called, held_out, left_out, miscalibration, right
 from studies.correspondence.run import FIRST_SEED, SETS
 from studies.correspondence.wide import FAMILIES
 
-from realitygap.correspondence.names import NONE, UNTOLD, common_name, namer, rows_of, tells
-from realitygap.correspondence.trials import Trial
+from realitygap.correspondence.names import NONE, namer, rows_of, tells
 from realitygap.tasks.load import load_task
-from realitygap.world.arena import load_arena
 from tests.correspondence.tracks import mirrored, random_walker, standing
 
 TASKS = pytest.mark.parametrize("task", KINDS)
@@ -74,19 +71,6 @@ def test_a_large_robot_is_described_by_its_own_size():
         assert tells(trial, arena)[kind]
 
 
-def test_a_large_robots_name_without_evidence_is_unsure():
-    """Who drives straight on and turns once, or only stands, may be of any kind: a quarter goes."""
-    arena, setting = load_arena(LARGE_ARENA), setting_for(AVOIDANCE)
-    heading = np.repeat([0.0, np.pi / 2], [80, 70])
-    x, y = 20 + np.cumsum(np.cos(heading)), 15 + np.cumsum(np.sin(heading))
-    trial = Trial(x=x, y=y, heading=np.convolve(heading, np.ones(9) / 9, "same"), radius_cm=8.0)
-    trial = replace(trial, x=x[5:-5], y=y[5:-5], heading=trial.heading[5:-5])
-    assert not any(tells(trial, arena).values())
-    stands = replace(standing(12, 25, 2.0), radius_cm=8.0)
-    once, still = namer(setting, 8.0).name([trial, stands], replace(setting, arena=arena))
-    assert still.name == NONE and max(once.confidence, still.confidence) <= UNTOLD
-
-
 @TASKS
 def test_a_random_walker_is_none_of_these(task):
     """A walker of another law than the exemplars', or one that stands, has none of the paper's names."""
@@ -109,13 +93,3 @@ def test_a_mirror_image_has_the_same_name():
     plain, flipped = names.name(trials, setting), names.name(mirrored(trials, 50.0), setting)
     assert [n.name for n in plain] == [n.name for n in flipped]
     assert [n.confidence for n in plain] == pytest.approx([n.confidence for n in flipped], abs=0.02)
-
-
-@TASKS
-def test_confidence_is_a_share(task):
-    """Confidences are between 0 and 1, and a robot's common name is its trials' most."""
-    setting = setting_for(task)
-    trials = [exemplar(task, kind, 9000, 1.0)[0] for kind in KINDS[task]]
-    named = namer(setting).name(trials, setting)
-    assert all(0 <= n.confidence <= 1 and math.isfinite(n.confidence) for n in named)
-    assert common_name([*named, named[0]]) == named[0].name

@@ -140,14 +140,6 @@ def test_jitter_may_be_left_out_of_the_behaviour():
     assert ends[0].layout_ceiling == ends[1].layout_ceiling
 
 
-def test_a_layout_alike_does_not_make_up_for_another_behaviour():
-    """Where the behaviour is another the score is low, however alike the layouts; the reverse counts."""
-    scale = exemplar_scale("light-seeking", 12, 12)
-    other = {"behaviour": scale.behaviour_ceiling, "layout": 0.0}
-    away = {"behaviour": 0.0, "layout": 1.0}
-    assert scale.score(other) == pytest.approx(0.3) and 8 <= scale.score(away) < 8.1
-
-
 def test_left_and_right_handed_robots_are_not_alike():
     """A one way turner and its mirror image do different things: the score must see it."""
     robot = Behaviour(task="obstacle-avoidance", kind="one way turner")
@@ -181,16 +173,6 @@ def test_a_wider_interval_with_fewer_starts():
     assert full.interval[0] <= full.score <= full.interval[1]
     assert np.diff(few.interval) > 0
     assert compare(a[:1], b[:1], setting).interval is None
-
-
-def test_an_interval_holds_no_resample_without_a_comparison():
-    """A resample of one start only says nothing: three starts have an honest interval, two have none."""
-    setting, other = setting_for(TURNER.task), lives(Behaviour(task=TURNER.task, kind="wall follower"))
-    three = compare(lives(TURNER)[:3], other[:3], setting)
-    assert three.score < 2 and three.interval[1] < 5
-    two = compare(lives(TURNER)[:2], other[:2], setting)
-    assert two.interval is None and "2 starts only, so there is no interval" in two.notes[-1]
-    assert not any("interval" in note for note in three.notes)
 
 
 def test_a_start_without_a_partner_leaves_the_others_pairs():

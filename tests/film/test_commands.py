@@ -51,13 +51,3 @@ def test_track(tmp_path, clean_film, camera_file):
     )
     assert facts["lost"] == 0
     assert len(facts["x_cm"]) == 40
-
-
-def test_cut_off_film_is_told(tmp_path, clean_film, camera_file):
-    """A film that was cut off is tracked as far as it goes, with a warning."""
-    data, film = clean_film.read_bytes(), tmp_path / "cut.mp4"
-    film.write_bytes(data[: int(0.6 * len(data))])
-    result = run("camera", "track", film, "--camera", camera_file, "--out", tmp_path / "track.csv")
-    assert result.exit_code == 0, result.output
-    assert "warning: the film is cut off" in result.stderr
-    assert 3 < len(read_track(tmp_path / "track.csv")) < 40

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import resource
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle
 
-from realitygap.errors import UsageError
 from realitygap.report import save_animation, save_picture, style
 from realitygap.report.drawing import (
     PathPanel,
@@ -44,18 +42,6 @@ def test_an_arena_is_drawn_to_scale(task) -> None:
     assert "(cm)" in axes.get_xlabel() and "(cm)" in axes.get_ylabel()
     drawn = {(*patch.center, patch.radius) for patch in axes.patches if isinstance(patch, Circle)}
     assert {tuple(map(float, c)) for c in task.arena.to_kernel().cylinders} <= drawn
-
-
-def test_what_surfaces_throw_back_is_written_on_them() -> None:
-    """Where reflectances are stated those of walls and cylinders stand in the picture."""
-    room = TASKS[0].arena
-    first, *others = room.cylinders
-    tinted = replace(room, reflectance=0.8, cylinders=(replace(first, reflectance=0.25), *others))
-    for arena, words in ((room, []), (tinted, ["×0.25", "×1", "×1", "×1", "walls ×0.8"])):
-        start = TASKS[0].to_kernel(PROFILE).start
-        with style.styled():
-            axes = arena_figure(arena, PROFILE, TASKS[0].feeds, start).axes[0]
-        assert [text.get_text() for text in axes.texts if "×" in text.get_text()] == words
 
 
 def test_rays_end_where_they_meet_something() -> None:
@@ -116,18 +102,6 @@ def test_a_level_looks_the_same_in_all_figures_of_a_page() -> None:
     assert look.colour in {line.get_color() for line in paths.axes[0].lines}
 
 
-@pytest.mark.parametrize(("share", "names"), [(0.97, ""), (0.5, "a0 a1 a2 a3 a4 a5 a6 a7")])
-def test_sensors_that_a_calibration_moved_apart_are_drawn_as_one(share: float, names: str) -> None:
-    """A light sensor a millimetre from an infrared one has no number of its own, to cover that one's."""
-    light = PROFILE.ambient
-    moved = tuple(replace(one, x_cm=share * one.x_cm, y_cm=share * one.y_cm) for one in light.sensors)
-    robot = replace(PROFILE, ambient=replace(light, sensors=moved))
-    with style.styled():
-        shown = [text.get_text() for text in robot_figure(robot).axes[0].texts]
-    wanted = [*"01234567", *names.split()]
-    assert [name for name in shown if name and "cm" not in name] == wanted
-
-
 def test_a_figure_is_written_to_the_same_bytes(tmp_path: Path) -> None:
     """Two drawings of one thing are the same files, and SVG text stays text."""
     prints = []
@@ -160,14 +134,6 @@ def test_the_file_ending_says_the_format(tmp_path: Path, ending: str, mark: byte
     assert path.read_bytes().startswith(mark)
 
 
-@pytest.mark.parametrize("save", [save_picture, save_animation])
-@pytest.mark.parametrize("name", ["path.bmp", "path"])
-def test_other_endings_are_refused_by_name(tmp_path: Path, save, name: str) -> None:
-    """The message names the endings that can be written."""
-    with pytest.raises(UsageError, match=r"\.(png|gif).* or \.(pdf|mp4)"):
-        save(tmp_path / name, TASKS[0], PROFILE, circle(3))
-
-
 def test_a_gif_has_a_frame_for_every_step_at_ten_a_second(tmp_path: Path) -> None:
     """In real time, or faster when asked."""
     from PIL import Image
@@ -185,24 +151,6 @@ def test_an_mp4_can_be_played(tmp_path: Path) -> None:
     with av.open(str(path)) as film:
         assert film.streams.video[0].average_rate == 10
         assert sum(1 for _ in film.decode(video=0)) == 12
-
-
-@pytest.mark.parametrize(
-    ("save", "ending"),
-    [(save_picture, "png"), (save_picture, "svg"), (save_animation, "gif"), (save_animation, "mp4")],
-)
-def test_what_was_there_stays_where_the_disk_is_full(tmp_path: Path, save, ending: str) -> None:
-    """A picture or film that cannot be finished leaves the earlier one as it was, and nothing beside it."""
-    path = tmp_path / f"path.{ending}"
-    path.write_bytes(b"earlier")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
-    try:
-        with pytest.raises(OSError, match=f"File too large: '{path}'"):
-            save(path, TASKS[0], PROFILE, circle(12))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert path.read_bytes() == b"earlier" and [*tmp_path.iterdir()] == [path]
 
 
 def test_tails_are_not_erased_in_a_film() -> None:

@@ -54,18 +54,6 @@ def test_a_curve_goes_as_far_as_all_runs_do() -> None:
     assert running_best([1, 3, 2, 4]).tolist() == [1, 3, 3, 4]
 
 
-@pytest.mark.parametrize("runs", [1, 5])
-def test_curves_have_units_and_an_entry_for_each_noise_level(runs: int) -> None:
-    """Also for a single run, which has no band."""
-    curves = {level: [running_best(np.linspace(0, 1, 20))] * runs for level in LEVELS}
-    made = Curves(runs=curves, names=LEVELS, unit="10⁻⁶ cm⁻²", scale=1e-6, fresh={1.0: 0.5})
-    with styled():
-        axes = curves_figure(made).axes[0]
-    assert "10⁻⁶ cm⁻²" in axes.get_ylabel()
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == list(LEVELS.values())
-    assert len(axes.collections) == (3 if runs > 1 else 0)
-
-
 @pytest.mark.parametrize("fresh", [0.02, -0.3])
 def test_curves_are_not_pressed_flat_or_covered(fresh: float) -> None:
     """Two unlike runs' interval does not set the scale; no legend covers a curve or an open marker."""

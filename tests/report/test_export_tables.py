@@ -1,16 +1,14 @@
 """A study's tables, read back with the libraries that they are for."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from realitygap import load_study, load_transfers, marks_of
+from realitygap import load_transfers, marks_of
 from realitygap.cli import realitygap
-from realitygap.errors import UsageError
-from realitygap.export import TABLES, table, write_tables
+from realitygap.export import TABLES, table
 
 KINDS = ("parquet", "csv")
 
@@ -66,38 +64,3 @@ def test_trials_bear_their_scores(played):
     marks = {one.run: one for one in marks_of(played) if one.kind}
     assert rows["behaviour"].tolist() == [marks[one.run].behaviour for one in trials]
     assert (played.folder / rows["folder"][0] / "transfer.toml").is_file()
-
-
-def test_frames_and_files_are_the_same(played, written):
-    """`to_pandas` gives what the file holds."""
-    pandas = pytest.importorskip("pandas", reason="no pandas here: pip install pandas")
-    runs = load_study(played.folder).to_pandas()
-    read = pandas.read_parquet(written["parquet"][0] / "runs.parquet")
-    assert runs["champion_fresh"].tolist() == read["champion_fresh"].tolist() and len(runs) == 12
-
-
-@pytest.mark.parametrize("missing", ["pandas", "pyarrow"])
-def test_a_missing_package_is_named(played, tmp_path, monkeypatch, missing):
-    """With the line that installs it; nothing is written."""
-    for name in [one for one in sys.modules if one.partition(".")[0] == missing]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, missing, None)
-    with pytest.raises(UsageError, match=rf"{missing} is not installed.*pip install 'realitygap\[tables\]'"):
-        played.to_pandas() if missing == "pandas" else write_tables(played, "parquet", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_study_and_a_folder_go_by_their_paths(played, written, tmp_path):
-    """As text, too."""
-    write_tables(str(played.folder), "csv", str(tmp_path / "tables"))
-    for name in TABLES:
-        text, there = (
-            (folder / f"{name}.csv").read_text() for folder in (tmp_path / "tables", written["csv"][0])
-        )
-        assert text == there
-
-
-def test_no_such_table(played):
-    """Is told those that there are."""
-    with pytest.raises(UsageError, match="expected runs, evaluations, tests, trials, scores, got 'run'"):
-        played.to_pandas("run")

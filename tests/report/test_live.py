@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -47,16 +48,6 @@ def test_watching_changes_no_bit(tmp_path, monkeypatch):
     )
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_levels_are_not_told_by_colour_alone(tmp_path, monkeypatch):
-    """Each curve ends in its level's sign, as in the key."""
-    monkeypatch.setattr(live, "EVERY_S", 0.0)
-    evolve("--out", str(tmp_path / "study"), "--watch", "--noise", "0", "--noise", "1", "--runs", "2")
-    page = (tmp_path / "study" / "watch.html").read_text("utf-8")
-    assert re.findall(r"<text [^>]*>(.)</text>", page) == ["●", "●", "■", "■"]
-    assert re.findall(r'<span style="color: [^"]*">(.)</span>', page) == ["●", "■"]
-
-
 def test_the_page_grows(tmp_path, monkeypatch):
     """While a run goes on it has a curve as far as it is, the best robot's path, and reads itself anew."""
     monkeypatch.setattr(live, "EVERY_S", 0.0)
@@ -91,8 +82,7 @@ def test_a_stopped_study_says_so(tmp_path, monkeypatch):
     assert (tmp_path / "study" / DATABASE).exists()
 
 
-def test_a_shard_is_not_watched(tmp_path):
-    """Refused with exit code 2."""
-    words = ["evolve", *WORDS, "--watch", "--shard", "1/1", "--out", str(tmp_path / "one")]
-    result = CliRunner().invoke(realitygap, words)
-    assert result.exit_code == 2 and "a shard has no page" in result.output
+def test_negative_scores_have_curves():
+    """A task may score below 0: the best is above the worst, and 0 is in the box, at the top."""
+    line = live._line(np.array([-4.0, -4.0, -1.0]), 3, -4.0, 0.0)
+    assert [float(point.split(",")[1]) for point in line.split()] == [50.0, 50.0, 14.0]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from matplotlib.patches import Circle
 
 from realitygap.control.genotype import Genotype
-from realitygap.report.network import bend_links, label_places, network_figure, place_neurons, read_wiring
+from realitygap.report.network import network_figure, place_neurons, read_wiring
 from realitygap.report.style import styled
 from realitygap.world.robot import load_profile
 from tests.report.scenes import random_genotype
@@ -55,16 +55,6 @@ def test_no_neuron_is_cut_off(name: str) -> None:
         assert left <= x - r and x + r <= right and low <= y - r and y + r <= high
 
 
-def test_every_link_has_a_curve_and_a_place_for_its_number() -> None:
-    """Self-links and parallel links included."""
-    wiring = read_wiring(random_genotype(3, hidden=0.7))
-    places = place_neurons(wiring, ROBOT, ROBOT.proximity.place, range(8), 0.73)
-    curves = bend_links(wiring, places, dict.fromkeys(places, 0.26), 0.73)
-    spots = label_places(curves, np.array(list(places.values())), np.full(len(places), 0.26), 0.73)
-    assert len(curves) == len(spots) == len(wiring.links) > 10
-    assert all(np.isfinite(curve).all() for curve in curves)
-
-
 def test_only_what_can_move_a_wheel_counts_as_working() -> None:
     """A neuron without a way to a motor, and a link of weight 0, have no effect."""
     genes = np.zeros((12, 2 + 4 * 2), np.int8)
@@ -90,17 +80,3 @@ def test_a_picture_names_weights_delays_and_thresholds(hidden: float, feeds: str
     wiring = read_wiring(genotype)
     assert sum(t.startswith("θ") for t in texts) == len(wiring.thresholds)
     assert sum(t[0] in "+−" for t in texts) == sum(wiring.works(k) for k in wiring.links)
-
-
-def test_networks_of_other_sizes_can_be_drawn() -> None:
-    """Four inputs at the sensors that feed them, by name; the one that is fed nothing beside the robot."""
-    with styled():
-        figure = network_figure(
-            random_genotype(2, slots=10, inputs=4), PROFILE, feeds="proximity", sensors=(2, 5, 7, -1)
-        )
-    names = [text for text in figure.axes[0].texts if text.get_text()[0] not in "θ+−"]
-    assert [text.get_text() for text in names[:6]] == ["2", "5", "7", "–", "L", "R"]
-    for text, sensor in zip(names, (2, 5, 7), strict=False):
-        forward, left = ROBOT.proximity.place[sensor]
-        assert text.get_position() == pytest.approx((-left, forward))
-    assert np.hypot(*names[3].get_position()) > ROBOT.radius

@@ -16,7 +16,7 @@ import pytest
 from realitygap.export import logs as trial
 from realitygap.report import player
 from realitygap.report.evolution import Paths, individual, parts_of
-from realitygap.report.player import LOST, activity, pack, track
+from realitygap.report.player import LOST, activity, pack
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.drive import Recording
 from realitygap.study.load import Study
@@ -127,13 +127,6 @@ def test_what_was_not_kept_is_not_made_up(played: Study, tmp_path: Path) -> None
     for who in ("simulated", "situated"):
         assert trial[who]["steps"] == STEPS
         assert [trial[who][key] for key in ("readings", "commands", "outputs")] == [None] * 3
-
-
-def test_rows_of_another_length_are_left_out() -> None:
-    """Readings that do not belong to the path's steps are not shown beside them."""
-    rows = {"readings": np.zeros((2, 8)), "commands": np.zeros((3, 2))}
-    told = track("simulated", "1", np.zeros((4, 3)), 0.01, **rows)
-    assert told["readings"] is None and told["commands"] is not None
 
 
 def test_nothing_in_the_data_ends_its_script() -> None:

@@ -100,23 +100,6 @@ def test_a_link_leads_to_one_run_trial_and_moment(page: Browser, played: Study) 
     assert page.run(lists) == chosen
 
 
-def test_readings_and_neurons_follow_the_time(page: Browser) -> None:
-    """Both sides show numbers of their own; the motor neurons show the commands at every step."""
-    page.run(FOCUS)
-    for key, code in (("Home", 36), ("End", 35)):
-        page.press(key, number=code)
-        for side in (0, 1):
-            inside = f"#player-network-{side} .neuron.output .value"
-            neurons = page.run(f"[...document.querySelectorAll('{inside}')].map(v => v.textContent)")
-            wheels = page.run(
-                f"[...document.querySelectorAll('#player-commands-{side} b')].map(v => v.textContent)"
-            )
-            assert neurons == wheels and len(wheels) == 2
-            bars = f"[...document.querySelectorAll('#player-readings-{side} b')].map(v => v.textContent)"
-            counts = page.run(bars)
-            assert len(counts) == 8 and all(count.isdigit() for count in counts)
-
-
 def test_a_table_sorts_by_a_heading(page: Browser) -> None:
     """Up, down, and as it was; the average stays last, and the heading tells its order."""
     table = "document.querySelector('table[aria-labelledby=\"obstacle-avoidance-table\"]')"
@@ -156,26 +139,3 @@ def test_a_phone_needs_no_sideways_scrolling(page: Browser, played: Study) -> No
         assert page.run("document.documentElement.scrollWidth") <= 360
     sizes = "[...document.querySelectorAll('.controls button')].map(b => [b.offsetHeight, b.offsetWidth])"
     assert min(min(size) for size in page.run(sizes)) >= 40
-
-
-def test_paper_keeps_a_picture_of_the_player(page: Browser, played: Study) -> None:
-    """Light, with words for what it shows instead of its controls; afterwards the page is as it was."""
-    page.show(played.folder / "report" / "index.html", prefers_color_scheme="light")
-    choose(page, "run", 0)
-    light = page.run(PICTURE)
-    page.show(played.folder / "report" / "index.html", prefers_color_scheme="dark")
-    choose(page, "run", 0)
-    assert page.run(PICTURE) != light
-    page.run("dispatchEvent(new Event('beforeprint'))")
-    assert page.run(PICTURE) == light
-    said = page.run(text("still"))
-    assert said == "Obstacle avoidance, zero noise, #1, twin unit 1, start 1, after 2.0 of 2.0 s."
-    page.call("Emulation.setEmulatedMedia", media="print")
-    shown = "(name) => document.querySelector(name).getBoundingClientRect().height > 0"
-    seen = page.run(f"['#player-arena-0', '#player-arena-1', '#player-still'].every({shown})")
-    assert seen and not page.run(f"['.controls', '.choose', '#theme'].some({shown})")
-    assert page.run("getComputedStyle(document.querySelector('h2')).breakAfter") == "avoid"
-    assert page.run("getComputedStyle(document.body).backgroundColor") != "rgb(19, 21, 24)"
-    page.call("Emulation.setEmulatedMedia", media="")
-    page.run("dispatchEvent(new Event('afterprint'))")
-    assert page.run("document.documentElement.dataset.theme === undefined")

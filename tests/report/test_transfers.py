@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -135,17 +134,6 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_p
     allowed = ("pseudo-reality", "reality gap", "ran them on the real robot", "the real robot’s place is")
     assert around and all(any(one in place.lower() for one in allowed) for place in around), around
     assert "It is not a robot" in words and '<td class="text">film</td>' in words
-
-
-def test_a_robot_is_called_by_its_make(study: Study) -> None:
-    """And one of the user's own by its folder's name."""
-    names = {
-        "thymio-ttyACM0": "Thymio II on ttyACM0", "epuck2-10.0.0.5": "e-puck2 on 10.0.0.5",
-        "khepera-ttyUSB0": "Khepera on ttyUSB0", "mine-Five": "robot mine-Five", "twin-2": "twin unit 2",
-    }  # fmt: skip
-    write_transfer(study, study.runs[0], robot="twin-1")
-    (pair,) = pairs_of(study, parts_of(study))[AVOID]
-    assert {name: replace(pair, robot=name).where for name in names} == names
 
 
 def test_the_table_has_every_transfer(study: Study) -> None:

@@ -59,14 +59,9 @@ DPI = 100
 def draw_robot(
     ax: Axes, robot: Robot, pose: tuple[float, float, float], look: Look = SIMULATED, *, edge: str = style.INK
 ) -> list[Patch | Line2D]:
-    """Draw a robot to scale: body, wheels, and a line to its leading edge; returns its artists.
+    """Draw a robot to scale at a pose (x, y in cm, heading in rad): body, wheels, a line to its leading edge.
 
-    Args:
-        ax: the axes, in cm.
-        robot: its body.
-        pose: x, y (cm), heading (rad).
-        look: colours and lines.
-        edge: the outline's colour.
+    Returns its artists.
     """
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
@@ -138,11 +133,7 @@ def shown_sensors(robot: Robot) -> Iterator[tuple[Floats, Floats, str]]:
 def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = False) -> None:
     """Floor, walls, inner walls, cylinders and lamps of an arena, to scale; the axes become cm.
 
-    Args:
-        ax: where to draw.
-        arena: in the kernels' form.
-        labels: axes with ticks in cm; otherwise nothing but the picture.
-        names: write "lamp" at the lamps.
+    `labels`: axes with ticks in cm, otherwise nothing but the picture; `names`: write "lamp" at the lamps.
     """
     width, depth = (float(v) for v in arena.size)
     edge = 0.02 * max(width, depth)
@@ -251,14 +242,8 @@ def cast(arena: Arena, origin: Floats, direction: Floats) -> Floats:
 
 
 def rays_of(robot: Robot, arena: Arena, feeds: str, pose: tuple[float, float, float]) -> Floats:
-    """Rays of the fed sensors, to the first surface or their range: [rays, 2 ends, 2] cm.
-
-    Args:
-        robot: the robot.
-        arena: where it is.
-        feeds: as in a task.
-        pose: x, y (cm), heading (rad).
-    """
+    """Rays of the sensors that a task feeds, from a pose (x, y in cm, heading in rad) to the first surface or
+    their range: [rays, 2 ends, 2] cm."""
     x, y, heading = pose
     turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     found = []
@@ -294,13 +279,9 @@ def _sensing_pose(arena: world.Arena, robot: Robot, start: np.ndarray) -> tuple[
 
 
 def arena_figure(place: world.Arena, profile: Profile, feeds: str, start: np.ndarray) -> Figure:
-    """Figure 1 or 2: a task's arena to scale, with a robot and the rays of its fed sensors.
+    """Figure 1 or 2: a task's arena to scale, with a robot and the rays of the sensors that it feeds.
 
-    Args:
-        place: the task's arena.
-        profile: the robot.
-        feeds: "proximity", "ambient" or "proximity+ambient".
-        start: where trials begin, as for `draw_start`.
+    `start` is as for `draw_start`.
     """
     arena, robot = place.to_kernel(), profile.to_kernel()
     wide = min(1.6 * COLUMN, 3.3 * max(1 / steepness(arena), 0.7) ** 0.75)

@@ -280,14 +280,7 @@ class Paths:
         self._simulations: dict[tuple[str, float], Simulation] = {}
 
     def panel(self, part: TaskPart, condition: NoiseClass, row: Row, title: str) -> PathPanel:
-        """One trial of a run's champion at the noise it evolved under.
-
-        Args:
-            part: the task.
-            condition: the noise it evolved under.
-            row: the run.
-            title: may contain {score}.
-        """
+        """One trial of a run's champion at the noise it evolved under; the title may contain {score}."""
         task = part.task
         key = (task.name, condition.level)
         if key not in self._simulations:

@@ -100,15 +100,8 @@ class Layout(NamedTuple):
 def lay_out(
     wiring: Wiring, robot: Robot, sensor_places: Floats, sensors: Sequence[int], unit: float
 ) -> Layout:
-    """The picture of a network.
-
-    Args:
-        wiring: the network.
-        robot: to draw on.
-        sensor_places: [S, 2] cm, of the fed sensors, in the robot's frame.
-        sensors: the sensor of each input.
-        unit: size of a unit of drawing, cm of robot: a neuron's radius is 0.36 of it.
-    """
+    """Where a network's parts stand on a robot: `sensor_places` [S, 2] cm in its frame are those of the fed
+    sensors, `sensors` the one of each input, and a unit of drawing is so many cm of robot."""
     places = place_neurons(wiring, robot, sensor_places, sensors, unit)
     sizes = {n: unit * SIZES[wiring.kind(n)] for n in places}
     return Layout(places, sizes, bend_links(wiring, places, sizes, unit))
@@ -245,14 +238,8 @@ def _crowding(curve: Floats, others: Floats, room: Floats, earlier: list[Floats]
 
 
 def label_places(curves: list[Floats], neurons: Floats, sizes: Floats, unit: float) -> list[Floats]:
-    """Position of each link's number: at its curve, away from neurons, curves and other numbers.
-
-    Args:
-        curves: [SAMPLES, 2] of each link.
-        neurons: [n, 2] their positions.
-        sizes: [n] their radii.
-        unit: of drawing.
-    """
+    """Position of each link's number: at its curve, away from neurons [n, 2] of those sizes [n], curves and
+    other numbers."""
     placed: list[Floats] = []
     for i, curve in enumerate(curves):
         along = curve[5:-2] - curve[3:-4]

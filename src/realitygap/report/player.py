@@ -65,14 +65,7 @@ def player_json(data: Json) -> str:
 def player_data(
     study: Study, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
 ) -> Json | None:
-    """The player's data, with transfers by task; None if no run has started.
-
-    Args:
-        study: the study.
-        parts: its tasks.
-        pairs: transfers by task.
-        paths: drives the champions.
-    """
+    """The player's data, with transfers by task; None if no run has started."""
     gather = _Gather(study, paths, {c.level for part in parts for c in part.conditions})
     tasks = [
         gather.task(part, pairs[part.task.name]) for part in parts if any(c.begun for c in part.conditions)
@@ -83,14 +76,7 @@ def player_data(
 def replay_data(
     simulation: Simulation, genotype: Genotype, lived: tuple[Trajectory, float], name: str
 ) -> Json:
-    """The player's data of one simulated trial.
-
-    Args:
-        simulation: of the trial.
-        genotype: whose network drove.
-        lived: the trial and its score.
-        name: of the individual, for display.
-    """
+    """The player's data of one simulated trial: whose network drove, the trial and its score, and a name."""
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genotype, task, profile)
     cast = _Cast(task=task, genotype=genotype, slots=slots, profile=profile)
@@ -250,13 +236,8 @@ def _sensor(one: ProximitySensor | AmbientSensor, reach_cm: float, limits: Json)
 
 
 def judge_page(data: Mapping[str, object], arena: Arena | None, radius_cm: float) -> str:
-    """The page on which people rate pairs: self-contained, ratings saved in the browser and as a file.
-
-    Args:
-        data: the pairs, from `correspondence.blind_pairs`.
-        arena: where they drove; None: an empty one around all of them.
-        radius_cm: of the bodies.
-    """
+    """The page on which people rate pairs, from `correspondence.blind_pairs`; it keeps ratings in the
+    browser and as a file. Without an arena an empty one is drawn around all of them."""
     body = {
         "radius": radius_cm,
         "front": radius_cm,
@@ -299,14 +280,9 @@ def decided(drive: Trajectory | Recording, profile: Profile) -> NDArray[np.int64
 def activity(
     genotype: Genotype, inputs: NDArray[np.int64], commands: NDArray[np.int64], slots: Sequence[int]
 ) -> NDArray[np.int64] | None:
-    """Outputs [n, slots] of a network's neurons at the end of each step, by replaying a drive.
+    """Outputs [n, slots] of a network's neurons at the end of each step, by replaying inputs [n, I].
 
-    Args:
-        genotype: whose network it is.
-        inputs: its inputs [n, I].
-        commands: the commands [n, 2]; if the network's differ, it is not the one that drove, and the result
-            is None.
-        slots: the neurons.
+    None if its commands [n, 2] are not the network's: another one drove.
     """
     controller = genotype.controller()
     shown = np.zeros((len(inputs), len(slots)), np.int64)
@@ -329,17 +305,8 @@ def track(
     commands: NDArray[np.int64] | None = None,
     outputs: NDArray[np.int64] | None = None,
 ) -> dict[str, object]:
-    """One drive for the page; rows of internal data belong to the first n poses.
-
-    Args:
-        who: the driver, in words.
-        score: as in the tables.
-        poses: [n + 1, 3] cm, cm, degrees.
-        unit_cm: unit of packed positions.
-        readings: [n, S] counts of the sensors that the task feeds, if known.
-        commands: [n, 2], −10 to 10, if known.
-        outputs: [n, N] of the network's neurons, if known.
-    """
+    """One drive for the page: poses [n + 1, 3] in cm, cm, degrees; readings (counts), commands and outputs
+    (−10 to 10) [n, …] of the first n poses, as far as they are known."""
     steps = len(poses) - 1
     packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
     inside = {"readings": (readings, "<i2"), "commands": (commands, "i1"), "outputs": (outputs, "i1")}

@@ -14,12 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from realitygap.errors import UsageError
-
-try:
-    import matplotlib
-except ValueError as error:  # it reads the environment when first imported
-    raise UsageError(f"MPLBACKEND: {error}. Name a backend of Matplotlib's, or unset it.") from None
+import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -142,14 +137,7 @@ def styled() -> AbstractContextManager[None]:
 def new_figure(
     width: float, height: float, *, layout: Literal["constrained"] | None = None, dpi: float | None = None
 ) -> Figure:
-    """A figure without global state.
-
-    Args:
-        width: inches.
-        height: inches.
-        layout: Matplotlib's layout engine; None: none.
-        dpi: dots an inch; None: Matplotlib's.
-    """
+    """A figure of so many inches without global state."""
     figure = Figure(figsize=(width, height), layout=layout, dpi=dpi)
     FigureCanvasAgg(figure)
     return figure
@@ -160,12 +148,6 @@ def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 20
 
     The same figure gives the same bytes: no date, fixed ids. Each file replaces an earlier one only when it
     is complete.
-
-    Args:
-        figure: the figure.
-        folder: where to write; None: nowhere.
-        name: of both files.
-        dpi: of the PNG.
     """
     buffer = io.StringIO()
     if folder is not None:  # figures can be drawn again: the disk is not waited for

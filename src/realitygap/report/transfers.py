@@ -223,15 +223,9 @@ class Situated(NamedTuple):
 def situated_of(
     part: TaskPart, pairs: Sequence[Pair], scene: Scene, label: str, figures: Figures, report: Path
 ) -> Situated:
-    """What a section shows of a task's transfers.
+    """What a section shows of a task's transfers, at least one; `label` is the paper's name of the figure.
 
-    Args:
-        part: the task's runs.
-        pairs: its transfers, at least one.
-        scene: the arena, and the simulated robot.
-        label: the paper's name of the figure.
-        figures: the page's, to which this part's are added.
-        report: the report's folder; films are linked or copied into it.
+    Its figures are added to the page's; films are linked or copied into the report's folder.
     """
     made = Situated([], [], [], [], groups_of(part, pairs))
     for robot in robots_of(pairs):

@@ -138,14 +138,7 @@ class Recording:
     def from_rows(
         cls, columns: Sequence[str], rows: Sequence[Sequence[float]], *, ended: str, facts: Mapping[str, Any]
     ) -> Self:
-        """From the names of a file's columns and their rows [n, columns].
-
-        Args:
-            columns: their names.
-            rows: [n, columns].
-            ended: why.
-            facts: of drive.toml.
-        """
+        """From the names of a file's columns and their rows [n, columns]."""
         table = np.array(rows, np.float64).reshape(len(rows), len(columns))
         column = dict(zip(columns, np.ascontiguousarray(table.T), strict=True))
 

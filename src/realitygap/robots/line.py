@@ -430,10 +430,10 @@ def step_budget(
             f"{protocol.bits} bits, {count} × {protocol.bits} / {baud} s = {ms(baud, *reads):.0f} ms; "
             f"set the robot to {enough} baud or more{one}"
         )
-    tells = (protocol.counters, *protocol.measured) if kinds else (protocol.counters,)
-    for tell in map(Request, tells if turns else ()):
-        if ms(baud, *reads, tell) <= STEP_MS:
-            reads = (*reads, tell)
+    wheels = (protocol.counters, *protocol.measured) if kinds else (protocol.counters,)
+    for asked in map(Request, wheels if turns else ()):
+        if ms(baud, *reads, asked) <= STEP_MS:
+            reads = (*reads, asked)
     return Budget(reads, ms(baud, *reads))
 
 

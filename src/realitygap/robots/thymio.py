@@ -149,17 +149,17 @@ class AsebaLine(Wire):
                     found.add(int(message.source_node))
             if wanted in found or (found and not node):
                 break
-        told = ", ".join(map(str, sorted(found))) or "none"
+        names = ", ".join(map(str, sorted(found))) or "none"
         if not found:
             raise LineError(
                 f"no Thymio answers on {self.device}; check that it is switched on, its cable or dongle, and "
                 "that no other program (Thymio Suite) has it"
             )
         if node and wanted not in found:
-            raise LineError(f"no robot {node!r} answers on {self.device} (those that do: {told})")
+            raise LineError(f"no robot {node!r} answers on {self.device} (those that do: {names})")
         if len(found) > 1 and wanted is None:
             raise UsageError(
-                f"robot: expected one Thymio on {self.device}, got robots {told}; say which, as in "
+                f"robot: expected one Thymio on {self.device}, got robots {names}; say which, as in "
                 f"thymio:{self.device}@{min(found)}"
             )
         return min(found) if wanted is None else wanted

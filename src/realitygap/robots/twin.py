@@ -131,15 +131,7 @@ def opened(
     stranger: bool = False,
     **_: Any,
 ) -> Twin:
-    """A unit by its number in words; its line has the usual rate if any will do.
-
-    Args:
-        unit: its number.
-        baud: of its line.
-        noise: a scale.
-        kinds: of sensors to read.
-        stranger: as of `Twin`.
-    """
+    """A unit by its number in words; its line has the usual rate if any will do."""
     return Twin(int(unit), noise=noise, baud=baud or 38400, kinds=kinds, stranger=stranger)
 
 

@@ -175,13 +175,8 @@ def _voltage(wheel: Any, angle: float) -> Any:
 
 @jit
 def control(wheels: Any, qpos: Any, ctrl: NDArray[np.float64]) -> None:
-    """One millisecond of both wheels' control.
-
-    Args:
-        wheels: [2, `NUMBERS`], left and right.
-        qpos: MuJoCo's places; 7 and 8 are the axles' angles (rad).
-        ctrl: [2] into which the motors' voltages go.
-    """
+    """One millisecond of both wheels [2, `NUMBERS`]: from MuJoCo's `qpos`, 7 and 8 of which are the axles'
+    angles (rad), to the motors' voltages, `ctrl` [2]."""
     for side in range(2):
         wheel, angle = wheels[side], qpos[7 + side]
         wheel[SLIPPED] += wheel[SLIP] * (angle - wheel[ANGLE])
