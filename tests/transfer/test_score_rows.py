@@ -6,26 +6,19 @@ import json
 import math
 import pickle
 import shutil
-from contextlib import nullcontext
 from pathlib import Path
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
-from realitygap.errors import TrackError
 from realitygap.files import to_toml
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
-from realitygap.tasks import load_task
-from realitygap.track import Track
 from realitygap.transfer import scores as module
 from realitygap.transfer.record import archive
 from realitygap.transfer.scores import MARKS, marks_of
 from realitygap.work.pool import messages_of
-from realitygap.world.robot import load_profile
 from tests.study.helpers import small
 
 SECONDS, STARTS = 8, 3
@@ -100,35 +93,12 @@ def test_the_same_paths_correspond_and_others_do_not(study: Study) -> None:
     assert (other.type, other.behaviour) == (same.type, same.behaviour)
 
 
-def test_units_count_together_and_kinds_apart(study: Study) -> None:
-    """Two units of the twin make one mark."""
-    drive(study, AVOIDER)
-    drive(study, AVOIDER, robot="twin-2")
-    mark, other = marks_of(study)
-    assert (mark.starts, mark.units) == (STARTS, 2) and mark.kind == "twin"
-    assert other.run == SEEKER and "no transfer" in other.why
-
-
 def test_a_trial_in_which_the_robot_was_lost_is_left_out_and_said(study: Study) -> None:
     """The others are scored; the reason names robot and start."""
     drive(study, AVOIDER, lose=True)
     mark = marks_of(study)[0]
     assert mark.starts == STARTS - 1 and mark.correspondence is not None
     assert "twin-1, start 1" in mark.why and "lost" in mark.why
-
-
-@pytest.mark.parametrize(("x", "fits"), [(25.0, True), (21.5, True), (20.0, False)])
-def test_a_body_with_an_outline_may_stand_with_its_side_at_an_obstacle(x: float, fits: bool) -> None:
-    """A Thymio's middle comes 3 cm near with its back, not only 8, the radius about it, and no nearer."""
-    study = SimpleNamespace(profile=load_profile("thymio"))
-    controller = SimpleNamespace(context=SimpleNamespace(study=study, task=load_task("avoidance")))
-    t = np.arange(0.0, 5.0, 0.1)
-    track = Track(t=t, x=np.full_like(t, x), y=np.full_like(t, 15.0), heading=0.01 * t, seen_by="camera")
-    with (
-        nullcontext() if fits else pytest.raises(TrackError, match="its path leaves the room or goes through")
-    ):
-        made = module.ScoreJob._trial(controller, track, SimpleNamespace(start=1), "enki-thymio2-1")
-        assert made.radius_cm == study.profile.body.radius_cm
 
 
 def test_marks_are_computed_once(study: Study, monkeypatch) -> None:
@@ -146,15 +116,6 @@ def test_marks_are_computed_once(study: Study, monkeypatch) -> None:
     assert marks_of(study)[0] == before[0] and made == [SEEKER, AVOIDER, SEEKER]
 
 
-@pytest.mark.parametrize("spoilt", [lambda kept: dict.fromkeys(kept, 7), lambda kept: [*kept]])
-def test_marks_of_another_content_are_made_anew(finished, tmp_path, spoilt):
-    """What is no row in marks.json is not stumbled over."""
-    study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
-    before, file = marks_of(study), study.folder / MARKS
-    file.write_text(json.dumps(spoilt(json.loads(file.read_text()))))
-    assert marks_of(study) == before
-
-
 def test_rows_of_another_version_are_made_anew(finished, tmp_path, monkeypatch):
     """The version is part of a row's key: a kernel that changed leaves no old row."""
     study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
@@ -163,13 +124,6 @@ def test_rows_of_another_version_are_made_anew(finished, tmp_path, monkeypatch):
     monkeypatch.setattr("realitygap.transfer.scores._version", lambda: ("0", "another"))
     marks_of(study)
     assert not before & set(json.loads((study.folder / MARKS).read_text()))
-
-
-def test_trials_too_short_to_be_named_are_said_to_be(finished: Study, tmp_path: Path) -> None:
-    """Half a second shows no behaviour; its score is known all the same."""
-    study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
-    for mark in marks_of(study):
-        assert mark.type is None and "no type" in mark.why and mark.behaviour is not None
 
 
 class Posted:

@@ -6,7 +6,6 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 from shutil import ignore_patterns
-from types import SimpleNamespace
 from zipfile import ZipFile
 
 import pytest
@@ -18,7 +17,7 @@ from realitygap.study.load import load_study
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.record import archive, load_transfers, merge_trials, trial_content, unpacked
 from realitygap.transfer.replay import Replays
-from realitygap.transfer.run import WORK, _facts, run_transfer
+from realitygap.transfer.run import WORK, run_transfer
 from realitygap.transfer.scores import jobs_of
 from realitygap.values import Pose
 from realitygap.work.shard import Mark, Shard, all_shards
@@ -125,13 +124,6 @@ def test_a_trial_of_two_shards_is_taken_once(finished, tmp_path):
     assert [one.folder for one in made] == [study / again.relative_to(folders[1]), study / real]
     assert (study / real / "situated.csv").read_text() == other
     assert (half.with_name("start-1.stopped-1") / "steps.csv").read_text() == "recorded"
-
-
-def test_single_films_are_facts_of_a_shard():
-    """Runs and single trials, in whatever order they were named."""
-    study = SimpleNamespace(digest=str)
-    told = [_facts(study, Transfer(film=some), [])["film"] for some in ([2, (3, 1)], [(3, 1), 2])]
-    assert told[0] == told[1] == [(3, 1), 2]
 
 
 @pytest.mark.parametrize("name", ["../../evil/transfer.toml", "/etc/evil", "start-1/../evil", "x.toml"])

@@ -22,9 +22,7 @@ from realitygap.errors import (
     UsageError,
 )
 from realitygap.film.video import FilmReader
-from realitygap.robots.address import Address
 from realitygap.robots.drive import Recording
-from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
 from realitygap.transfer.options import Transfer
@@ -85,19 +83,6 @@ def test_a_trial_begins_where_its_simulation_does(made, finished):
             assert abs((path.heading_deg[0] - one.pose.heading_deg + 180) % 360 - 180) < 10 * near
         assert finished.task(one.task).arena.obstacle_at(one.pose.x, one.pose.y, 2.9) is None
     assert len({(one.pose.x, one.pose.y, one.pose.heading) for one in made}) == 4
-
-
-def test_the_simulated_trial_is_the_runs_own(made, finished):
-    """The paired trial is a trial of the run: its task, its noise, a score of its own."""
-
-    one = made[0]
-    run = finished.run(one.run)
-    simulation = Simulation(finished.task(run.task), finished.profile, run.noise)
-    networks = finished.networks(run.task, run.champion)
-    again, _ = simulation.trajectory(networks, stream=1, pose=one.pose, seconds=SECONDS)
-    off = np.hypot(again.x - one.simulated.x[:-1], again.y - one.simulated.y[:-1])
-    assert off.max() < 2.0  # only the noise differs
-    assert one.noise == run.noise and one.name == run.name and one.individual == "champion"
 
 
 def test_the_number_of_workers_changes_no_bit(made, study):
@@ -272,13 +257,6 @@ def test_a_robot_on_a_port_is_carried_to_its_starts(study):
     assert [one.situated_from for one in both] == ["counters", "counters"] and both[0].unit is None
     assert [one.start for one in load_transfers(study.folder)] == [1, 2]
     assert (both[1].folder.parent / "start-2.stopped-1" / "steps.csv").is_file()
-
-
-@pytest.mark.parametrize("text", ["", "twn", "twin:", "twin:x", "twin:-1", "twin:²", "serial:", "serial"])
-def test_a_robot_that_is_none_is_refused(text):
-    """A robot is twin, twin:UNIT or serial:PORT."""
-    with pytest.raises(UsageError, match="robot: "):
-        Address.parse(text)
 
 
 def test_what_cannot_be_done_is_refused(study):
