@@ -15,7 +15,7 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
-from realitygap.transfer.score_rows import ScoreRow
+from realitygap.transfer.scores import ScoreRow
 from realitygap.world.robot import load_profile
 from tests.conftest import draw_nothing
 from tests.report.situations import write_transfer

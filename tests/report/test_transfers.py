@@ -30,7 +30,7 @@ from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.track import Track
-from realitygap.transfer.chosen import shown_runs
+from realitygap.transfer.spec import shown_runs
 from realitygap.world.robot import load_profile
 from tests.report.scenes import draw_only
 from tests.report.situations import STEPS, write_transfer

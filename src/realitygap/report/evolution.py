@@ -24,7 +24,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.streams import PICTURES
 from realitygap.study.load import Run, Study
 from realitygap.tasks.task import Task
-from realitygap.transfer.chosen import median_run
+from realitygap.transfer.spec import median_run
 from realitygap.world.robot import NOISE_LEVELS, noise_level, noise_name
 
 __all__ = [

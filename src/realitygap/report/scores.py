@@ -12,7 +12,7 @@ from realitygap.files import to_csv
 from realitygap.report.evolution import Mean, mean_of
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
-from realitygap.transfer.score_rows import ScoreRow, marks_of
+from realitygap.transfer.scores import ScoreRow, marks_of
 from realitygap.world.robot import noise_level, noise_name
 
 __all__ = [

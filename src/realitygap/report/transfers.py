@@ -26,7 +26,7 @@ from realitygap.robots.address import ROBOT, StandIn
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track
-from realitygap.transfer.load import Transferred, load_transfers
+from realitygap.transfer.record import TransferredTrial, load_transfers
 
 __all__ = [
     "Group", "Pair", "Situated", "groups_of", "kinds_of", "pairs_of", "robots_of", "shown_pair",
@@ -45,7 +45,7 @@ MAKES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pair(Transferred):
+class Pair(TransferredTrial):
     """One transfer of a run, which is number `index` among those evolved at its noise level."""
 
     level: float
