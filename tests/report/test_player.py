@@ -68,8 +68,8 @@ def test_commands_in_a_robots_own_units_are_shown_as_the_networks(played: Study)
     other = replace(played.profile, wheels=replace(played.profile.wheels, top_command=30.0))
     shown, logged = [], []
     for profile, recorded in ((played.profile, kept), (other, replace(kept, commands=3 * kept.commands))):
-        cast = player._Cast(task=task, genotype=genotype, slots=range(10), profile=profile)
-        shown.append(cast.drive("a robot", "0.5", pair.situated, recorded, genotype))
+        side = player._Side(task=task, genotype=genotype, slots=range(10), profile=profile)
+        shown.append(side.drive("a robot", "0.5", pair.situated, recorded, genotype))
         side = trial._side("situated", pair.situated, recorded, (genotype, [*range(10)]), (task, profile))
         logged.append({name: values.tolist() for name, values in side.inside.items()})
     assert shown[0] == shown[1] and shown[1]["outputs"] is not None
