@@ -58,9 +58,9 @@ def physics() -> list[Any]:
     import mujoco
 
     from realitygap.twin.body import build_xml
-    from realitygap.twin.unit import check_arena, draw_unit
+    from realitygap.twin.unit import draw_unit, plain_arena
 
-    model = mujoco.MjModel.from_xml_string(build_xml(check_arena(ROOM), draw_unit(1)))
+    model = mujoco.MjModel.from_xml_string(build_xml(plain_arena(ROOM), draw_unit(1)))
     data = mujoco.MjData(model)
     data.qpos[:2], data.ctrl[:] = (0.2, 0.2), (1.0, 0.8)
     found = []

@@ -15,7 +15,7 @@ from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
 from realitygap.robots.body import Body, Clock
 from realitygap.robots.drive import drive
-from realitygap.robots.khepera import Khepera, KheperaBody
+from realitygap.robots.khepera import KheperaBody
 from realitygap.robots.twin import TwinLine
 from realitygap.simulation.body import SimulatedBody, network_inputs
 from realitygap.simulation.simulation import Simulation
@@ -59,9 +59,9 @@ class TestTwinBody(BodyContract):
     def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
         body = self.physics({"size_cm": [50.0, 50.0]}, unit=1, seed=2)
         firmware = Firmware(body, baud=38400, name="twin unit 1")
-        khepera = Khepera.awake(TwinLine(firmware))
-        body = KheperaBody(khepera, kinds=("proximity", "ambient"), carry=firmware.place)
-        return nullcontext((body, khepera.clock))
+        line = TwinLine(firmware)
+        body = KheperaBody(line, kinds=("proximity", "ambient"), carry=firmware.place)
+        return nullcontext((body, line))
 
 
 class TestStranger(TestTwinBody):
@@ -163,5 +163,5 @@ def test_a_body_is_refused_what_it_cannot_do() -> None:
         body.reset(Pose(x=1, y=25, heading=0))
     with pytest.raises(UsageError, match="kinds"):
         SimulatedBody(simulation, kinds=("sonar",))
-    with pytest.raises(UsageError, match="proximity readings"):
+    with pytest.raises(UsageError, match="proximity sensor"):
         network_inputs(simulation)(body.sense())

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 import realitygap
-from tests.cli.test_start_up import HEAVY
+from tests.cli.test_commands import HEAVY
 
 PACKAGES = sorted(one.name for one in pkgutil.iter_modules(realitygap.__path__, "realitygap.") if one.ispkg)
 LIGHT = [

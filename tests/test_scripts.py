@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import runpy
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -56,30 +55,6 @@ def missing_names(text: str) -> Iterator[str]:
 def test_a_script_names_only_what_exists(script: Path) -> None:
     """Whatever a script takes from this project, at its head or late, stands where it looks for it."""
     assert list(missing_names(script.read_text("utf-8"))) == []
-
-
-def test_a_name_that_moved_is_seen() -> None:
-    """A module, a name in it, and what is asked of a module: each is missed where it is gone."""
-    text = "import realitygap.gone\nfrom realitygap.tasks import TASKS, GONE\nfrom realitygap import values\n"
-    late = "def main():\n    from realitygap.nowhere import thing\n    values.Pose, values.Gone\n"
-    gone = {
-        "realitygap.gone: ",
-        "realitygap.tasks: GONE",
-        "realitygap.nowhere: thing",
-        "realitygap.values: Gone",
-    }
-    assert set(missing_names(text + late)) == gone
-
-
-def test_a_figure_lacks_no_processor(monkeypatch, tmp_path: Path, capsys) -> None:
-    """Where a compiler is missing, the script that draws networks' sizes says so, and draws nothing."""
-    words = ["down_load.py", str(tmp_path / "made.png")]
-    monkeypatch.setattr("sys.argv", words)
-    monkeypatch.setattr("realitygap.export.sizes", lambda source: {"ATmega328P": 724})
-    with pytest.raises(SystemExit, match=r"^2$"):
-        runpy.run_path(str(ROOT / "benchmarks" / "down_load.py"), run_name="__main__")
-    assert capsys.readouterr().err.startswith("error: no compiler for Cortex-M0+. Install avr-gcc and arm-n")
-    assert not list(tmp_path.iterdir())
 
 
 def test_every_mutation_has_its_place() -> None:

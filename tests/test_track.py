@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 
 from realitygap import track as track_file
 from realitygap.control.genotype import Genotype
-from realitygap.errors import StudyError, TrackError, UsageError
+from realitygap.errors import StudyError, TrackError
 from realitygap.kernels.types import STEP_S
-from realitygap.simulation import Simulation
+from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.testing import TrackContract
 from realitygap.track import Track, read_track, read_tracks, settled
 from realitygap.values import Floats
-from realitygap.world import load_profile
+from realitygap.world.robot import load_profile
 
 LOST = math.nan
 
@@ -232,40 +232,6 @@ def test_broken_tracks_are_refused(tmp_path, text, says):
         read_track(path, error=StudyError, cure="Make it again.")
 
 
-@pytest.mark.parametrize("column", ["y", "heading"])
-def test_a_pose_that_is_half_known_is_lost(column):
-    """Wherever NaN is, the row counts as lost, and is written so."""
-    half = replace(track(), **{column: np.array([0, LOST, LOST, LOST, 1])})
-    assert half.lost == 3 and half.gaps() == [(0.04, pytest.approx(0.12))]
-    assert text_of(half).splitlines()[2] == "0.0400,,,,0"
-
-
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: Track.from_degrees([0, 1], [1, 2], [1, 2], [0]), r"of one length.*heading \[1\]"),
-        (lambda: Track.from_degrees([0], [1], [2], [3], quality=[1, 1]), r"of one length.*quality \[2\]"),
-        (lambda: Track.from_degrees("a", [1], [2], [3]), "expected t as numbers, got str"),
-        (lambda: replace(track(), x=np.ones((5, 2))), r"x \[5, 2\]"),
-        (lambda: replace(track(), quality=np.ones(3)), r"quality \[3\]"),
-        (lambda: Track(t=1, x=1, y=1, heading=1), r"t \[\]"),
-        (lambda: track().only([999]), "numbers of its 5 rows, or a mask of them, got \\[999"),
-        (lambda: track().only(3), r"t \[\]"),
-        (lambda: track().only([]).end, "at least one row, got none"),
-    ],
-)
-def test_what_is_no_track_is_refused(call, says):
-    """Columns are numbers [n] of one length, quality included; rows that it lacks are not taken."""
-    with pytest.raises(UsageError, match=says):
-        call()
-
-
-def test_lists_become_columns():
-    """Lists are taken, a quality's too."""
-    assert Track(t=[0, 1], x=[1, 2], y=[3, 4], heading=[0, 0]).x.dtype == np.float64
-    assert Track.from_degrees([0, 1], [1, 2], [1, 2], [0, 90], quality=[1, 0]).lost == 1
-
-
 def test_a_step_is_the_simulations():
     """The ground knows a step's length without the kernels, which it may not import."""
     assert track_file.STEP_S == STEP_S
@@ -277,11 +243,3 @@ def test_steps_of_any_period_keep_their_times(tmp_path, period_s):
     t = period_s * np.arange(30)
     Track(t=t, x=t, y=t, heading=t).write_csv(tmp_path / "path.csv")
     assert np.allclose(read_track(tmp_path / "path.csv").t, t, atol=1e-9)
-
-
-def test_a_column_given_twice_is_refused(tmp_path):
-    """Nobody knows which of them counts."""
-    file = tmp_path / "twice.csv"
-    file.write_text("t_s,x_cm,y_cm,heading_deg,x_cm\n0,1,2,3,4\n0.1,1,2,3,4\n")
-    with pytest.raises(TrackError, match="expected one column x_cm, got 2"):
-        read_track(file)

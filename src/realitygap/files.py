@@ -44,13 +44,7 @@ def as_path(value: object, what: str) -> Path:
 
 
 def must_be(value: object, kind: type | UnionType, what: str, cure: str) -> None:
-    """Refuse a Python caller's value of another kind.
-
-    Args:
-        value: what came.
-        kind: the class that was expected.
-        what: its name in the message.
-        cure: what to do.
+    """Refuse a Python caller's value of another kind; `what` names it, `cure` says what to do.
 
     Raises:
         UsageError: it is of another kind.
@@ -118,14 +112,7 @@ def _checked(data: Any) -> Any:
 def refuse_unknown(
     table: Iterable[str], known: Iterable[str], error: type[UsageError], *, where: str = "", cure: str = ""
 ) -> None:
-    """Refuse a key that nothing reads.
-
-    Args:
-        table: its keys.
-        known: those that mean something.
-        error: what to raise.
-        where: the file, for the message.
-        cure: where else to put it, said beside the known keys.
+    """Refuse a key that nothing reads: in the file `where`; known keys and `cure` end the message.
 
     Raises:
         UsageError: of the class `error`; names the nearest known key, or all.
@@ -148,13 +135,7 @@ def to_csv(rows: Iterable[Iterable[object]], *, end: str = "\n") -> str:
 def read_toml(
     path: str | Path, error: type[UsageError], cure: str, *, broken: str = "Correct that line."
 ) -> dict[str, Any]:
-    """The table of a TOML file.
-
-    Args:
-        path: the file.
-        error: what to raise.
-        cure: what to do if there is none.
-        broken: what to do if it is not TOML.
+    """The table of a TOML file; `cure` is what to do if there is none, `broken` if it is not TOML.
 
     Raises:
         UsageError: of the class `error`: as of `read_text`, or broken TOML, with its line.
@@ -333,15 +314,8 @@ class Table(NamedTuple):
         return values.astype(np.int64)
 
     def refuse(self, wrong: NDArray[np.bool_], name: str, expected: str, got: Any, cure: str = "") -> None:
-        """Raise for the first row that is wrong.
-
-        Args:
-            wrong: [rows] which are.
-            name: the column's.
-            expected: what, in words.
-            got: [rows] what came.
-            cure: what to do, if it is not the table's.
-        """
+        """Raise for the first row that is wrong [rows], with what came there, `got` [rows]; `cure` is what to
+        do, if it is not the table's."""
         if wrong.any():
             k = int(wrong.argmax())
             shown = f"{got[k]:g}" if isinstance(got[k], float) else repr(str(got[k]))

@@ -29,14 +29,8 @@ def placed(text: str, file: Path | str) -> str:
 
 
 def made(text: str, what: str, ways: Iterable[str], settings: Mapping[str, Any], **given: Any) -> Any:
-    """What a user's class makes of its settings and of what it is given.
-
-    Args:
-        text: where the class is, `file.py:Name`.
-        what: it makes, for the message, such as "algorithm".
-        ways: attributes that this must have.
-        settings: the user's, by the names of the class's own parameters.
-        given: the others.
+    """What a user's class, `file.py:Name`, makes of the user's settings and of what it is given: `what`, such
+    as "algorithm", which must have these attributes, `ways`.
 
     Raises:
         UsageError: no such class, a setting that it does not have, or a value that it refuses.
@@ -134,13 +128,8 @@ def unpacked(files: Iterable[str], data: bytes) -> Any:
 def blamed_on(
     place: str | Path, error: type[UsageError], does: str = "the file fails", *, own: bool = False
 ) -> Iterator[None]:
-    """Any error of a user's code as one that names the file and the line; a robot's own errors pass.
-
-    Args:
-        place: the file, or the module's name.
-        error: what to raise.
-        does: what ended with the error, for the message.
-        own: let errors pass that no line of the file led to.
+    """Any error of a user's code as one that names the file (or module) and the line; a robot's own errors
+    pass, and with `own` those that no line of the file led to.
 
     Raises:
         UsageError: of the class `error`.

@@ -61,13 +61,7 @@ FARTHEST_CM = 1e4
 
 
 class AlgorithmContract:
-    """Tests of an algorithm: override `made`, and `fitness` unless larger sums of genes will do.
-
-    Example:
-        class TestMyAlgorithm(AlgorithmContract):
-            def made(self):
-                return MyAlgorithm(encoding=Variation())
-    """
+    """Tests of an algorithm: override `made`, and `fitness` unless larger sums of genes will do."""
 
     pauses = (0, 1, 7, 40)
     """Evaluations before states are looked at."""
@@ -192,15 +186,7 @@ class AlgorithmContract:
 
 
 class BodyContract:
-    """Tests of a body: override `opened`, and `pulses_per_unit` if its wheels are known.
-
-    Example:
-        class TestMyRobot(BodyContract):
-            pulses_per_unit = 100.0
-
-            def opened(self):
-                return nullcontext((MyRobot(), RealClock()))
-    """
+    """Tests of a body: override `opened`, and `pulses_per_unit` if its wheels are known."""
 
     pulses_per_unit: float | None = None
     """Counter pulses a second at command `scale`; None: only the ratio of the two wheels is tested."""
@@ -315,13 +301,7 @@ def _pace(body: Body, clock: Clock, command: Command, seconds: float) -> tuple[f
 
 
 class EncodingContract:
-    """Tests of an encoding: override `made`.
-
-    Example:
-        class TestMyEncoding(EncodingContract):
-            def made(self, inputs):
-                return MyEncoding(inputs=inputs)
-    """
+    """Tests of an encoding: override `made`."""
 
     def made(self, inputs: int) -> Encoding:
         """The encoding of networks with `inputs` inputs."""
@@ -374,15 +354,7 @@ class EncodingContract:
 
 
 class EngineContract:
-    """Tests of an engine: override `made`, and set `exact` unless its bits are those of the kernels.
-
-    Example:
-        class TestMyEngine(EngineContract):
-            exact = False
-
-            def made(self, task, profile, noise):
-                return MyEngine(task, profile, noise)
-    """
+    """Tests of an engine: override `made`, and set `exact` unless its bits are those of the kernels."""
 
     exact = True
     tasks = ("obstacle-avoidance", "light-seeking")
@@ -497,13 +469,7 @@ class _Bench:
 
 
 class PoolContract:
-    """Tests of a pool: override `opened`, and `loses` if its workers are processes that may be killed.
-
-    Example:
-        class TestMyPool(PoolContract):
-            def opened(self):
-                return MyPool()
-    """
+    """Tests of a pool: override `opened`, and `loses` if its workers are processes that may be killed."""
 
     loses = False
     """Whether a worker is a process of this machine that can be lost without this one."""
@@ -600,13 +566,7 @@ def _children() -> set[str]:
 
 
 class TrackContract:
-    """Tests of whatever makes tracks (a tracker, a motion capture, another simulator): override `track`.
-
-    Example:
-        class TestMyTracker(TrackContract):
-            def track(self):
-                return my_tracker("film.mp4")
-    """
+    """Tests of whatever makes tracks (a tracker, a motion capture, another simulator): override `track`."""
 
     def track(self) -> Track:
         """A track of a robot that drives, and does not turn on the spot alone, for a second at least."""

@@ -44,12 +44,7 @@ def as_stream(value: object, name: str = "stream") -> np.uint64:
 
 
 def as_count(value: object, name: str, least: int = 1, most: int | None = None) -> int:
-    """A whole number in limits.
-
-    Args:
-        value: what came.
-        name: its name in the message.
-        least, most: the limits, both allowed; None: no upper one.
+    """A whole number in limits, both allowed.
 
     Raises:
         UsageError: anything else, under the name it was given by.

@@ -66,26 +66,13 @@ def test_a_judge_warns_of_doubtful_recordings(folder, tmp_path, recorded, driven
     assert "columns swapped" in said["swapped"]["warnings"][0]
 
 
-def test_a_judge_refuses_one_series_under_two_names(tmp_path):
-    """It had been judged twice; a calibration refuses it, too."""
-    for name in ("sensor02_again.csv", "sensor02_light.csv"):
-        (tmp_path / name).write_text("9cm,0,0,1400,1401\n5cm,0,0,2300,2304\n", "utf-8")
-    result = call("calibrate", "--check", tmp_path, "thymio")
-    assert result.exit_code == 2 and "sensor02_light.csv: the same recording as" in result.stderr
-
-
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
         (("nowhere.sam", "--out", "x.toml"), "nowhere.sam"),
         (("nowhere.sam",), "--out"),
-        (("nowhere.sam", "--out", "x.html"), ".toml"),
         (("--check", "nowhere.sam"), "--check"),
         (("--check", "paper", "wall.sam"), "got the recording 'wall.sam' last. Swap them"),
-        (("--check", "thymio", "sensor02_x.csv"), "got the recording 'sensor02_x.csv' last. Swap them"),
-        (("nowhere.sam", "--out", "x.toml", "--report", "x.toml"), "expected a file name ending in .html"),
-        (("nowhere.sam", "--out", "no/x.toml"), "the folder 'no' does not exist"),
-        (("nowhere.sam", "--out", "x.toml", "--report", "no/x.html"), "the folder 'no' does not exist"),
     ],
 )
 def test_refusals(words, expected):

@@ -49,22 +49,6 @@ def test_a_sensor_ends_where_its_readings_pile_up(recorded):
     assert saturation(free)[0] == free.top and free.counts[:, 0].max() < free.top
 
 
-def test_curves_go_on_beyond_their_end_where_asked():
-    """So that a reading just below it lies on a straight line, not on one towards the end's own step."""
-    u = np.random.default_rng(5).uniform(0.1, 0.6, (2000, 1))
-    true = 2500.0 * (u / (1 - u)) ** 2
-    seen = Seen(
-        counts=np.minimum(true, 4095.0), use=np.ones(u.shape, bool), top=4095.0, most=4095.0, noise=18.0,
-        smooth=0.1, linear=True,
-    )  # fmt: skip
-    fit, near = Curves(seen, u), (true > 3600) & (true < 4090)
-    off = [
-        np.abs(np.minimum(on_curves(fit.fitted(beyond=far), u), 4095.0) - true)[near].max()
-        for far in (True, False)
-    ]
-    assert off[0] < 10 < 25 < off[1] and fit.fitted().max() <= 4095.0
-
-
 def test_what_stands_beside_a_place_held_out_is_not_fitted(recorded):
     """At its distance, within 10 degrees, round the back too; places at 15 degrees are all kept."""
     table = recorded("wall", repeats=1)

@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import realitygap
 from realitygap.cli import realitygap as command
-from realitygap.errors import CalibrationError, RecordingError, UsageError
+from realitygap.errors import CalibrationError
 from tests.calibration.tables import BEARINGS
 
 
@@ -30,25 +30,6 @@ def test_the_same_profile_as_the_commands(made_tables, tmp_path, capsys):
     assert "Infrared proximity" in page.html and page._repr_html_().startswith("<iframe")
     figures = made.figures()
     assert "infrared-curves" in figures and isinstance(figures["infrared-maps"], Figure)
-
-
-def test_errors_are_typed(made_tables, tmp_path):
-    """No place, no recordings, another number of objects, objects of what is loaded already."""
-    with pytest.raises(RecordingError, match="there is no such recording"):
-        realitygap.calibrate(tmp_path / "nowhere")
-    with pytest.raises(CalibrationError, match="no recordings"):
-        realitygap.calibrate([])
-    wall = made_tables / "wall.sam"
-    with pytest.raises(CalibrationError, match="one for each of 1 recordings, got 2"):
-        realitygap.calibrate(wall, objects=["wall", "wall"])
-    loaded = realitygap.load_recording(wall, object="wall")
-    with pytest.raises(CalibrationError, match=r"light: expected paper or .* or auto, got 'extnded'"):
-        realitygap.calibrate([loaded], light="extnded")
-    with pytest.raises(CalibrationError, match="objects: expected none with recordings that are loaded"):
-        realitygap.calibrate([loaded], objects="cylinder:4")
-    for out in (tmp_path / "no" / "robot.toml", tmp_path):
-        with pytest.raises(UsageError, match="out: expected a file in a folder that exists"):
-            realitygap.calibrate([loaded], out=out)
 
 
 def test_a_machines_cores_change_no_bit(made_tables, monkeypatch):

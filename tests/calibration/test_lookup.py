@@ -13,7 +13,6 @@ from realitygap.calibration.lookup import replayed
 from realitygap.calibration.model import scene_of
 from realitygap.calibration.readings import Readings
 from realitygap.calibration.recordings import SensorRecording
-from realitygap.errors import CalibrationError
 from realitygap.kernels.infrared import infrared
 from realitygap.world.robot import load_profile
 from tests.kernels.scenes import work_for
@@ -31,12 +30,6 @@ def wall(recorded) -> SensorRecording:
 def made(wall, recorded):
     """The table of a wall and a cylinder."""
     return calibrate([wall, recorded("cylinder:4", seed=5)], PAPER, form="lookup")
-
-
-def kept(recording: SensorRecording, rows: np.ndarray) -> SensorRecording:
-    """Some of its rows."""
-    names = ("distance_cm", "bearing_deg", "repeat", "counts")
-    return replace(recording, **{name: getattr(recording, name)[rows] for name in names})
 
 
 def test_a_table_replays_what_it_was_made_of(made, wall):
@@ -78,37 +71,6 @@ def test_a_place_held_out_lies_on_the_line_between_its_neighbours(wall):
     last = rank == rank.max()
     read = replayed(rows, ~last)
     np.testing.assert_allclose(read[last], even.counts[last] - 100.0)
-
-
-def test_one_reading_a_place_is_table_and_noise(recorded):
-    """Without repeats the noise shows from bearing to bearing, and nothing is called overfitted."""
-    made = calibrate([recorded("wall", repeats=1)], PAPER, form="lookup")
-    assert made.infrared.rmse == 0 and made.infrared.held_out["lookup"] > 20
-    assert not any("overfits" in warning for warning in made.warnings)
-
-
-def test_what_is_no_table_is_refused(wall, recorded):
-    """Uneven bearings, too few places, poses, two radii, and sensors without readings."""
-    front = wall.bearing_deg != 90
-    few = np.isin(wall.place(), np.arange(0, 252, 11))
-    mute = wall.counts.copy()
-    mute[:, 3] = np.nan
-    for recordings, words in (
-        ([kept(wall, front)], "equal steps"),
-        ([kept(wall, few)], "record --plan infrared"),
-        ([recorded("cylinder:4"), recorded("cylinder:2")], "one radius"),
-        ([replace(wall, counts=mute)], "readings of every sensor"),
-    ):
-        with pytest.raises(CalibrationError, match=words):
-            calibrate(recordings, PAPER, form="lookup")
-
-
-def test_other_forms_know_no_table(made, wall):
-    """A base with a table is fitted by the law all the same; and "auto" is never a table."""
-    small = kept(wall, np.arange(0, len(wall.repeat), 12))
-    refitted = calibrate([small], made.profile, form="paper")
-    assert not refitted.profile.infrared.table
-    assert refitted.infrared.form == "paper" and refitted.infrared.rmse > 10
 
 
 def test_a_real_wall_as_a_table(tables):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +11,13 @@ from realitygap.calibration import calibrate as calibrating
 from realitygap.calibration import measured, readings
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.curves import Curves, Seen, on_curves
+from realitygap.calibration.fit import choose
 from realitygap.calibration.forms import fit_infrared
 from realitygap.calibration.judge import judge
-from realitygap.calibration.load import find_recordings, load_recording
 from realitygap.calibration.measured import fit_measured
-from realitygap.calibration.model import lit_readings, proximity, received, scene_of
+from realitygap.calibration.model import proximity, received, scene_of
 from realitygap.calibration.noise import Sample, noise_tables
-from realitygap.calibration.readings import Readings, repeated_noise
+from realitygap.calibration.readings import Readings
 from realitygap.calibration.recordings import SensorRecording
 from realitygap.world.robot import Profile, load_profile
 from tests.calibration.conftest import places
@@ -84,25 +82,6 @@ def test_a_sensor_outside_every_closed_form_is_found():
 
 
 @pytest.mark.usefixtures("fewer_starts")
-def test_a_sensor_that_faces_away_tells_its_dark_level():
-    """Of a robot that backs off a wall on each side, from 3 cm at most, with sensors that read something in
-    the dark: extrapolated it had been off by tens of counts."""
-    dark, draw = np.array([60.0, 90, 40, 120, 50, 80, 70, 100]), np.random.default_rng(1)
-    sides = []
-    for bearing in (0.0, 90.0, 180.0, -90.0):
-        away, repeat = (part.ravel() for part in np.meshgrid(np.linspace(0.5, 3, 6), np.arange(4)))
-        blank = SensorRecording(
-            kind="infrared", object="wall", distance_cm=away, bearing_deg=np.full(24, bearing), repeat=repeat,
-            counts=np.zeros((24, 8)), source=f"{bearing:g}",
-        )  # fmt: skip
-        read = 0.8 * proximity(PAPER, scene_of(blank)) + dark + 4.0 * draw.normal(size=(24, 8))
-        sides.append(replace(blank, counts=np.clip(np.rint(read), 0, 1023)))
-    made = calibrate(sides, PAPER, form="measured")
-    found = np.array([s.curve[0] for s in made.profile.infrared.sensors])
-    assert np.abs(found - dark).max() < 15 and np.median(np.abs(found - dark)) < 3
-
-
-@pytest.mark.usefixtures("fewer_starts")
 def test_rays_that_end_and_beams_that_overlap_are_found():
     """Of sensors that subtract, and see no farther than 6 cm, range and beams are found.
 
@@ -132,20 +111,6 @@ def test_rays_that_end_and_beams_that_overlap_are_found():
     assert np.sqrt(np.mean([one.lit_ratio**2 for one in told.per_sensor])) < 1.0
 
 
-def test_series_set_down_anew_are_shifted_and_places_by_hand_doubted(thymio):
-    """Each series of a real Thymio gets a shift; a millimetre's error of place explains what is left,
-    within a factor of two."""
-    base = load_profile("thymio")
-    rows = Readings([load_recording(path).of_robot(base) for path in find_recordings(thymio)], base)
-    noise = repeated_noise(rows)
-    made = fit_measured(rows, base)
-    assert sum("shift_" in c.key for c in made.fit.constants) == 6
-    error = rows.rmse_lit(made.fit.model)
-    assert error < 0.02 * base.infrared.top
-    misplaced = calibrating._misplaced(rows, made.profile, made.fit.values, noise)
-    assert 0.5 * error < noise * misplaced < 2.0 * error
-
-
 @pytest.mark.usefixtures("fewer_starts")
 def test_a_printed_law_is_taken_where_it_holds(recorded):
     """`auto` keeps the printed law's fit where nothing errs less on places held out."""
@@ -170,6 +135,12 @@ def test_auto_goes_by_places_held_out(recorded, monkeypatch, base):
     fit = calibrate([recorded("wall", repeats=2)], base, form="auto").infrared
     assert fit is not None and fit.by_form["measured"] < fit.by_form["extended"] < 16
     assert fit.form == "extended" and fit.held_out["extended"] < fit.held_out["measured"]
+
+
+def test_a_form_with_more_constants_must_be_better_by_a_margin():
+    """Of 2 %, for infrared and light alike."""
+    assert choose({"extended": 10.0, "measured": 9.9}) == "extended"
+    assert choose({"extended": 10.0, "measured": 9.7}) == "measured"
 
 
 @pytest.mark.parametrize("form", ["extended", "measured"])
@@ -261,17 +232,6 @@ def test_quiet_sensors_beside_loud_ones_keep_their_noise():
     assert np.abs(np.log(table / right)).mean(axis=1).max() < 0.35
 
 
-@pytest.fixture(scope="session")
-def thymio() -> Path:
-    """The folder of a real Thymio's readings."""
-    folder = Path(
-        os.environ.get("REALITYGAP_THYMIO", Path(__file__).parents[3] / "shared" / "data" / "thymio")
-    )
-    if not (folder / "sensor02_light.csv").is_file():
-        pytest.skip(f"no readings of a Thymio in {folder}; set REALITYGAP_THYMIO to their folder")
-    return folder
-
-
 def series(sensor: int, gain: float, background: float) -> SensorRecording:
     """Ten readings at each of 12 distances of a sensor that takes gain · (1 / (d + 0.5)² + background) for
     light and reads nothing below 1050 counts; 4 counts of noise. A plain formula: no rays."""
@@ -328,33 +288,3 @@ def test_workers_change_no_bit():
     assert one.profile == two.profile and one.infrared.held_out == two.infrared.held_out
     assert np.array_equal(one.infrared.model, two.infrared.model, equal_nan=True)
     assert told[0] == told[1] == [(k, 12) for k in range(13)]
-
-
-@pytest.mark.usefixtures("fewer_starts")
-def test_a_rig_in_another_light_is_found():
-    """Of a robot's two recordings, one in a room that adds 0.01/cm², the difference is found; none where
-    both were under one light."""
-    robot = odd()
-    dark, other = before(robot, "wall", seed=1), before(robot, "cylinder:4", seed=2)
-    clean = lit_readings(robot, scene_of(other), 0.01)
-    lit = np.rint(clean + 10 * np.random.default_rng(3).normal(size=clean.shape))
-    found = []
-    for two in (other, replace(other, counts=np.clip(lit, 0, 1023))):
-        fit = fit_measured(Readings([dark, two], HALF), HALF).fit
-        keys = sorted(key for key in fit.values if key.startswith("background"))
-        found.append([float(fit.values[key][0]) for key in keys])
-    assert found[0] == [] and found[1][1] - found[1][0] == pytest.approx(0.01, rel=0.25)
-
-
-def test_a_real_thymio_is_judged_by_the_shipped_profile(thymio):
-    """The profile `thymio` reads its sensors' series within 4 % of the full scale, dead zone included."""
-    profile, off, fits = load_profile("thymio"), [], []
-    for path in find_recordings(thymio):
-        recording = load_recording(path)
-        told, k = judge(recording, profile), recording.from_sensor
-        lit = (told.counts[:, k] > 0) & (told.model[:, k] > 0)
-        off.append(np.sqrt(np.mean((told.model - told.counts)[lit, k] ** 2)))
-        assert [one.sensor for one in told.per_sensor] == [k]
-        fits.append(told.noise_fits)  # readings in the dark have no noise, as the profile says
-        assert (told.model[recording.distance_cm > 10.5, k] == 0).all()
-    assert len(off) == 6 and max(off) < 0.04 * profile.infrared.top and any(fits)

@@ -38,8 +38,6 @@ from realitygap.film.calibrate import calibrate_camera
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body as RobotBody
 from realitygap.robots.body import Channel
-from realitygap.robots.enki import EnkiBody
-from realitygap.robots.khepera import KheperaBody
 from realitygap.values import Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import Body, load_profile
@@ -211,17 +209,6 @@ def test_resuming_gives_the_bits_of_an_undisturbed_recording(tmp_path, monkeypat
         assert (tmp_path / "broken" / table).read_text() == (tmp_path / "whole" / table).read_text(), table
 
 
-GRIDS = [
-    (["--bearings", 0], "expected 1 or more"),
-    (["--bearings", 2.5], "expected a whole number"),
-    (["--distances", "1,x"], "expected numbers of cm, as in 0.5,1,2, got '1,x'"),
-    (["--distances", "2,1"], "expected rising ones from 0.1 to 20 cm, got 2, 1"),
-    (["--distances", "1,30"], "expected rising ones from 0.1 to 20 cm"),
-    (["--distances", "nan"], "expected rising ones"),
-    (["wheels", "--bearings", 8], "belongs to the infrared's plan"),
-]
-
-
 def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
     """So many bearings at these distances; another plan does not go on with them."""
     chosen = [*WORDS, "--robot", "twin:3", "--out", tmp_path / "a", "--bearings", 5, "--distances", "1,12"]
@@ -237,24 +224,6 @@ def test_places_are_chosen_kept_and_resumed_as_they_were(tmp_path):
     ):
         code, _, told = run(*WORDS, "--robot", "twin:3", "--out", tmp_path / "a", *other, "--resume")
         assert code == 2 and f"bearings: this recording was begun with {begun};" in told
-
-
-def test_each_robot_has_its_own_places():
-    """Enki's are recorded closely and farther out; others as ever; all as a person asks."""
-
-    def grid(body: EnkiBody | None, **asked: object) -> tuple[int, float, int]:
-        bearings, distances = Plan(kind="infrared", **asked).grid(body)
-        return bearings, distances[-1], len(distances)
-
-    enki = SimpleNamespace(infrared_grid=EnkiBody.infrared_grid)
-    assert grid(None) == (24, 8.0, 8) and grid(enki) == (180, 15.0, 11)
-    assert grid(enki, bearings=6) == (6, 15.0, 11) and grid(enki, distances_cm=(1.0,)) == (180, 1.0, 1)
-    usual = infrared_task("cylinder:4")
-    assert (
-        len(usual.stops) == 192
-        and usual.room["size_cm"] == [100.0, 100.0]
-        and usual.facts == {"object": "cylinder:4"}
-    )
 
 
 def test_ctrl_c_ends_a_recording_in_order(tmp_path):
@@ -320,10 +289,10 @@ def test_a_person_measures_where_the_wheels_led(bench: Bench):
     pose = Pose(x=0, y=0, heading=0)
     trial = Trial(number=7, kind="straight", commands=((5, 5), (0, 0)), pose=pose, filmed=True, says="room")
     assert site.go(trial)
-    rows, _ = drive_trial(KheperaBody(khepera), trial)
+    rows, _ = drive_trial(khepera, trial)
     seen = site.poses(trial)
     assert [row[-2:] for row in rows] == [("7", "straight")] * 2
-    assert int(rows[1][3]) > 0 and khepera.speeds() == (0, 0)
+    assert int(rows[1][3]) > 0 and khepera.read("E") == (0, 0)
     assert seen[0].heading == pytest.approx(math.pi / 2) and (seen[1].x, seen[1].y) == (10, 22.5)
     with pytest.raises(StoppedByUserError):
         site.go(trial)

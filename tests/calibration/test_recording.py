@@ -187,16 +187,6 @@ def test_steps_of_a_wrong_kind_or_order_are_refused(tmp_path):
             load_recording(written(tmp_path / "w", head, *rows, facts=facts, name="steps.csv"))
 
 
-def test_a_robot_that_measures_no_speeds_needs_no_columns_of_them(tmp_path):
-    """An e-puck counts its steps and measures no speed: its table was refused for that."""
-    bare = [f"{k / 10},1,1,{k},{k},0,step" for k in range(5)]
-    head = "t_s,command_left,command_right,counter_left,counter_right,trial,kind"
-    empty = [f"{row},," for row in bare]
-    for names, rows in ((head, bare), (f"{head},speed_left,speed_right", empty)):
-        made = load_recording(written(tmp_path, names, *rows, facts='kind = "wheels"', name="steps.csv"))
-        assert isinstance(made, WheelRecording) and made.counted and np.isnan(made.speeds).all()
-
-
 def test_dead_sensors_are_pointed_out(tmp_path):
     """One that never changes, one that is always saturated, one that hardly changes."""
     made = infrared(80)

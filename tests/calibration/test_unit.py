@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -13,12 +12,10 @@ from realitygap.calibration import unit as module
 from realitygap.calibration.unit import (
     PARTS,
     calibrate_share,
-    calibrated_again,
     calibrated_robot,
     calibrated_unit,
 )
-from realitygap.errors import CalibrationError, StudyError
-from realitygap.work.pool import Processes, Setup
+from realitygap.errors import CalibrationError
 from realitygap.world.robot import load_profile
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -71,32 +68,12 @@ def test_what_is_there_is_not_made_again(tmp_path, jobs):
     assert jobs == ["fit", "wheels", "fit", "fit"]
 
 
-def test_all_workers_share_a_long_fit(tmp_path, jobs):
-    """In the measured form the sensors' two parts are recorded side by side, and fitted last, by the pool."""
-    parts = ["infrared-wall", "infrared-cylinder"]
-    calibrated_unit(tmp_path / "unit", **SETTINGS, parts=["wheels", *parts])
-    jobs.clear()
-    calibrated_again(tmp_path / "again", of=tmp_path / "unit", form="auto")
-    assert jobs == ["fit", "fit workers on_progress"]
-
-
 @pytest.mark.parametrize("change", [{"unit": 12}, {"noise": 2.0}, {"seed": 4}])
 def test_another_units_folder_is_refused(tmp_path, jobs, change):
     """Its settings are named: what was expected, what came."""
     calibrated_unit(tmp_path / "unit", **SETTINGS)
     with pytest.raises(CalibrationError, match=r"unit\.toml: .*expected .*got .*another folder"):
         calibrated_unit(tmp_path / "unit", **{**SETTINGS, **change})
-
-
-def test_what_goes_wrong_in_a_job_is_told(tmp_path):
-    """A job's refusal comes as it is; one that dies is named, with its exit code."""
-    (tmp_path / "unit.toml").write_text("unit = 1\n", "utf-8")
-    for job, error, words in (
-        ("nothing", CalibrationError, "no recordings"),
-        ("wheels", StudyError, r"a worker process died \(exit code 1\)"),
-    ):
-        with closing(Processes(1)) as pool, pytest.raises(error, match=words):
-            pool.work(Setup(module.Unit, (str(tmp_path),)), [job], print)
 
 
 def test_without_readings_to_fit_the_base_is_returned(recorded):

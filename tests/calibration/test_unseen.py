@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 
 from realitygap.calibration import forms
-from realitygap.calibration.calibrate import calibrate
-from realitygap.calibration.judge import judge
 from realitygap.calibration.load import find_recordings, load_recording
 from realitygap.calibration.noise import Yardstick, lit_noise, misfits, sample_noise
 from realitygap.calibration.readings import Readings
 from realitygap.calibration.recordings import SensorRecording
 from realitygap.errors import RecordingError
 from realitygap.world.robot import load_profile
-from tests.calibration.test_recording import FACTS, HEAD, ROW, written
+from tests.calibration.test_recording import HEAD, ROW, written
 
 THYMIO, PAPER = load_profile("thymio"), load_profile("paper")
 FALLS = {0: 4300, 1: 4100, 2: 3700, 3: 3200, 4: 2700, 5: 2300, 6: 1900, 8: 1400, 10: 0}
@@ -65,23 +63,6 @@ def test_stale_readings_are_left_out_by_where_they_stand(tmp_path):
     assert read.distance_cm.tolist() == [9, 9, 9, 1.25]
 
 
-@pytest.mark.parametrize(
-    ("line", "says"),
-    [
-        ("1.2.3cm,1,2,3", "line 1: expected a distance as in 9cm or 87.5mm"),
-        ("9cm;1;2;3", "line 1: expected values separated by commas, got semicolons. Save"),
-        ("900cm,1,2,3", "at most 300 cm, and more than 2 readings, counts from 0 on, got '900cm,"),
-        (f"{'9' * 200},1,2,3", "got '9999999999999999999999999999999999999999'."),
-        ("9cm,1,2,NaN", "and more than 2 readings, counts from 0 on"),
-    ],
-)
-def test_a_line_that_is_none_of_a_series_is_named(tmp_path, line, says):
-    """A distance that is no number had ended in an error that nobody expected."""
-    with pytest.raises(RecordingError) as raised:
-        load_recording(series(tmp_path, line) / "sensor02_light.csv")
-    assert says in str(raised.value)
-
-
 def test_a_sensor_that_was_not_recorded_has_an_empty_column(tmp_path):
     """It is taken to be like the others, and said to be; a gap in a column is refused, as it was."""
     row = ROW.split(",")
@@ -91,14 +72,6 @@ def test_a_sensor_that_was_not_recorded_has_an_empty_column(tmp_path):
     assert np.isnan(read.counts).all(axis=0).tolist() == [k == 2 for k in range(8)]
     with pytest.raises(RecordingError, match="line 3: s2: expected a number"):
         load_recording(written(tmp_path / "p", HEAD, ROW, rows[0]))
-
-
-def test_a_robot_without_light_sensors_gets_the_cure(tmp_path):
-    """The profile e-puck has no [ambient]: a recording of light needs a copy of it that has one."""
-    facts = FACTS.replace("infrared", "ambient").replace("wall", "lamp")
-    read = load_recording(written(tmp_path / "r", HEAD, ROW, facts=facts))
-    with pytest.raises(RecordingError, match=r"or a copy with an \[ambient\] of its own"):
-        calibrate([read], load_profile("e-puck"))
 
 
 @pytest.mark.parametrize(
@@ -147,16 +120,6 @@ def test_a_sensor_that_reads_more_than_nothing_in_the_dark_is_dark_there(offset)
     noise = Yardstick(kind="infrared", top=4095.0, deviation=10.0)
     (made,) = misfits(counts[:, None], model[:, None], np.arange(100), noise)
     assert made.lit_ratio == pytest.approx(5.0, abs=1.0) and made.ratio < 2.0
-
-
-def test_readings_that_repeat_to_the_count_tell_no_noise(recorded):
-    """Every line twice, say, or means of many: the base's noise stays; a profile without any was made."""
-    once = recorded("wall", repeats=1)
-    names = ("distance_cm", "bearing_deg", "repeat", "counts")
-    twice = replace(once, **{name: np.repeat(getattr(once, name), 2, axis=0) for name in names})
-    made = calibrate([twice], PAPER, form="paper")
-    assert not made.infrared.measured and made.profile.noise.proximity == PAPER.noise.proximity
-    assert judge(twice, made.profile).ratio == pytest.approx(made.infrared.ratio, rel=0.5)
 
 
 def test_a_straight_series_turns_no_sensor(tmp_path):

@@ -79,19 +79,6 @@ def test_a_camera_alone_tells_the_wheels(driven, robot):
     )
 
 
-def test_another_robots_pulses_are_named_as_a_cause(sound):
-    """An e-puck has 7.8 a mm: with a Khepera's 12 its speeds are wrong, and its commands are not to blame."""
-    unsaid = calibrate([replace(sound, pose=None, pulses_per_mm=18.0)], PAPER, form="paper")
-    said = " ".join(unsaid.warnings)
-    assert (
-        "18 pulses per mm are assumed (what recording.toml says of pulses_per_mm, else the base profile, else"
-        in said
-    )
-    assert "or is it pulses_per_mm? State the robot's in recording.toml" in said
-    seen = calibrate([replace(sound, commands=sound.commands / 1.4)], PAPER, form="paper")
-    assert not any("or is it pulses_per_mm" in warning for warning in seen.warnings)
-
-
 EPUCK = load_profile("e-puck")
 
 
@@ -130,23 +117,6 @@ def test_speeds_are_no_surer_than_the_pulses(driven):
         hits += told["speed_left"].low < 0.84 < told["speed_left"].high
         hits += told["speed_right"].low < 0.83 < told["speed_right"].high
     assert hits >= 5
-
-
-def test_without_a_camera_speeds_are_not_told(sound):
-    """Pulses per mm are assumed: two sources differ by 4 %."""
-    made = fit_wheels(replace(sound, pose=None), PAPER, "printed")
-    for c in made.constants[:2]:
-        assert not c.told and (c.high - c.low) / c.value > 0.07
-
-
-def test_what_a_drive_does_not_show_is_not_told(sound):
-    """Straight runs that never turn round tell kp, but neither play nor lag nor kd."""
-    rows = (sound.trial % 2 == 1) & (np.arange(len(sound.trial)) % 36 < 18)
-    some = {k: getattr(sound, k)[rows] for k in ("t_s", "commands", "counters", "speeds", "trial", "kind")}
-    made = fit_wheels(replace(sound, pose=None, **some), PAPER, "refitted")
-    told = {c.key: c for c in made.constants}
-    assert told["kp"].told and not any(told[key].told for key in ("kd", "lag", "play_cm"))
-    assert all(c.low >= 0 and c.high > c.low for c in made.constants)
 
 
 def test_constants_that_do_the_same_are_named():

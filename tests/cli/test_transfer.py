@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 import shutil
 import signal
 import subprocess
@@ -16,14 +14,10 @@ import pytest
 from tests.served import Served
 
 from realitygap import Genotype, load_study, load_transfers, marks_of
-from realitygap.film.video import FilmWriter
+from realitygap.cli.transfer import _found as found
 from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.runner import run_study
-from realitygap.tasks import load_task
-from realitygap.transfer.film import Watcher
-from realitygap.twin.camera import OverheadCamera
 from realitygap.values import Pose
-from realitygap.world.arena import Arena
 
 SHORT = ("--seconds", 0.5, "--workers", 1)
 WHEELS = ("--path-from", "wheels")
@@ -46,7 +40,7 @@ def study(original, tmp_path) -> Path:
 
 def test_two_units_as_json_and_as_text(study, json_of, call):
     """Each run drives each robot from each start; what is there already is told again. A driven controller's
-    row of scores has distances of what its robot read and did."""
+    row of scores has distances of what its robot read and did. A run by name lasts as long as its task."""
     words = ("transfer", study, "--robot", "twin:1", "--robot", "twin:2", "--starts", 2, *WHEELS, *SHORT)
     made = json_of(*words)["transfers"]
     assert [(one["robot"], one["run"], one["start"]) for one in made] == [
@@ -58,12 +52,8 @@ def test_two_units_as_json_and_as_text(study, json_of, call):
     assert result.stdout.count("light-seeking/double/1") == 4
     for row in marks_of(load_study(study)):
         assert 0 <= row.readings < 1 and 0 <= row.commands < 1 and 0 <= row.replay_cm < 5
-
-
-def test_a_run_by_name_with_its_own_length(study, json_of):
-    """RUN may be a name; a trial lasts as long as the task's."""
-    made = json_of("transfer", study, "light-seeking/double/1", "--robot", "twin", "--workers", 1)
-    assert [(one["run"], one["seconds"]) for one in made["transfers"]] == [(2, 2.0)]
+    named = json_of("transfer", study, "light-seeking/double/1", "--robot", "twin:3", "--workers", 1)
+    assert [(one["run"], one["seconds"]) for one in named["transfers"]] == [(2, 2.0)]
 
 
 def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of, refused, tmp_path):
@@ -121,37 +111,16 @@ def test_a_person_is_told_where_to_put_the_robot(study, call):
     assert tomllib.loads(file.read_text())["baud"] == 38400  # the one that answered
 
 
-def test_a_person_is_told_where_the_camera_sees_the_robot(study, call, tmp_path):
-    """Not seen: asked again; seen far off: asked; seen near: started from there, and filmed."""
-    arena = load_task("avoidance").arena
-    camera = tmp_path / "camera.json"
-    Watcher(camera, arena, unit=1, noise=1.0, radius_cm=2.9)
-    with Served(arena.plain(), unit=1) as twin:
-        words = ["transfer", study, 1, "--robot", f"serial:{twin.device}", "--seconds", "0.5"]
-        said = call(*words, input="").stderr
-        requested = [float(one) for pair in re.findall(r"[xy] = ([\d.]+) cm|: (-?\d+)°", said) for one in pair
-                     if one]  # fmt: skip
-        twin.place(Pose.from_degrees(*requested))
-        places = [(-50.0, -50.0, 0.0), (requested[0] + 5.0, *requested[1:]), *[tuple(requested)] * 30]
-        video = filmed(tmp_path / "eye.mp4", arena, places)
-        words += ["--camera", camera, "--camera-device", video, "--film", "--json"]
-        result = call(*words, input="\n\n\n")
-    assert result.exit_code == 0, result.output
-    assert "does not see the robot" in result.stderr and "far off" in result.stderr
-    assert re.search(r"0\.[01] cm and [01]° from the requested pose", result.stderr)
-    made = json.loads(result.stdout)["transfers"][0]
-    assert made["situated_from"] == "film" and made["filmed"] and made["lost_steps"] == 0
-
-
-def filmed(file: Path, arena: Arena, places: list[tuple[float, ...]]) -> Path:
-    """A film of the twin at these places, one a frame."""
-    with (
-        OverheadCamera(arena.plain(), unit=1, view="drawn") as eye,
-        FilmWriter(file, rate=25, made_by="the tests") as film,
-    ):
-        for k, place in enumerate(places):
-            film.add(eye.frame(Pose.from_degrees(*place), k))
-    return file
+def test_a_person_is_told_where_the_camera_sees_the_robot(monkeypatch, capsys):
+    """Not seen, or far from its start: asked; near: started from there."""
+    asked: list[str] = []
+    monkeypatch.setattr("click.prompt", lambda question, **_: asked.append(question) or "w")
+    start = Pose.from_degrees(20, 20, 90)
+    assert found(None, start, None) and found(None, start, Pose.from_degrees(25, 20, 90))
+    assert "as if it were exactly" in asked[0] and "That is far off" in asked[1]
+    assert found(None, start, Pose.from_degrees(21, 20, 85)) and len(asked) == 2
+    said = capsys.readouterr().err
+    assert "does not see the robot" in said and "1.0 cm and 5° from the requested pose" in said
 
 
 def test_ctrl_c_says_how_to_go_on(study, call, monkeypatch):

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
-import os
-
 import numpy as np
 import pytest
 from hypothesis import given
 
-from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype
 from realitygap.errors import GenotypeError
 from tests.controller.strategies import SMALL, genotypes
@@ -45,31 +41,6 @@ def test_the_text_is_what_the_docs_show():
     assert genes[8, 14:18].tolist() == [1, 14, -2, 1] and genes[14, 0] == 0
     assert genes[12, 0] == 1 and genes[13].any() and genes[13, 0] == 0
     assert str(Genotype.parse(TEXT)) == TEXT
-
-
-def test_a_change_is_a_line():
-    """One changed weight changes one line: genotypes can be compared by diff."""
-    genes = Genotype.parse(TEXT).genes.copy()
-    genes[8, 4] = -4
-    lines = difflib.ndiff(TEXT.splitlines(), str(Genotype(genes, 8)).splitlines())
-    changed = [line for line in lines if line[0] in "+-"]
-    assert changed == ["-   link 0 from 2 weight 4 delay 0", "+   link 0 from 2 weight -4 delay 0"]
-
-
-def test_a_genotype_is_a_value():
-    """What it was made of may change, it does not."""
-    genes = Genotype.parse(TEXT).genes.copy()
-    genotype = Genotype(genes, 8)
-    genes[8, 1] = 5
-    assert genotype == Genotype.parse(TEXT) != Genotype(genes, 8)
-    with pytest.raises(ValueError, match="read-only"):
-        genotype.genes[8, 1] = 5
-
-
-def test_comments_and_spacing_are_free():
-    """Comments, blank lines, indentation and line ends do not matter."""
-    loose = "# mine\r\n" + TEXT.replace("\n", "   # so\r\n\r\n").replace(" threshold", "\t threshold")
-    assert Genotype.parse(loose) == Genotype.parse(TEXT)
 
 
 @pytest.mark.parametrize(
@@ -118,22 +89,6 @@ def test_files(tmp_path):
     assert b"\r" not in (tmp_path / "a.genotype").read_bytes()
 
 
-def test_files_that_cannot_be_read_or_written(tmp_path):
-    """A missing file, a folder, bytes that are no text, and other inputs are refused by name."""
-    (tmp_path / "bytes").write_bytes(b"\xff\xfe\x00")
-    Genotype.random(1, inputs=3).save(tmp_path / "three")
-    for name, message in (
-        ("missing", "cannot read the genotype .*missing: No such file"),
-        ("", "cannot read the genotype .*: Is a directory"),
-        ("bytes", "not a text in UTF-8"),
-        ("three", "expected a genotype of 8 inputs, got 3"),
-    ):
-        with pytest.raises(GenotypeError, match=message):
-            Genotype.load(os.path.join(tmp_path, name), 8)
-    with pytest.raises(GenotypeError, match="cannot write the genotype"):
-        Genotype.random(1).save(tmp_path / "no" / "where")
-
-
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
@@ -151,9 +106,3 @@ def test_genes_out_of_range_are_refused(place, value, message):
     genes[place] = value
     with pytest.raises(GenotypeError, match=message):
         Genotype(genes, 8)
-
-
-def test_rates_of_a_random_genotype():
-    """A random genotype is the variation's, with the same rates."""
-    genotype = Genotype.random(5, start_neurons=0.5)
-    assert (genotype.genes == Variation(start_neurons=0.5).random(np.uint64(5))).all()

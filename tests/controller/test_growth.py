@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from scipy import stats
 
 from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype
 from tests.controller.laws import (
     MANY,
     STILL,
-    SURE,
     compiled_only,
     evenly,
     links_of,
@@ -92,18 +89,6 @@ def test_wrong_operator_rates_are_found_out():
     ):
         made = offspring(only(**{name: wrong}), parent())
         assert not rate_fits((made != parent()).any(axis=(1, 2)).sum(), MANY, right), name
-
-
-@pytest.mark.parametrize("name", ["add_neuron", "delete_neuron", "add_link", "delete_link"])
-def test_operators_are_independent(name):
-    """Whether there is crossover says nothing about what else happens."""
-    variation = only(crossover=0.5, **{name: 0.5})
-    crossed = np.array([variation.crosses(np.uint64(k)) for k in range(MANY)])
-    acted = (offspring(variation, parent()) != parent()).any(axis=(1, 2))
-    table = [[(crossed & acted).sum(), (crossed & ~acted).sum()]]
-    table.append([(~crossed & acted).sum(), (~crossed & ~acted).sum()])
-    assert stats.chi2_contingency(table).pvalue > SURE
-    assert rate_fits(acted.sum(), MANY, 0.5)
 
 
 def test_nothing_to_add_or_delete():

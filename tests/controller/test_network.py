@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 
-from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype, NetworkController
-from realitygap.control.slots import FIRST_LINK, decode
-from realitygap.errors import GenotypeError, UsageError
+from realitygap.control.slots import decode
 from realitygap.kernels.types import Networks
 from tests.controller.reference import ReferenceNetwork
 from tests.controller.strategies import SMALL, drives, genotypes
@@ -64,33 +61,6 @@ def test_reset_forgets_everything(genes, steps):
     assert commands(controller, steps) == first
 
 
-@given(genotypes(), drives())
-def test_neurons_without_links_change_nothing(genes, steps):
-    """Adding or deleting a neuron that nobody links to leaves the behaviour as it was."""
-    slot = SMALL.slots - 1
-    field = genes[:, FIRST_LINK:].reshape(SMALL.slots, SMALL.links, 4)
-    field[:, :, 0] &= field[:, :, 1] != slot
-    without, added = genes.copy(), genes.copy()
-    without[slot, 0], added[slot, 0] = 0, 1
-    before = ReferenceNetwork(without, 3).drive(steps)
-    assert commands(Genotype(added, 3).controller(), steps) == before
-    assert drive_dense(decode(added, 3), steps) == before
-
-
-@settings(max_examples=50)
-@given(genotypes())
-def test_deleted_neurons_leave_their_links_dormant(genes):
-    """Deleting a neuron and putting it back gives the same network: its links were dormant."""
-    genes[-1, 0] = 1
-    gone = genes.copy()
-    gone[-1, 0] = 0
-    others = Genotype(genes, 3).neurons[:-1]
-    kept = [n._replace(links=tuple(x for x in n.links if x.source != 8)) for n in others]
-    assert list(Genotype(gone, 3).neurons) == kept
-    gone[-1, 0] = 1
-    assert Genotype(gone, 3).neurons == Genotype(genes, 3).neurons
-
-
 @settings(max_examples=50)
 @given(genotypes())
 def test_dense_arrays_are_sorted(genes):
@@ -105,16 +75,6 @@ def test_dense_arrays_are_sorted(genes):
     assert used + last == sum(len(neuron.links) for neuron in Genotype(genes, 3).neurons)
 
 
-def test_a_batch_is_its_parts():
-    """Decoding many genotypes at once gives each of them as decoding it alone."""
-    variation = Variation(start_neurons=0.4)
-    genes = np.stack([variation.random(np.uint64(k)) for k in range(20)])
-    many = decode(genes, 8)
-    for k, one in enumerate(genes):
-        for whole, part in zip(many, decode(one, 8), strict=True):
-            assert whole.dtype == part.dtype and (whole[k] == part[0]).all()
-
-
 def test_pruning_leaves_out_what_no_motor_hears():
     """A hidden neuron that reaches no motor, or only by weight 0, is left out; others stay."""
     genes = np.zeros(SMALL.shape, np.int8)
@@ -125,30 +85,3 @@ def test_pruning_leaves_out_what_no_motor_hears():
     genes[8, 2:6] = 1, 8, 4, 0  # and slot 8 hears itself alone.
     assert decode(genes, 3).neurons[0] == 4
     assert decode(genes, 3, prune=False).neurons[0] == 6
-
-
-def test_outputs_tell_what_every_neuron_says():
-    """After a step the controller shows inputs, motors and hidden neurons by slot."""
-    genes = np.zeros(SMALL.shape, np.int8)
-    genes[:6, 0] = 1
-    genes[5, 1:6] = -3, 1, 0, 1, 0
-    controller = Genotype(genes, 3).controller()
-    controller.decide([4, 0, -2])
-    assert controller.outputs == (4, 0, -2, 0, 0, 7, 0, 0, 0)
-
-
-def test_wrong_input_counts_are_refused():
-    """Another number of inputs than the network has is refused, with both numbers."""
-    controller = Genotype.constant(0, 0).controller()
-    with pytest.raises(UsageError, match="expected 8 whole numbers"):
-        controller.decide([0, 0, 0])
-
-
-@pytest.mark.parametrize(
-    "genes",
-    [np.zeros((30, 34)), np.zeros((30, 33), np.int8), np.zeros((9, 34), np.int8), np.zeros(4, np.int8)],
-)
-def test_arrays_of_another_kind_are_refused(genes):
-    """Decoding refuses what is no genotype and says what it expected."""
-    with pytest.raises(GenotypeError, match=r"expected an array int8"):
-        decode(genes, 8)

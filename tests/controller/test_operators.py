@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from realitygap.control.encoding import Variation
-from realitygap.errors import GenotypeError, UsageError
 from tests.controller.laws import (
     MANY,
     compiled_only,
@@ -122,27 +120,3 @@ def test_all_slots_as_sources():
     made = offspring(only(mutation=1.0, sources="all"), parent(), n=MANY // 4)
     sources = links_of(made)[:, 8:11, ::2, 1].ravel().astype(int)
     assert evenly(np.bincount(sources, minlength=30))
-
-
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ({"mutation": 1.5}, r"variation\.mutation: expected a probability, 0 to 1, got 1\.5"),
-        ({"crossover": True}, "variation.crossover"),
-        ({"add_link": float("nan")}, "variation.add_link"),
-        ({"delete_link": "0.1"}, "variation.delete_link"),
-        ({"sources": "some"}, 'expected "expressed" or "all"'),
-    ],
-)
-def test_wrong_settings_are_refused(setting, message):
-    """A setting out of its range is refused by its key."""
-    with pytest.raises(UsageError, match=message):
-        Variation(**setting)
-
-
-def test_wrong_parents_are_refused():
-    """Parents of another shape or type never reach the compiled operators."""
-    good = parent()
-    for bad in (good[:20], good.astype(np.int64), good[:, :30]):
-        with pytest.raises(GenotypeError, match=r"int8\[30, 34\]"):
-            Variation().offspring(good, bad, np.uint64(1))

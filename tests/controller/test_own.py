@@ -84,17 +84,3 @@ def test_the_command_line_takes_them(name):
     result = CliRunner().invoke(realitygap, [*words, "--seconds", "5"])
     assert result.exit_code == 0, result.output
     assert "score" in result.stdout
-
-
-def test_a_missing_controller_is_one_message():
-    """Exit code 2, and what may be named."""
-    words = ["simulate", "avoidance", "--pose", "25,25,90", "--controller"]
-    for name, told in (("nobody", "FILE.py:NAME"), ("no.py:one", "no such file"), ("my.py", "my.py:NAME")):
-        result = CliRunner().invoke(realitygap, [*words, name])
-        assert result.exit_code == 2 and told in result.output and "Traceback" not in result.output
-
-
-def test_genotypes_keep_their_names():
-    """What named a controller before still does."""
-    made = named_controller("braitenberg", "proximity", 8)
-    assert made.genotype == Genotype.braitenberg("proximity")

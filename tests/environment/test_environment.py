@@ -20,8 +20,6 @@ from realitygap.kernels.rng import substream  # noqa: E402
 from realitygap.problem import Problem  # noqa: E402
 from realitygap.simulation.simulation import Simulation  # noqa: E402
 from realitygap.tasks.load import load_task  # noqa: E402
-from realitygap.world.arena import load_arena  # noqa: E402
-from realitygap.world.robot import load_profile  # noqa: E402
 
 AVOID, SEEK = "realitygap/ObstacleAvoidance-v0", "realitygap/LightSeeking-v0"
 STEPS = 200
@@ -174,15 +172,6 @@ def test_what_is_returned_is_nobody_elses():
     assert all((one == two).all() for one, two in zip(made, kept, strict=True))
 
 
-def test_the_same_seed_is_the_same_life_whatever_the_number():
-    """Two environments agree; robots do not depend on how many there are."""
-    few, many = vector(2), vector(5)
-    assert (few.reset(seed=7)[0] == many.reset(seed=7)[0][:2]).all()
-    for _ in range(30):
-        action = np.full((5, 2), 0.3)
-        assert (few.step(action[:2])[0] == many.step(action)[0][:2]).all()
-
-
 def test_a_pose_and_noise_are_options():
     """At zero noise, from one pose, all robots see the same."""
     env = vector(noise="zero")
@@ -221,65 +210,6 @@ def test_noise_profile_and_reality_are_options_of_a_reset(tmp_path):
     assert (one.reset(options={"noise": "zero"})[0] == alone.reset()[0][0]).all()
 
 
-def test_refusals():
-    """What would be wrong is said."""
-    env = vector()
-    with pytest.raises(UsageError, match="expected a reset"):
-        env.step(np.zeros((3, 2)))
-    env.reset(seed=0)
-    for action in (np.zeros((2, 2)), np.full((3, 2), np.nan)):
-        with pytest.raises(UsageError, match=r"action: expected finite numbers, float\[3, 2\]"):
-            env.step(action)
-    for mask in (np.zeros(3, bool), np.ones(2, bool), [True, True, True]):
-        with pytest.raises(UsageError, match="reset_mask: expected an array bool"):
-            env.reset(options={"reset_mask": mask})
-    for seed in ([1, 2], 0.5, "abcd", True, np.array(4)):
-        with pytest.raises(UsageError, match="seed: expected a whole number, or 3 of them"):
-            env.reset(seed=seed)
-    assert (env.reset(seed=np.int64(4))[0] == env.reset(seed=np.arange(4, 7))[0]).all()
-    one = RobotEnv("avoidance")
-    for seed in (True, -1, 0.5, "a"):
-        with pytest.raises(UsageError, match="seed: expected a whole number from 0"):
-            one.reset(seed=seed)
-    assert (one.reset(seed=np.int64(4))[0] == env.reset(seed=4)[0][0]).all()
-    with pytest.raises(UsageError, match="num_envs"):
-        vector(0)
-
-
-@pytest.mark.parametrize("kind", [np.uint8, np.int8, np.uint64])
-def test_numpys_seeds_count_on(kind):
-    """Robot i of a seed in few bits has seed + i, beyond those bits too; beyond 64 it is refused."""
-    last, env = int(np.iinfo(kind).max), vector()
-    if last < 2**63:
-        assert (env.reset(seed=kind(last))[0] == vector().reset(seed=last)[0]).all()
-        return
-    with pytest.raises(UsageError, match="seed: expected a whole number from 0"):
-        env.reset(seed=kind(last))
-
-
-@pytest.mark.parametrize("seed", [-1, [7, 8, 3.5], True])
-def test_a_refused_reset_changes_nothing(seed):
-    """Neither seeds nor settings; who was not reset still is not."""
-    fresh, env, same = vector(), vector(), vector()
-    env.reset(seed=1), same.reset(seed=1)
-    for one, options in ((fresh, None), (env, {"noise": 0})):
-        with pytest.raises(UsageError, match="seed: expected a whole number"):
-            one.reset(seed=seed, options=options)
-    with pytest.raises(UsageError, match="expected a reset first"):
-        fresh.step(np.zeros((3, 2)))
-    assert (env.step(np.ones((3, 2)))[0] == same.step(np.ones((3, 2)))[0]).all()
-    assert (env.reset()[0] == same.reset()[0]).all()
-
-
-def test_a_refused_pose_changes_nothing_of_a_single_one():
-    """Its trial goes on, at the noise that it had."""
-    one, same = RobotEnv("avoidance"), RobotEnv("avoidance")
-    one.reset(seed=1), same.reset(seed=1)
-    with pytest.raises(UsageError, match="pose: expected a free place"):
-        one.reset(options={"noise": 0, "pose": (0, 0, 0)})
-    assert (one.step(np.ones(2))[0] == same.step(np.ones(2))[0]).all()
-
-
 @pytest.mark.parametrize("make", [Problem, RobotEnv, RobotVectorEnv])
 @pytest.mark.parametrize(
     ("given", "made"), [({}, (0.2, 0.0)), ({"spread": 0.1}, (0.1, 0.0)), ({"spread": 0.0}, (0.0, None))]
@@ -288,24 +218,6 @@ def test_a_tasks_own_spread_counts_unless_another_is_given(make, given, made):
     """None leaves it, 0 switches it off, another keeps that of the wheels."""
     task = make(load_task("avoidance").under(0.2, 0.0), **given).simulation.task
     assert (task.spread, task.spread_wheels) == made
-
-
-@pytest.mark.parametrize("make", [RobotEnv, vector])
-def test_files_are_read_once(make, tmp_path):
-    """What is edited later counts no more, whatever a reset's options change."""
-    profile, arena, task = (tmp_path / name for name in ("mine.toml", "room.toml", "own.py"))
-    profile.write_text(load_profile("paper").to_toml())
-    arena.write_text(load_arena("obstacle-avoidance").to_toml())
-    task.write_text(OWN)
-    env = make(task=task, profile=profile, arena=arena)
-    for file in (profile, arena, task):
-        file.write_text("none any more")
-    before = env.simulation
-    env.reset(seed=1, options={"noise": 0})
-    assert env.simulation.profile is before.profile
-    assert env.simulation.task.arena == before.task.arena
-    with pytest.raises(RealityGapError, match=r"none\.toml"):
-        env.reset(options={"profile": tmp_path / "none.toml"})
 
 
 def test_a_score_that_fails_on_a_part_of_a_path_is_named(tmp_path):
@@ -381,25 +293,3 @@ def test_robots_that_cannot_be_scored_are_refused(tmp_path):
         UsageError, match=r"counts up to \d+ \(profile 'e-puck'\); this robot's go up to 1023"
     ):
         other.reset(seed=0)
-
-
-def test_settings_that_would_be_ignored_are_refused():
-    """Noise or a spread beside a reality that has its own; an option that there is not; a pose in a
-    wall, there too."""
-    with pytest.raises(UsageError, match="noise: expected none with reality 'twin:1'"):
-        RobotEnv("obstacle-avoidance", noise="double", reality="twin:1")
-    with pytest.raises(UsageError, match=r"spread: expected none with reality 'twin:1'.* got 0.1"):
-        RobotEnv("obstacle-avoidance", spread=0.1, reality="twin:1")
-    with pytest.raises(TaskError, match=r"task: expected a Task, a task's name or a .py file, got None"):
-        gymnasium.make("realitygap/Task-v0")
-    with pytest.raises(UsageError, match=r"robot: expected twin, .* got '5'"):
-        RobotEnv("obstacle-avoidance", reality=5)
-    with pytest.raises(UsageError, match=r"spread: expected a share from 0 to 0.9, got 'wide'"):
-        vector(spread="wide")
-    for env in (vector(), RobotEnv("obstacle-avoidance", reality="twin:1")):
-        for options, said in (
-            ({"pose": (1, 25, 0)}, "pose: expected a free place"),
-            ({"level": 2}, "options: expected noise, pose, profile, .*, got level"),
-        ):
-            with pytest.raises(UsageError, match=said):
-                env.reset(seed=0, options=options)

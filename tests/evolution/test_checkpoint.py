@@ -76,8 +76,3 @@ def test_other_kinds_come_back():
     assert back.genes.dtype == np.float64 and (back.genes == 1 / 3).all() and back.best_fitness == -0.1
     assert back.memory["step"] == np.pi and (back.memory["mean"] == np.arange(4)).all()
     assert back.memory["mean"].dtype == np.float32 and back.to_bytes() == state.to_bytes()
-
-
-def test_checkpoints_are_small():
-    """A hundred evaluations of the toy take a few kilobytes."""
-    assert len(BYTES) < 5000

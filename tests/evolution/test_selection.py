@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numba
 import numpy as np
 import pytest
 from scipy import stats
 
-from realitygap.evolution import DistributedGA
 from realitygap.evolution.ga import EVERYBODY, select
-from tests.evolution.toy import Toy, advance
 
 MANY = 25000 if numba.config.DISABLE_JIT else 60000
 SURE = 1e-5
@@ -125,28 +121,3 @@ def test_panmictic_ranks(name):
         expected[others] += by_rank(fitness[others]) / 12
     assert fits(drawn[:, 1], expected)
     assert fits(drawn[:, 2], by_rank(-fitness))
-
-
-def test_the_smallest_population():
-    """Two individuals mate with each other."""
-    for cell, mate, replaced in draws(np.array([1.0, 2.0]), EVERYBODY, 50):
-        assert {cell, mate} == {0, 1} and replaced in (0, 1)
-
-
-def test_events_that_do_not_touch_commute():
-    """An event whose neighbourhood is clear of the event before asks the same before and after it."""
-    algorithm = DistributedGA(encoding=Toy())
-    state = advance(algorithm, algorithm.init(np.uint64(5)), 64)
-    apart = 0
-    for _ in range(150):
-        candidate = algorithm.ask(state, 1)
-        early = algorithm.ask(dataclasses.replace(state, evaluations=state.evaluations + 1), 1)
-        state = algorithm.tell(state, candidate, np.array([float(state.evaluations % 11)]))
-        late = algorithm.ask(state, 1)
-        reached = [*neighbours(int(early.cells[0]), 8, 8), int(early.cells[0])]
-        far = {other for cell in reached for other in (cell, *neighbours(cell, 8, 8))}
-        if candidate.cells[0] not in far:
-            apart += 1
-            assert (early.genes == late.genes).all() and (early.parents == late.parents).all()
-            assert early.cells == late.cells
-    assert apart > 30

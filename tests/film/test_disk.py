@@ -3,21 +3,9 @@
 import cv2
 import numpy as np
 
-from realitygap.film.disk import Disk, load_disk
+from realitygap.film.disk import Disk
 from realitygap.film.printed import draw_tails, save_tails
 from realitygap.track import Track
-
-
-def test_shipped_disk_is_the_default():
-    """The shipped TOML and the class agree, as the issue sizes them."""
-    assert load_disk() == Disk()
-    assert Disk().to_dict() == {
-        "radius_cm": 2.75,
-        "centre_radius_cm": 0.7,
-        "front_radius_cm": 0.45,
-        "front_distance_cm": 1.95,
-        "height_cm": 3.0,
-    }
 
 
 def test_tails_join_centre_and_leading_edge(tmp_path, camera):

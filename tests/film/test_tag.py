@@ -127,16 +127,6 @@ def test_of_two_alike_neither_is_believed(tag_camera):
     assert np.hypot(pose.x - HERE[0], pose.y - HERE[1]) < 0.02
 
 
-def test_a_marker_is_what_it_says():
-    """Written and read again a marker is the same; what is left out is the usual."""
-    for text in TAGS:
-        assert str(load_marker(text)) == text.replace(",size=30", "")
-    assert load_marker("aruco") == Tag() and str(load_marker("apriltag")) == "apriltag:36h11:0"
-    assert load_marker("disk") == load_marker()
-    with pytest.raises(FilmError, match="no disk with --marker"):
-        load_marker(ARUCO, "disk.toml")
-
-
 def test_sheet_is_to_scale(tmp_path):
     """A page of A4 by its own account; in the picture the marker of its number has its true size, and a disk
     its three circles' colours; what is larger than the page is refused."""

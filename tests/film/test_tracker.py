@@ -6,10 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from realitygap.errors import FilmError
 from realitygap.film.disk import Disk
 from realitygap.film.tracker import Tracker, track_film
-from realitygap.film.video import FilmWriter
 from tests.film.conftest import pinhole, write_film
 from tests.film.scene import Lens, Renderer, Scene
 
@@ -67,14 +65,6 @@ def test_hard_films_are_tracked(condition, tmp_path, camera, poses, errors_of):
     assert turned.mean() < 1.5
 
 
-@pytest.mark.parametrize("scene", [Scene(robot=False), Scene(robot=False, noise=20, glare=150)])
-def test_film_without_robot_says_so(tmp_path, camera, poses, scene):
-    """A film with no robot in it is refused in words, and nothing is found in it."""
-    film = write_film(tmp_path / "empty.mp4", scene, poses[:6])
-    with pytest.raises(FilmError, match="no robot's disk is seen in any of its 6 frames"):
-        track_film(film, camera, Disk())
-
-
 def test_lost_robot_is_lost_and_found_again(camera, errors_of):
     """While nothing of the robot, or not its front patch, is seen the frame is lost, never guessed;
     a robot that a hand has moved is found at once."""
@@ -113,19 +103,6 @@ def test_a_fast_robot_is_followed(step_cm, camera):
         assert np.cos(pose.heading - at[2]) > 0
 
 
-def test_robot_leaving_the_picture_is_lost(camera):
-    """A disk that lies partly outside the picture is not reported where its patches are unseen."""
-    renderer, tracker = Renderer(Scene(cylinders=(), room=(90, 90))), Tracker(camera, Disk())
-    for y in np.arange(40, 56, 1.0):
-        seen = tracker.see(renderer.picture((25.0, y, 1.57)))
-        row = renderer.scene.lens.pixel(25.0, y + 1.95, 3.0)[1]
-        if row > 12:
-            assert seen is not None
-            assert abs(seen[0].y - y) < 0.1
-        elif row < -2:
-            assert seen is None
-
-
 def test_height_of_the_disk_is_corrected(camera, errors_of):
     """A disk higher than the calibration's is put right when the lens's height is known, and would
     be millimetres off otherwise."""
@@ -134,29 +111,6 @@ def test_height_of_the_disk_is_corrected(camera, errors_of):
     wrong, _ = Tracker(camera, Disk()).see(tall.picture(pose)) or (None, 0)
     assert np.hypot(right.x - 40, right.y - 40) < 0.06
     assert wrong is None or np.hypot(wrong.x - 40, wrong.y - 40) > 0.5
-
-
-@pytest.mark.parametrize("two", [False, True])
-def test_of_two_disks_the_other_is_told(two, tmp_path, camera):
-    """Two disks in view look alike: one is followed, and where the other is seen is told; of one, nothing."""
-    renderer = Renderer(Scene())
-    with FilmWriter(tmp_path / "film.mp4", rate=10, made_by="the tests' renderer") as film:
-        for step in range(4):
-            picture = renderer.picture((14.0 + step, 14.0, 0.0))
-            if two:
-                other = renderer.picture((36.0, 30.0 + step, 1.0))
-                column, row = np.rint(camera.to_pixels((36.0, 30.0 + step))).astype(int)
-                part = slice(row - 45, row + 46), slice(column - 45, column + 46)
-                picture[part] = other[part]
-            film.add(picture)
-    trouble = track_film(tmp_path / "film.mp4", camera, Disk()).trouble
-    if two:
-        assert trouble in {
-            f"another disk like the robot's is seen at {at} cm: cover all but the robot's"
-            for at in ("(14, 14)", "(36, 30)")
-        }
-    else:
-        assert trouble is None
 
 
 @pytest.mark.parametrize("grain", [1, 2, 3, 4, 6])

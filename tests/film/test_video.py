@@ -54,16 +54,6 @@ def test_a_film_is_the_same_on_any_number_of_cores(tmp_path):
     assert same, [len(one) for one in made]
 
 
-def test_colours_and_odd_sizes(tmp_path):
-    """Colour pictures of an odd size lose at most a row and a column."""
-    red = np.zeros((49, 65, 3), np.uint8)
-    red[..., 0] = 200
-    with FilmReader(write(tmp_path / "film.mp4", [red] * 3)) as film:
-        picture = next(iter(film)).colour()
-    assert picture.shape == (48, 64, 3)
-    assert np.allclose(picture.mean((0, 1)), (200, 0, 0), atol=12)
-
-
 def test_failed_film_leaves_nothing(tmp_path):
     """A film whose making fails leaves no file, and a film that was there stays."""
     path = write(tmp_path / "film.mp4", steps(3))

@@ -1,10 +1,11 @@
-"""Freeze, suspend, hang and kill drivers at random moments: their robot is told to stand in time.
+"""Freeze, suspend, hang and kill drivers, and freeze their guards, at random moments: the robot is told to stand.
 
     python -m tests.hostile.frozen [--drives 24] [--seed 1]
 
 On a line that is listened in to. Ends with 1 if a robot was told to stand later than half a second
-after its driver's last word, or drives on. For a quiet machine: a busy one is late by itself.
-"""
+after its driver's last word, or its guard's freezing, or drives on. For a quiet machine: a busy one is late
+by itself.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -17,19 +18,20 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import closing
 from pathlib import Path
 
 from realitygap.robots.drive import Recorder, Recording, drive
-from realitygap.robots.khepera import Khepera, KheperaBody
+from realitygap.robots.khepera import KheperaBody
 from tests.robots.conftest import ARENA, BODY, ROOT, STALL_S
 from tests.robots.controllers import Constant, bands
 from tests.robots.pump import Faults, Pump
 from tests.robots.test_faults import comes_to_stand
 from tests.served import Served
 
-HANG = "a controller that hangs"
+HANG, GUARD = "a controller that hangs", "a guard that freezes"
 WAYS = (
-    HANG, signal.SIGSTOP, signal.SIGTSTP, signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    HANG, GUARD, signal.SIGSTOP, signal.SIGTSTP, signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 )  # fmt: skip
 IN_TIME_S = 0.55
 """Half a second, and a moment for the line and the machine."""
@@ -47,10 +49,13 @@ class Tap(Pump):
             self.words.append((time.monotonic(), data))
         super()._hand_on(fd, data)
 
+    def last_word(self, moment: float) -> float:
+        """When the last word before a moment passed."""
+        return max((at for at, _ in self.words if at <= moment), default=moment)
+
     def stopped_after_s(self, moment: float) -> float:
-        """From the last word before `moment` until the robot was told to stand."""
-        last = max((at for at, _ in self.words if at <= moment), default=moment)
-        return next((at - last for at, data in self.words if at > moment and b"D,0,0" in data), math.inf)
+        """From a moment until the robot was told to stand."""
+        return next((at - moment for at, data in self.words if at > moment and b"D,0,0" in data), math.inf)
 
 
 def child(device: str, folder: str, hangs_at: int) -> None:
@@ -66,9 +71,8 @@ def child(device: str, folder: str, hangs_at: int) -> None:
                     time.sleep(1)
             return super().decide([])
 
-    with Khepera.connect(device, give_up_s=STALL_S) as khepera:
-        body, recorder = KheperaBody(khepera), Recorder(folder)
-        drive(body, Driving(), seconds=60, clock=khepera.clock, inputs=bands, recorder=recorder)
+    with closing(KheperaBody.connect(device, give_up_s=STALL_S)) as khepera:
+        drive(khepera, Driving(), seconds=60, inputs=bands, recorder=Recorder(folder))
 
 
 def one_drive(way: object, draw: random.Random, folder: Path) -> tuple[float, bool, str]:
@@ -86,15 +90,21 @@ def one_drive(way: object, draw: random.Random, folder: Path) -> tuple[float, bo
         ) as driver:
             try:
                 assert driver.stdout is not None and driver.stdout.readline() == "driving\n"
-                if isinstance(way, signal.Signals):
-                    time.sleep(draw.uniform(0, 1))
-                    moment = time.monotonic()
-                    driver.send_signal(way)
-                else:
+                if way == HANG:
                     assert driver.stdout.readline() == "hangs\n"
-                    moment = time.monotonic()
+                else:
+                    time.sleep(draw.uniform(0, 1))
+                moment = time.monotonic()
+                if isinstance(way, signal.Signals):
+                    driver.send_signal(way)
+                elif way == GUARD:
+                    children = Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text()
+                    os.kill(guard := int(children), signal.SIGSTOP)
+                since = moment if way == GUARD else tap.last_word(moment)
                 time.sleep(1.0)
-                took, stands = tap.stopped_after_s(moment), comes_to_stand(twin, folder)
+                took, stands = tap.stopped_after_s(since), comes_to_stand(twin, folder)
+                if way == GUARD:
+                    os.kill(guard, signal.SIGCONT)
                 driver.send_signal(signal.SIGCONT)
                 if way == HANG:
                     driver.send_signal(signal.SIGINT)

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from realitygap.errors import RealityGapError
 from realitygap.robots.drive import Recorder, Recording, drive
-from realitygap.robots.khepera import Khepera, KheperaBody
+from realitygap.robots.khepera import KheperaBody
 from tests.robots.conftest import ARENA, BODY
 from tests.robots.controllers import Constant, bands
 from tests.robots.pump import Faults, Pump
@@ -72,14 +72,14 @@ def complaint(folder: Path, draw: random.Random) -> tuple[str, str]:
     """What came of a drive, and what is wrong about it ("": nothing)."""
     baud = draw.choice([19200, 38400, 115200])
     with Served(ARENA, body=BODY, baud=baud) as twin, Pump(twin.device, Faults()) as pump:
-        khepera = Khepera.connect(pump.device, baud=baud)
-        body, recorder = KheperaBody(khepera), Recorder(folder / "r")
+        khepera = KheperaBody.connect(pump.device, baud=baud)
+        recorder = Recorder(folder / "r")
         pump.faults, error, begun = random_faults(draw), "", time.monotonic()
         with breaking(pump, draw) as what:
             try:
                 controller = Constant(4, 5)
                 settings = {"clock": khepera.clock, "inputs": bands, "recorder": recorder}
-                drive(body, controller, seconds=SECONDS, **settings)  # type: ignore[arg-type]
+                drive(khepera, controller, seconds=SECONDS, **settings)  # type: ignore[arg-type]
             except RealityGapError as failure:
                 error = str(failure)
         took = time.monotonic() - begun

@@ -114,11 +114,6 @@ def test_a_robot_in_contact_can_leave(arena, sliding, seed):
     assert got == pytest.approx((*trail[-1], False), abs=1e-9)
 
 
-def test_a_robot_that_stands_still_or_turns_is_free():
-    """Turning on the spot against a wall is no contact: a disc's turn meets nothing."""
-    assert go(EMPTY, RADIUS, 50.0, 0.0, 0.0) == (RADIUS, 50.0, False)
-
-
 def test_flat_wall_head_on():
     """Against a wall head on a robot stops at its radius; its wheels' ground speeds become 0."""
     x, y, touched = go(EMPTY, 100 - RADIUS - 0.3, 50, 0.8, 0.0)
@@ -138,33 +133,6 @@ def test_coulomb_friction(angle, sliding):
     x, y, _ = go(arena, 100 - RADIUS, 50, step * math.cos(phi), step * math.sin(phi))
     assert x == pytest.approx(100 - RADIUS, abs=1e-12)
     assert y == pytest.approx(50 + along, abs=1e-12)
-
-
-@pytest.mark.parametrize("turned", [0, 90, 180, 270])
-def test_friction_is_the_same_on_all_surfaces(turned):
-    """A slope of 30° off the normal gives the same sliding at all four walls and an inner one."""
-    phi, base = math.radians(30), math.radians(turned)
-    move = 0.8 * math.cos(base + phi), 0.8 * math.sin(base + phi)
-    along = 0.8 * (math.sin(phi) - 0.5 * math.cos(phi))
-    to_wall = 50 - RADIUS
-    start = 50 + to_wall * math.cos(base), 50 + to_wall * math.sin(base)
-    x, y, _ = go(replace(EMPTY, sliding=0.5), *start, *move)
-    expected = -along * math.sin(base), along * math.cos(base)
-    assert (x - start[0], y - start[1]) == pytest.approx(expected, abs=1e-12)
-    inner = replace(EMPTY, sliding=0.5, walls=((50, 20, 50, 80),))
-    x, y, _ = go(inner, 50 - RADIUS, 50, 0.8 * math.cos(phi), 0.8 * math.sin(phi))
-    assert (x, y) == pytest.approx((50 - RADIUS, 50 + along), abs=1e-12)
-
-
-def test_ground_speeds_of_free_motion_are_the_wheels():
-    """Where nothing is touched, the ground moves under the wheels as fast as they turn."""
-    random = np.random.default_rng(8)
-    for _ in range(500):
-        left, right = random.uniform(-10, 10, 2)
-        heading = random.uniform(-7, 7)
-        driven = drive_arc(5.3, left, right, math.cos(heading), math.sin(heading))
-        got = ground_speeds(driven.dx, driven.dy, driven, 5.3)
-        assert got == pytest.approx((left, right), rel=1e-9, abs=1e-9)
 
 
 def test_ground_speeds_agree_with_the_reference():

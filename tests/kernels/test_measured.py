@@ -112,31 +112,3 @@ def test_readings_below_the_dead_zone_are_zero():
     edge, above = drawn(robot, 201.0), drawn(robot, 300.0)
     assert 0.3 < (edge == 0).mean() < 0.5 and edge[edge > 0].min() == 200.0
     assert above.min() > 200.0
-
-
-def test_a_profile_keeps_its_tables(tmp_path):
-    """A measured robot's file reads back to an equal value."""
-    from realitygap.world.robot import load_profile
-
-    robot = measured(PAPER, np.random.default_rng(8))
-    (tmp_path / "robot.toml").write_text(robot.to_toml())
-    assert load_profile(tmp_path / "robot.toml") == robot
-
-
-@pytest.mark.parametrize(
-    ("key", "values", "words"),
-    [
-        ("curve", (0.0, 5.0, 3.0), "counts that never fall"),
-        ("curve", (0.0, 5000.0), "at most top"),
-        ("noise", (1.0, -1.0), "0 or more"),
-        ("noise", (1.0,), "two values or more"),
-    ],
-)
-def test_tables_that_make_no_sense_are_refused(key, values, words):
-    """A curve that falls, one above the full scale, noise below 0: one clear message."""
-    from realitygap.errors import ConfigError
-
-    robot = measured(PAPER, np.random.default_rng(9))
-    with pytest.raises(ConfigError, match=words):
-        sensors = tuple(replace(s, **{key: values}) for s in robot.infrared.sensors)
-        replace(robot.infrared, sensors=sensors)

@@ -87,14 +87,6 @@ def test_a_signal_in_a_long_chain_is_never_lost(first, rest):
         assert commands[:33] == expected
 
 
-def test_chains_of_mixed_delays():
-    """Chains of random delays, with thresholds that set them going from silence."""
-    random = np.random.default_rng(14)
-    for _ in range(60):
-        genes = chain(random.integers(0, 5, random.integers(2, 21)), threshold=random.integers(-3, 4))
-        agree(genes, WHOLE, sequence(random, random.choice(["rare", "blips", "one"]), 40, 8))
-
-
 def test_slow_oscillators():
     """Loops with long delays that change seldom are not taken for settled."""
     random = np.random.default_rng(15)

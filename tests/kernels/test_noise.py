@@ -85,47 +85,6 @@ def test_deviation_and_law(measured, observed, whole, level):
     assert not consistent(noise, with_rounding(wrong) if whole else wrong)
 
 
-def facing(sensors, x: float, y: float, k: int) -> tuple[float, float, float]:
-    """The pose whose sensor `k` looks along +x from (x, y)."""
-    heading = -np.radians(sensors[k].direction_deg)
-    place = complex(sensors[k].x_cm, sensors[k].y_cm) * np.exp(1j * heading)
-    return x - place.real, y - place.imag, float(heading)
-
-
-def test_every_proximity_sensor_is_noisy_lit_and_dark():
-    """Each of the eight has 21 counts before a wall; in the dark the upper half of 3.3; and no other."""
-    for k in range(8):
-        x, y, heading = facing(PAPER.infrared.sensors, 50 - 3.8, 25, k)
-        free, _ = readings(PAPER, AVOIDANCE.arena, (x, y, heading))
-        assert 300 < free[k] < 700
-        counts, _ = Simulation(AVOIDANCE, PAPER, 1).probe(
-            Pose(x=x, y=y, heading=heading), stream=30 + k, repeat=4000
-        )
-        lit = spread_out(counts[:, k]) - free[k]
-        assert consistent(lit, with_rounding(21.0)), k
-        assert not consistent(lit, with_rounding(0.8 * 21.0)), k
-    counts, _ = Simulation(AVOIDANCE, PAPER, 1).probe(Pose(x=25, y=25, heading=0.0), stream=38, repeat=4000)
-    for k, column in enumerate(counts.T):
-        borders = np.arange(11) + 0.5  # 0, 1, … 10, more
-        for deviation, plausible in ((3.3, True), (1.25 * 3.3, False)):
-            law = np.diff([0, *stats.norm.cdf(borders, 0, deviation), 1])
-            seen = np.bincount(np.minimum(column.astype(int), 11), minlength=12)
-            assert (stats.chisquare(seen, law * len(column)).pvalue > ALARM) == plausible, k
-
-
-def test_every_ambient_sensor_is_noisy():
-    """Each of the eight has 4.5 counts, turned to the lamp and turned away from it."""
-    for k in range(8):
-        x, y, heading = facing(PAPER.ambient.sensors, 60, 35, k)
-        for turned in (0.0, np.pi):
-            pose = Pose(x=x, y=y, heading=heading + turned)
-            _, free = readings(PAPER, SEEKING.arena, (pose.x, pose.y, pose.heading))
-            _, counts = Simulation(SEEKING, PAPER, 1).probe(pose, stream=40 + k, repeat=4000)
-            noise = spread_out(counts[:, k]) - free[k]
-            assert consistent(noise, with_rounding(4.5)), k
-            assert not consistent(noise, with_rounding(0.8 * 4.5)), k
-
-
 def test_a_wrong_law_is_found_out():
     """Noise of the right deviation that is not normal does not pass."""
     random = np.random.default_rng(21)

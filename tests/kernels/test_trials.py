@@ -20,8 +20,7 @@ from realitygap.tasks import load_task
 from realitygap.values import Pose, fed
 from realitygap.world.arena import Arena, Cylinder, Lamp
 from tests.kernels.reference import trial as reference
-from tests.kernels.reference.rays import overlap
-from tests.kernels.scenes import PAPER, RADIUS, random_profile
+from tests.kernels.scenes import PAPER, random_profile
 
 TASKS = {name: load_task(name) for name in ("obstacle-avoidance", "light-seeking")}
 CROWDED = Arena(
@@ -179,16 +178,6 @@ def test_each_trial_is_a_function_of_its_stream():
                 assert alone[0, 0] == together[i, t]
 
 
-def test_other_streams_other_trials():
-    """Two streams give two trials; two networks on one stream start alike."""
-    simulation = Simulation(TASKS["obstacle-avoidance"], PAPER, 1)
-    nets = decode(networks(1), 8)
-    a, b = (simulation.trajectory(nets, stream=s)[0] for s in (1, 2))
-    assert a.x[0] != b.x[0] and a.heading[0] != b.heading[0]
-    other = simulation.trajectory(decode(networks(2)[1:], 8), stream=1)[0]
-    assert (other.x[0], other.y[0], other.heading[0]) == (a.x[0], a.y[0], a.heading[0])
-
-
 def test_starts_fill_their_disc():
     """Starts are uniform in the disc (not crowded in its middle) and in heading."""
     from scipy import stats
@@ -205,41 +194,6 @@ def test_starts_fill_their_disc():
     heading = np.array([p.heading for p in starts]) / (2 * math.pi)
     assert stats.kstest(angle, "uniform").pvalue > 1e-4
     assert stats.kstest(heading, "uniform").pvalue > 1e-4
-
-
-@pytest.mark.parametrize("level", [0.0, 2.0])
-def test_nothing_is_entered_in_a_whole_trial(level):
-    """In every step of trials of random networks the body overlaps nothing."""
-    for task in (TASKS["obstacle-avoidance"], replace(TASKS["obstacle-avoidance"], arena=CROWDED)):
-        simulation = Simulation(replace(task, start=replace(task.start, x_cm=24, y_cm=25)), PAPER, level)
-        for k, genes in enumerate([*networks(15), *(Genotype.constant(10, k).genes for k in (10, 9))]):
-            trajectory, _ = simulation.trajectory(decode(genes, 8), stream=k)
-            for x, y in zip(trajectory.x, trajectory.y, strict=True):
-                assert overlap(simulation.task.arena, x, y, RADIUS) <= 1.001e-9
-
-
-def test_pushing_a_wall_head_on_is_no_progress():
-    """The wheels of a robot that pushes a wall slip at full speed; over the ground it does not move."""
-    task = replace(TASKS["obstacle-avoidance"], score=mean_ground_speed, seconds=2.0)
-    pose = Pose(x=50 - RADIUS, y=25, heading=0.0)
-    trajectory, speed = Simulation(task, PAPER, 0).trajectory(
-        Genotype.constant(10, 10).networks(), stream=0, pose=pose
-    )
-    assert abs(speed) < 1e-9 and trajectory.wheels[-1].min() > 9 and trajectory.contact.all()
-    assert trajectory.end.x == pytest.approx(pose.x) and trajectory.end.y == 25
-    # It can turn away, and drive away backwards.
-    turned, _ = Simulation(task, PAPER, 0).trajectory(
-        Genotype.constant(5, -5).networks(), stream=0, pose=pose
-    )
-    assert abs(turned.end.heading) > 2
-    away, speed = Simulation(task, PAPER, 0).trajectory(
-        Genotype.constant(-10, -10).networks(), stream=0, pose=pose
-    )
-    assert away.end.x < pose.x - 10 and speed < -6 and not away.contact.any()
-
-
-def mean_ground_speed(path, room):
-    return (path.left.mean() + path.right.mean()) / 2
 
 
 def test_the_documents_show_the_loop_of_the_code():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numba import njit
 
-import realitygap
 from realitygap.control.slots import decode
 from realitygap.errors import UsageError
 from realitygap.plugins import run_file
@@ -114,19 +113,6 @@ def test_within_a_spread_each_trial_is_of_another_robot():
     assert score == pytest.approx(scores[4, 0], rel=1e-12)
 
 
-def test_what_comes_back(problem):
-    """Means, spread, and measures within their bounds."""
-    solutions = RANDOM.normal(size=(5, problem.dim)) * 3
-    batch = problem.evaluate(solutions, seed=1, trials=3)
-    scores = batch.info["scores"]
-    assert scores.shape == (5, 3) and (batch.fitness == scores.mean(1)).all()
-    assert (batch.info["sd"] == scores.std(1)).all()
-    low, high = problem.measure_bounds
-    assert batch.measures.shape == (5, 2) and (low <= batch.measures).all() and (batch.measures <= high).all()
-    assert np.ptp(batch.measures, axis=0).min() > 0
-    assert problem.retest(solutions, trials=3).fitness.shape == (5,)
-
-
 def test_driving_straight_and_turning_are_told_by_the_measures(problem):
     """A controller of biases alone: both wheels forward; one back. The former is champion, by other trials
     than those that measure it."""
@@ -228,38 +214,3 @@ def test_what_a_controller_learns_ends_with_its_trial():
     for stream, score in zip(streams, scores[2], strict=True):
         for one in (problem.controller(solutions[2]), again):
             assert drive_simulated(problem.simulation, one, stream=stream)[1] == score
-
-
-def test_refusals(problem):
-    """What would be wrong is said."""
-    assert realitygap.Problem is Problem
-    for name in ("feed-forward", "feed-forward:0", "recurrent:x", "transformer:8"):
-        with pytest.raises(UsageError, match="controller: expected feed-forward:N"):
-            Problem("obstacle-avoidance", name)
-    one = np.zeros((1, problem.dim))
-    for solutions, got in (
-        (np.zeros((2, problem.dim + 1)), "an array of shape"), (one + np.nan, "NaN or infinity in row 0"),
-        (one[:0], "an array of shape"), ([["a"] * problem.dim], "something else"), (None, "something else"),
-        ([[1, 2], [1]], "something else"), (one + 1j, "something else"),
-    ):  # fmt: skip
-        with pytest.raises(UsageError, match=rf"solutions: expected finite numbers .* got {got}"):
-            problem.evaluate(solutions)
-    for trials in (0, 1.5, True, 10**30):
-        with pytest.raises(UsageError, match="trials: expected a whole number"):
-            problem.evaluate(one, trials=trials)
-    for seed in (-1, 0.5, "1"):
-        with pytest.raises(UsageError, match="seed: expected a whole number"):
-            problem.evaluate(one, seed=seed)
-        with pytest.raises(UsageError, match="seed: expected a whole number"):
-            problem.x0(seed)
-    for workers in (0, -1, "two", 10**30):
-        with pytest.raises(UsageError, match="workers: expected a whole number"):
-            Problem("obstacle-avoidance", workers=workers)
-    with pytest.raises(UsageError, match="solution: expected one"):
-        problem.controller(np.zeros((2, problem.dim)))
-
-
-def test_workers_are_the_cores_that_the_process_may_use(monkeypatch):
-    """Not all that the machine has."""
-    monkeypatch.setattr("realitygap.problem.cores", lambda: 3)
-    assert Problem("avoidance").workers == 3

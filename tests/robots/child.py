@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
-from contextlib import ExitStack, closing
+from contextlib import closing
+from functools import partial
 
 from realitygap.robots import guard
 from realitygap.robots.address import Address
 from realitygap.robots.drive import Recorder, drive
-from realitygap.robots.khepera import Khepera, KheperaBody
+from realitygap.robots.khepera import KheperaBody
 from tests.robots.conftest import STALL_S
 from tests.robots.controllers import Constant, bands
 
@@ -23,12 +24,8 @@ def main(device: str, folder: str) -> None:
                 print("driving", flush=True)
             return super().decide([])
 
-    with ExitStack() as stack:
-        if ":" in device:
-            body = stack.enter_context(closing(Address.parse(device).open()))
-        else:
-            connected = Khepera.connect(device, give_up_s=STALL_S)
-            body = KheperaBody(stack.enter_context(connected))
+    connect = Address.parse(device).open if ":" in device else partial(KheperaBody.connect, device)
+    with closing(connect(give_up_s=STALL_S)) as body:
         drive(body, Talking(3, 4), seconds=60, inputs=bands, recorder=Recorder(folder))
 
 

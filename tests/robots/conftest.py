@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from realitygap.robots.khepera import Khepera
+from realitygap.robots.khepera import KheperaBody
 from realitygap.robots.twin import TwinLine
 from realitygap.twin.firmware import Firmware
 from tests.robots.kinematic import KinematicBody
@@ -36,18 +36,19 @@ class Bench:
     def pump(self, twin: Served, faults: Faults | None = None) -> Pump:
         return self._stack.enter_context(Pump(twin.device, faults or Faults()))
 
-    def khepera(self, device: str, **settings: Any) -> Khepera:
-        khepera = Khepera.connect(device, **{"give_up_s": STALL_S, **settings})
+    def khepera(self, device: str, **settings: Any) -> KheperaBody:
+        khepera = KheperaBody.connect(device, **{"give_up_s": STALL_S, **settings})
         self._stack.callback(khepera.abandon)
         return khepera
 
     def virtual(
-        self, *, unit: int = 1, noise: float = 1.0, seed: int = 0, baud: int = 38400
-    ) -> tuple[Firmware, Khepera]:
+        self, *, noise: float = 1.0, seed: int = 0, baud: int = 38400, **settings: Any
+    ) -> KheperaBody:
         """In this process, in time of its own."""
-        body = KinematicBody(ARENA, unit=unit, noise=noise, seed=seed)
-        firmware = Firmware(body, baud=baud, name=f"twin unit {unit}")
-        return firmware, Khepera.awake(TwinLine(firmware))
+        firmware = Firmware(
+            KinematicBody(ARENA, unit=1, noise=noise, seed=seed), baud=baud, name="twin unit 1"
+        )
+        return KheperaBody(TwinLine(firmware), carry=firmware.place, **settings)
 
 
 @pytest.fixture

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 
-import pytest
 from click.testing import CliRunner
 
 from realitygap.cli.robot import robot
 from realitygap.errors import LineError, UsageError
-from realitygap.world.arena import load_arena
 from tests.robots.conftest import Bench
 
 
@@ -21,15 +19,7 @@ def at(twin):
 def test_a_check_tells_all_as_json_and_moves_nothing_unasked(bench: Bench) -> None:
     """Versions, readings, counters, LEDs, the loop; nobody agreed, so it stands."""
     twin = bench.twin()
-    args = [
-        "check",
-        "--robot",
-        f"serial:{twin.device}",
-        "--seconds",
-        "1",
-        "--json",
-    ]
-    result = CliRunner().invoke(robot, args)
+    result = CliRunner().invoke(robot, ["check", *at(twin), "--seconds", "1", "--json"])
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     assert facts["bios"] == "5.02" and len(facts["proximity"]) == len(facts["ambient"]) == 8
@@ -49,15 +39,7 @@ def test_a_check_moves_with_consent(bench: Bench) -> None:
 def test_a_check_refuses_the_profile_of_another_robot(bench: Bench) -> None:
     """A Thymio's commands would send a Khepera off at 86 cm/s instead of 4: it only stands."""
     twin = bench.twin()
-    args = [
-        "check",
-        "--robot",
-        f"serial:{twin.device}",
-        "--yes",
-        "--profile",
-        "thymio",
-    ]
-    result = CliRunner().invoke(robot, args)
+    result = CliRunner().invoke(robot, ["check", *at(twin), "--yes", "--profile", "thymio"])
     assert isinstance(result.exception, UsageError)
     assert "7 proximity sensors (profile 'thymio'); this robot has 8" in str(result.exception)
     assert "moved" not in result.stdout
@@ -70,11 +52,3 @@ def test_a_check_of_nobody_says_what_to_look_at(bench: Bench) -> None:
     result = CliRunner().invoke(robot, ["check", "--robot", f"serial:{pump.device}"])
     assert isinstance(result.exception, LineError)
     assert "check that it is switched on" in str(result.exception)
-
-
-@pytest.mark.parametrize("name", ["obstacle-avoidance", "light-seeking"])
-def test_an_arena_goes_to_the_twin_as_plain_numbers(name: str) -> None:
-    """No name, no law of light: sizes and places in cm."""
-    plain = load_arena(name).plain()
-    assert json.loads(json.dumps(plain)) == plain
-    assert set(plain) == {"size_cm", "cylinders", "walls", "lamps"}

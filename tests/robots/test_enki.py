@@ -7,7 +7,6 @@ import shutil
 import signal
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, closing, contextmanager
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -151,44 +150,6 @@ def test_a_unit_differs_from_the_published_model_as_robots_do():
     assert np.std([unit.wheels for unit in many]) == pytest.approx(0.004, rel=0.3)
 
 
-def test_noise_has_a_scale():
-    """None at 0: readings repeat; at 2 twice the published deviation of 20 counts."""
-    spread = {}
-    for scale in (0.0, 1.0, 2.0):
-        with opened("enki:khepera:0", scale) as body:
-            body.enter(FLOOR, 4, Pose.from_degrees(5, 50, 180))
-            read = []
-            for _ in range(400):
-                body.clock.sleep_until(body.clock.now() + 0.02)
-                read.append(body.sense().proximity[2:4])
-            spread[scale] = np.std(read)
-    assert spread[0.0] == 0 and spread[1.0] == pytest.approx(20, rel=0.1)
-    assert spread[2.0] == pytest.approx(40, rel=0.1)
-
-
-def test_surfaces_that_differ_are_refused():
-    """Enki knows no reflectance: an arena that states one is not quietly taken for another."""
-    with (
-        opened() as body,
-        pytest.raises(UsageError, match="reflectance: expected none for"),
-    ):
-        body.enter({**FLOOR, "reflectance": [0.5]}, 1, None)
-
-
-def test_it_stays_in_its_room_and_stops_at_what_stands_there():
-    """Robots that drive on for a minute are still inside, and outside cylinder and partition."""
-    for model, radius in (("khepera", 2.6), ("epuck", 3.7)):
-        with opened(f"enki:{model}") as body:
-            for heading in range(0, 360, 45):
-                body.enter(ONE, heading, Pose.from_degrees(30, 30, heading))
-                top = round(8 / body._is.unit_cm_s)
-                body.act(Command(left=top, right=top))
-                body.clock.sleep_until(body.clock.now() + 20)
-                at = body.pose
-                assert radius - 0.5 < min(at.x, at.y, 60 - at.x, 60 - at.y)
-                assert np.hypot(at.x - 40, at.y - 30) > 4 + radius - 0.5
-
-
 def test_a_camera_gets_a_state_each_step(tmp_path):
     """The sealed file begins where the robot stands and has a row each 20 ms."""
     with opened() as body:
@@ -231,20 +192,6 @@ def test_a_process_that_hangs_is_given_up(monkeypatch):
         os.kill(pid, 0)
 
 
-@pytest.mark.parametrize("name", ["enki:sbot", "enki:", "enki:epuck:", "enki:epuck:-1", "enki:khepera:one"])
-def test_an_address_that_is_none_is_refused(name):
-    """Enki's robots by name, a unit by its number."""
-    with pytest.raises(UsageError, match="robot: "):
-        Address.parse(name)
-
-
-def test_its_address_says_model_and_unit():
-    """The Khepera's unit 1 where nothing is said; the folder says the scale of noise, too."""
-    short, long = Address.parse("enki"), Address.parse("enki:khepera:1")
-    assert short == long and str(short) == "enki:khepera:1" and short.unit == 1 and short.port is None
-    assert Address.parse("enki:epuck:3").folder(2.0) == "enki-epuck-3-noise-2"
-
-
 def test_its_folder_says_what_it_is():
     """Enki's units are judged apart from the twin's, each model and noise scale apart; a port is a robot."""
     kinds = {
@@ -272,12 +219,3 @@ def test_what_is_missing_is_said_with_its_cure(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc/none")
     with pytest.raises(UsageError, match=r"cannot be kept in /proc/none/realitygap.*XDG_CACHE_HOME"):
         program()
-
-
-def test_a_library_that_does_not_fit_is_said(tmp_path, monkeypatch):
-    """What the compiler says is told in one line, and nothing half-made stays."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("realitygap.robots.enki.COMPILER", ("g++", "-std=c++14", "-include", "nothing.h"))
-    with pytest.raises(UsageError, match=r"g\+\+ cannot compile it: .*nothing.h"):
-        program()
-    assert not list(Path(tmp_path, "realitygap").iterdir())

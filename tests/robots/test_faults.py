@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from realitygap.errors import LineError, RobotError, UsageError
+from realitygap.errors import LineError, UsageError
 from realitygap.robots.drive import Recorder, Recording, drive
-from realitygap.robots.khepera import KHEPERA, KheperaBody
-from realitygap.robots.line import GIVE_UP_S, Answer, GarbledError, Request
+from realitygap.robots.khepera import KHEPERA
+from realitygap.robots.line import GIVE_UP_S, LEAST_TRIES, Answer, GarbledError, Request
 from tests.robots.conftest import Bench
 from tests.robots.controllers import Constant, bands
 from tests.robots.pump import Faults
@@ -45,10 +45,8 @@ def test_a_drive_gets_through_a_bad_line(bench: Bench, name: str, tmp_path: Path
     twin = bench.twin(baud=115200)
     pump = bench.pump(twin)
     khepera = bench.khepera(pump.device, baud=115200)
-    body = KheperaBody(khepera)
     pump.faults = FAULTS[name]
-    recorder = Recorder(tmp_path / "r")
-    recording = drive(body, Constant(4, 5), seconds=3, clock=khepera.clock, inputs=bands, recorder=recorder)
+    recording = drive(khepera, Constant(4, 5), seconds=3, inputs=bands, recorder=Recorder(tmp_path / "r"))
     assert khepera.line.faults > 0
     assert len(recording.t) == 30 and (recording.proximity <= 1023).all()
     pump.faults = Faults()
@@ -57,25 +55,24 @@ def test_a_drive_gets_through_a_bad_line(bench: Bench, name: str, tmp_path: Path
 
 def test_half_a_line_does_not_spoil_the_next(bench: Bench) -> None:
     """Whatever half a command the robot still holds, the next question is answered."""
-    _, khepera = bench.virtual()
+    khepera = bench.virtual()
     for half in (b"D,5", b"N,", b"\x00\xff", b"D,1" * 200, b"K\nH\nB\nE"):
-        khepera.line.tell(half)
+        khepera.line.write(half)
         assert len(khepera.read("N")) == 8
-        assert khepera.counters() == (0, 0)
+        assert khepera.read("H") == (0, 0)
 
 
 def test_an_old_answer_is_not_taken_for_a_new_one(bench: Bench) -> None:
     """An answer that comes after its time-out is dropped, not read as the next question's."""
-    twin = bench.twin(noise=0.0)
-    pump = bench.pump(twin)
+    pump = bench.pump(bench.twin(noise=0.0))
     khepera = bench.khepera(pump.device)
     for k in range(20):  # until one has come late: it does not if the computer stands still meanwhile
-        khepera.set_counters(k, k)
+        khepera.line.ask(KHEPERA.request("G", k, k))
         pump.faults = Faults(late=1.0, late_s=0.2)
         threading.Timer(0.3, lambda: setattr(pump, "faults", Faults())).start()
-        assert khepera.counters() == (k, k)
-        khepera.set_counters(7, 8)
-        assert khepera.counters() == (7, 8)
+        assert khepera.read("H") == (k, k)
+        khepera.line.ask(KHEPERA.request("G", 7, 8))
+        assert khepera.read("H") == (7, 8)
         if khepera.line.faults:
             return
     raise AssertionError("no answer came late")
@@ -83,8 +80,7 @@ def test_an_old_answer_is_not_taken_for_a_new_one(bench: Bench) -> None:
 
 def test_a_silent_line_is_given_up(bench: Bench, tmp_path: Path) -> None:
     """No answers from step 5 on: an error that warns of a moving robot, steps kept."""
-    twin = bench.twin()
-    pump = bench.pump(twin)
+    pump = bench.pump(bench.twin())
     khepera = bench.khepera(pump.device)
 
     class Cut(Constant):
@@ -93,11 +89,35 @@ def test_a_silent_line_is_given_up(bench: Bench, tmp_path: Path) -> None:
                 pump.silent, khepera.line.give_up_s = True, GIVE_UP_S
             return super().decide([])
 
-    recorder = Recorder(tmp_path / "r")
     with pytest.raises(LineError, match="may still be moving"):
-        drive(KheperaBody(khepera), Cut(), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
+        drive(khepera, Cut(), seconds=2, inputs=bands, recorder=Recorder(tmp_path / "r"))
     recording = Recording.from_folder(tmp_path / "r")
     assert len(recording.t) == 5 and recording.ended.startswith("LineError: no answer understood")
+
+
+def test_a_line_is_given_up_by_time_and_tries(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A question after 1.0 to 1.3 s, a stop before 3 s are over; but not for time alone, if the computer
+    stands still now and again."""
+    khepera = bench.virtual()
+    exchange, asked = khepera.line._exchange, 0
+
+    def deaf(requests: Sequence[Request]) -> list[Answer]:
+        nonlocal asked
+        asked += 1
+        if asked < LEAST_TRIES:
+            khepera.clock.sleep_until(khepera.clock.now() + 2.0)
+            raise GarbledError("nothing")
+        return exchange(requests)
+
+    monkeypatch.setattr(khepera.line, "_exchange", deaf)
+    assert khepera.read("H") == (0, 0) and khepera.line.faults == LEAST_TRIES - 1
+    monkeypatch.undo()
+    monkeypatch.setattr(khepera.line, "_send", lambda data: None)
+    for ask, least, most in ((lambda: khepera.read("H"), 1.0, 1.3), (khepera.stop, 1.4, 3.0)):
+        start = khepera.clock.now()
+        with pytest.raises(LineError, match="no answer understood"):
+            ask()
+        assert least <= khepera.clock.now() - start < most
 
 
 def test_a_device_gone_in_mid_trial_ends_the_drive_at_once(bench: Bench, tmp_path: Path) -> None:
@@ -111,9 +131,8 @@ def test_a_device_gone_in_mid_trial_ends_the_drive_at_once(bench: Bench, tmp_pat
                 pump.pull()
             return super().decide([])
 
-    recorder = Recorder(tmp_path / "r")
     with pytest.raises(LineError, match="the line is lost"):
-        drive(KheperaBody(khepera), Pulled(), seconds=2, clock=khepera.clock, inputs=bands, recorder=recorder)
+        drive(khepera, Pulled(), seconds=2, inputs=bands, recorder=Recorder(tmp_path / "r"))
     assert len(Recording.from_folder(tmp_path / "r").t) == 3
 
 
@@ -121,8 +140,7 @@ def test_a_robot_that_takes_one_command_at_a_time_is_asked_so(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After three failures of questions sent together, they are sent one by one."""
-    _, khepera = bench.virtual()
-    assert khepera.line.together
+    khepera = bench.virtual()
     exchange = khepera.line._exchange
 
     def one_only(requests: Sequence[Request]) -> list[Answer]:
@@ -131,10 +149,9 @@ def test_a_robot_that_takes_one_command_at_a_time_is_asked_so(
         return exchange(requests)
 
     monkeypatch.setattr(khepera.line, "_exchange", one_only)
-    body = KheperaBody(khepera)
     for _ in range(5):
-        assert len(body.sense().proximity) == 8
-    assert not khepera.line.together and khepera.line.faults == 3
+        assert len(khepera.sense().proximity) == 8
+    assert khepera.line.faults == 3
 
 
 def test_a_port_that_cannot_be_opened_says_why(bench: Bench, tmp_path: Path) -> None:
@@ -145,11 +162,3 @@ def test_a_port_that_cannot_be_opened_says_why(bench: Bench, tmp_path: Path) -> 
     bench.khepera(twin.device)
     with pytest.raises(UsageError, match="no other program has it"):
         bench.khepera(twin.device)
-
-
-def test_the_robots_own_refusal_is_passed_on(bench: Bench) -> None:
-    """A turret that is not there: the robot's words."""
-    _, khepera = bench.virtual()
-    with pytest.raises(RobotError, match="z,Protocol error"):
-        khepera.line.ask(KHEPERA.request("T", 1, 2))
-    assert khepera.counters() == (0, 0)

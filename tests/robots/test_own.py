@@ -19,7 +19,7 @@ from realitygap.values import Command, Pose
 BODY = """\
 import numpy as np
 from realitygap.errors import LineError
-from realitygap.robots import Body, Channel, Odometry, SteppedClock
+from realitygap.robots import Body, Channel, SteppedClock
 from realitygap.values import Pose, Readings
 
 
@@ -54,10 +54,6 @@ class Lost(Three):
     def act(self, command): raise LineError("unplugged")
 class Carried(Three):
     def __init__(self): self.pose = None
-class Mine(Three):
-    facts = {"base": "e-puck", "units": "steps/s"}
-class Counted(Three):
-    counts_turns, pulses_per_mm, odometry = True, 12.0, Odometry(counters=(120, 118))
 class Empty: pass
 class Shy(Three):
     def __init__(self): raise RuntimeError("no robot here")
@@ -93,13 +89,6 @@ def test_what_a_body_has_is_known(file: Path) -> None:
         assert body.knows_pose and body.pose is None
 
 
-def test_what_a_body_tells_is_kept(file: Path) -> None:
-    """What its recordings are to say of it."""
-    said = {name: Address.parse(f"{file}:{name}").open().description() for name in ("Counted", "Mine")}
-    assert said["Counted"] == {"robot": "Counted", "pulses_per_mm": 12.0}
-    assert said["Mine"] == {"robot": "Mine", "base": "e-puck", "units": "steps/s"}
-
-
 def test_it_is_checked_as_any_robot(file: Path) -> None:
     """Three sensors, no ambient light, no counters; it moves if it may."""
     code, said = check(f"{file}:Three", "--json", "--yes")
@@ -127,16 +116,6 @@ def test_what_is_no_body_is_said_in_one_line(file: Path, name: str, says: str) -
     with pytest.raises(UsageError, match=says), closing(Address.parse(f"{file}:{name}").open()) as body:
         still = ConstantController(Command(left=0, right=0))
         drive(body, still, seconds=0.5, inputs=lambda readings: [])
-
-
-def test_a_driver_beside_the_file_is_said_to_lie_there(file: Path) -> None:
-    """The folder of a user's file is none that Python looks in."""
-    (file.parent / "my_driver.py").write_text("")
-    file.write_text("import my_driver\n")
-    with pytest.raises(
-        UsageError, match=f"my_driver'. It lies in {file.parent}: set PYTHONPATH={file.parent}"
-    ):
-        Address.parse(f"{file}:Three").open()
 
 
 def test_a_robot_that_is_lost_is_no_mistake_of_its_file(file: Path) -> None:

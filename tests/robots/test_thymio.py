@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-import json
-import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from realitygap.errors import LineError, RobotError, UsageError
-from realitygap.robots.address import Address
 from realitygap.robots.body import Body, Clock, RealClock
 from realitygap.robots.drive import Recorder, Recording, drive
-from realitygap.robots.enki import EnkiBody
-from realitygap.robots.thymio import AsebaLine, opened
+from realitygap.robots.thymio import AsebaLine
 from realitygap.robots.thymio import opened_port as port
 from realitygap.testing import BodyContract
-from realitygap.values import Command, Pose, Readings
-from tests.robots import aseba
+from realitygap.values import Command, Readings
 from tests.robots.aseba import Node, at_a_node, playground
 from tests.robots.conftest import ROOT
+from tests.robots.controllers import Constant
 
 READ = [0, 1500, 3000, 1500, 0, 1100, 0]
 Fault = Callable[[bytes], list[tuple[float, bytes]]]
@@ -39,19 +35,6 @@ def simulator(tmp_path: Path) -> Iterator[str]:
         pytest.skip("asebaplayground is not there (Debian's package aseba)")
     with playground(tmp_path) as place:
         yield place
-
-
-class Steady:
-    """Always the same command."""
-
-    def __init__(self, left: int, right: int) -> None:
-        self.command = Command(left=left, right=right)
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def decide(self, inputs: object) -> Command:
-        return self.command
 
 
 def nothing(readings: Readings) -> list[int]:
@@ -76,24 +59,6 @@ class TestThymioBody(BodyContract):
 
     def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
         return AtANode()  # type: ignore[return-value]
-
-
-class TestThymioBodyInPlayground(BodyContract):
-    """The same in Aseba's own simulator, in real time."""
-
-    place: str
-
-    @pytest.fixture(autouse=True)
-    def _at(self, simulator: str) -> None:
-        self.place = simulator
-
-    def opened(self) -> AbstractContextManager[tuple[Body, Clock]]:
-        @contextmanager
-        def body() -> Iterator[tuple[Body, Clock]]:
-            with closing(opened(self.place)) as one:
-                yield one, one.clock
-
-        return body()
 
 
 def some(random: np.random.Generator, what: Fault, share: float = 0.2) -> Fault:
@@ -141,7 +106,7 @@ def test_a_missed_step_is_counted_and_its_reading_is_the_last_one(tmp_path: Path
     with at_a_node(node) as body:
         steps = [0]
 
-        class Deaf(Steady):
+        class Deaf(Constant):
             def decide(self, inputs: object) -> Command:
                 steps[0] += 1
                 node.fault = (lambda data: []) if 4 <= steps[0] < 7 else (lambda data: [(0.0, data)])
@@ -159,7 +124,7 @@ def test_a_silent_robot_ends_the_drive(tmp_path: Path) -> None:
     with pytest.raises(LineError, match="may still be moving"), at_a_node(node) as body:
         body.sense()
 
-        class Gone(Steady):
+        class Gone(Constant):
             def decide(self, inputs: object) -> Command:
                 node.fault = lambda data: []
                 return self.command
@@ -171,72 +136,6 @@ def test_a_target_beyond_the_motors_is_refused() -> None:
     """The message says what they take."""
     with at_a_node(Node()) as body, pytest.raises(UsageError, match="from -500 to 500"):
         body.act(Command(left=501, right=0))
-
-
-def test_another_robot_is_told_apart() -> None:
-    """A node without a Thymio's sensors is named as none."""
-    lacks = {name: size for name, size in aseba.VARIABLES.items() if not name.startswith("prox")}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(aseba, "VARIABLES", lacks)
-        with pytest.raises(RobotError, match="not a Thymio II"), at_a_node(Node()):
-            pass
-
-
-@pytest.mark.parametrize(
-    ("place", "says"),
-    [("/dev/no-such-thymio", "cannot be opened"), ("127.0.0.1:9", "cannot be opened: Connection refused")],
-)
-def test_a_place_where_nothing_is_ends_in_one_message(place: str, says: str) -> None:
-    """It names the place and what to check."""
-    with pytest.raises(UsageError, match=says):
-        Address.parse(f"thymio:{place}").open()
-
-
-def test_enkis_thymio_is_driven_over_the_protocol_in_virtual_time() -> None:
-    """An avoider that reads and commands through the line turns away from walls, twice with the same bits."""
-    if not os.path.exists("/usr/include/enki/PhysicalEngine.h") or shutil.which("g++") is None:
-        pytest.skip("Enki is not installed here: apt install libenki-dev g++")
-    made = [_avoided() for _ in range(2)]
-    assert made[0].proximity.tobytes() == made[1].proximity.tobytes()
-    assert made[0].proximity[:, :5].max() > 2000  # it came near a wall
-    assert (made[0].commands[:, 0] < 0).any()  # and turned away
-    assert (made[0].proximity[-30:, :5].min(axis=0) < 4400).all()  # and is not stuck there
-
-
-def _avoided() -> Recording:
-    class Avoider(Steady):
-        def decide(self, inputs: Sequence[int]) -> Command:
-            near = max(inputs[:3]) - max(inputs[2:5])
-            if max(inputs[:5]) > 2000:
-                return Command(left=200, right=-200) if near >= 0 else Command(left=-200, right=200)
-            return Command(left=200, right=200)
-
-    with closing(EnkiBody("thymio2", 1)) as enki:
-        enki.enter({"size_cm": [60.0, 60.0]}, 5, Pose(x=30, y=30, heading=0.3))
-        node = Node()
-
-        def live(left: int, right: int) -> None:
-            enki.act(Command(left=left, right=right))
-            enki.clock.sleep_until(node.now())
-            node.set("prox.horizontal", *enki.sense().proximity.clip(0, 4500).astype(int))
-
-        node.moves = live
-        with at_a_node(node) as body:
-            return drive(
-                body,
-                Avoider(0, 0),
-                seconds=20,
-                inputs=lambda readings: readings.proximity.astype(int).tolist(),
-            )
-
-
-def test_a_thymio_sees_a_wall_come_nearer(simulator: str) -> None:
-    """In Aseba's simulator it drives ahead until its five front sensors saturate; most readings are new."""
-    with closing(opened(simulator)) as body:
-        made = drive(body, Steady(300, 300), seconds=2.5, inputs=nothing)
-    front = made.proximity[:, :5].sum(axis=1)
-    assert front[-1] > 10_000 > 3_000 > front[0] and (made.proximity[:, 5:] == 0).all()
-    assert made.missed_steps < len(made.t) / 2
 
 
 CHILD = """
@@ -282,13 +181,3 @@ def _targets_after(place: str, number: signal.Signals) -> dict[str, list[int]] |
     time.sleep(0.5)
     with closing(AsebaLine(port(place), place, RealClock())) as line:
         return line.fetch(("motor.left.target", "motor.right.target"), line.clock.now() + 1.0)
-
-
-def test_robot_check_knows_a_thymio(simulator: str) -> None:
-    """`robot check` shows its seven sensors, its firmware and its loop."""
-    words = ["robot", "check", "--robot", f"thymio:{simulator}", "--seconds", "1", "--json"]
-    made = subprocess.run(
-        [sys.executable, "-m", "realitygap", *words], capture_output=True, text=True, check=True
-    )
-    facts = json.loads(made.stdout)
-    assert len(facts["proximity"]) == 7 and facts["fwversion"] == [11, 0] and facts["counters"] is None

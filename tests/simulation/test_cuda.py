@@ -11,7 +11,6 @@ import os
 import re
 import subprocess
 import sys
-import warnings
 from dataclasses import replace
 from textwrap import dedent
 from threading import Thread
@@ -33,7 +32,6 @@ from realitygap.tasks import load_task
 from realitygap.testing import EngineContract
 from realitygap.world.robot import load_profile
 from realitygap.world.sensors import LookUp
-from tests.kernels import calls
 from tests.study.helpers import content, small
 
 if importlib.util.find_spec("numba_cuda") is None:
@@ -146,57 +144,6 @@ def test_a_large_batch_is_carried_out_in_parts(monkeypatch):
 
 
 @HERE
-@pytest.mark.parametrize("way", ["scores", "tracks"])
-def test_too_little_memory_is_told(monkeypatch, way):
-    """Whatever the driver calls it; other failures stay what they are."""
-    task = load_task("avoidance").of(PAPER)
-    made, nets = Simulation(task, PAPER, engine="cuda"), Genotype.braitenberg(task.feeds).networks()
-
-    def fail(*_given: Any) -> None:
-        raise RuntimeError(why)
-
-    monkeypatch.setattr(engine, "_launch", fail)
-    for why, error in (
-        ("[2] Call to cuLaunchKernel results in CUDA_ERROR_OUT_OF_MEMORY", UsageError),
-        ("", RuntimeError),
-    ):
-        with pytest.raises(error, match="with memory for 2 GB of trials" if why else "^$"):
-            getattr(made, way)(nets, batch_streams(1, 2)[np.newaxis])
-
-
-@HERE
-def test_network_and_random_numbers_have_the_processors_bits():
-    """Integer updates, and bits, shares and whole numbers drawn of a stream."""
-    kernel, given = exact_parts()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a small launch, and of arrays that are not there yet
-        cuda.jit(kernel)[1, 1](given)
-    nets, work, inputs, *expected = exact_parts()[1]
-    calls.drive(nets, 0, inputs, work, expected[0])
-    calls.draw(np.uint64(1995), np.int64(1000), *expected[1:])
-    assert expected[0].any()
-    assert all(np.array_equal(one, other) for one, other in zip(given[3:], expected, strict=True))
-
-
-def exact_parts() -> tuple[Any, tuple[Any, ...]]:
-    """A kernel of the integer network and the random numbers, and what it is given."""
-    draw, drive = engine.device(calls.draw), engine.device(calls.drive)
-
-    def both(given: Any) -> None:
-        nets, work, inputs, commands, raw, uniforms, whole = given
-        if cuda.grid(1) == 0:
-            drive(nets, 0, inputs, work, commands)
-            draw(np.uint64(1995), np.int64(1000), raw, uniforms, whole)
-
-    task = load_task("obstacle-avoidance").of(PAPER)
-    nets = Genotype.braitenberg(task.feeds).networks()
-    work = new_scratch(PAPER.to_kernel(), task.to_kernel(PAPER), nets)
-    inputs = np.random.default_rng(5).integers(-10, 11, (100, 8)).astype(np.int64)
-    drawn = np.zeros(100, np.uint64), np.zeros(100), np.zeros(100, np.int64)
-    return both, (nets, work, inputs, np.zeros((100, 2), np.int64), *drawn)
-
-
-@HERE
 @pytest.mark.skipif(not engine.SIMULATED, reason="on a GPU other scores may lead elsewhere")
 def test_runs_side_by_side_are_the_study_of_the_cores(tmp_path):
     """Every table, genotype and checkpoint of six runs, one of which goes on from a checkpoint."""
@@ -235,14 +182,6 @@ def test_without_a_gpu_one_message_says_the_cure(monkeypatch, tmp_path):
     monkeypatch.setattr(cuda, "cuda_error", lambda: None, raising=False)
     with pytest.raises(UsageError, match=r"expected NVIDIA's compiler NVVM.*pip install"):
         Simulation("obstacle-avoidance", PAPER, engine="cuda")
-
-
-@pytest.mark.skipif(engine.SIMULATED, reason="the simulator needs less of NumPy")
-def test_a_numpy_that_is_too_new_is_named(monkeypatch):
-    """numba-cuda ends in an AttributeError with it."""
-    monkeypatch.setattr(np, "__version__", "2.5.2")
-    with pytest.raises(UsageError, match=r"expected NumPy before 2\.5\.0, found 2\.5\.2.*pip install"):
-        engine.require_gpu()
 
 
 @pytest.mark.skipif(cuda.is_available(), reason="there is a GPU, or it is simulated")
@@ -292,5 +231,5 @@ def test_trials_compile_for_a_gpu(monkeypatch, compiler, name):
     batch = engine.Batch(np.zeros(64, np.int64), np.zeros(64, np.uint64), paths, np.zeros((64, 2)))
     trial = compiler(engine.trials().py_func, made.simulation.world, nets, NO_RECORD, work, batch)
     score = compiler(engine.scoring(made.simulation.score.compiled).py_func, made.simulation.room, batch)
-    for text in (trial, score, compiler(*exact_parts())):
+    for text in (trial, score):
         assert ".entry" in text and "NRT_" not in text and "malloc" not in text

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import realitygap
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.types import Networks, Path
 from realitygap.simulation.simulation import Simulation
@@ -91,25 +90,3 @@ def test_a_score_that_stops_in_a_batch_is_told_by_its_line(tmp_path):
     networks = EngineContract()._networks()
     with pytest.raises(TaskError, match=r"touchy.py, line 9: the score fails with IndexError"):
         simulation.scores(networks, np.arange(10, dtype=np.uint64).reshape(5, 2))
-
-
-@pytest.mark.parametrize("engine", [None, 3, ["cores"]])
-def test_what_makes_no_engine_is_refused(engine):
-    """By name, or with what makes one."""
-    with pytest.raises(UsageError, match=r"^engine: expected cores or cuda, got"):
-        Simulation("light", "paper", engine=engine)
-
-
-def test_no_trials_have_no_tracks():
-    """As they have no scores: each array is [N, 0, steps]."""
-    simulation = Simulation("light", "paper")
-    networks = realitygap.Genotype.constant(5, 5).networks()
-    none = np.zeros((1, 0), np.uint64)
-    assert simulation.scores(networks, none).shape == (1, 0)
-    assert simulation.tracks(networks, none).x.shape == (1, 0, simulation.task.steps_of(simulation.profile))
-
-
-def test_an_engine_without_its_methods_is_refused():
-    """At once, with what it lacks, and not when a trial is asked for."""
-    with pytest.raises(UsageError, match=r"^engine: got NoneType, which has no scores, tracks, compile"):
-        Simulation("avoidance", "paper", engine=lambda task, profile, noise: None)

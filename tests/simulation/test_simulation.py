@@ -18,18 +18,11 @@ from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.values import Pose
-from realitygap.world.arena import Arena, Cylinder
 from realitygap.world.robot import load_profile
-from tests.kernels.reference import sensors as reference
-from tests.kernels.scenes import COUNTS, random_pose, random_profile
 
 PAPER = load_profile("paper")
 AVOIDANCE, SEEKING = load_task("avoidance"), load_task("light")
 TASKS = pytest.mark.parametrize("task", [AVOIDANCE, SEEKING], ids=["avoidance", "light"])
-HALL = Arena(
-    name="hall", size_cm=(200, 80), walls=((100, 0, 100, 30),),
-    cylinders=(Cylinder(x_cm=60, y_cm=40, radius_cm=5),),
-)  # fmt: skip
 
 
 RANDOM = Variation(start_neurons=0.2)
@@ -89,36 +82,6 @@ def test_unfed_sensors_read_too():
     assert trajectory.proximity[0].max() > 100 and trajectory.ambient[0].min() < 60
 
 
-@TASKS
-def test_probe_without_noise_is_the_model(task):
-    """At zero noise a probe gives the reference's readings, unrounded, at any pose and repeatedly."""
-    random = np.random.default_rng(31)
-    for _ in range(10):
-        x, y, heading = random_pose(random, task.arena)
-        simulation = Simulation(task, PAPER, "zero")
-        proximity, ambient = simulation.probe(Pose(x=x, y=y, heading=heading), repeat=3)
-        pose = (x, y, heading)
-        for t in range(3):
-            np.testing.assert_allclose(
-                proximity[t], reference.proximity(PAPER, task.arena, pose), rtol=0, atol=COUNTS
-            )
-            np.testing.assert_allclose(
-                ambient[t], reference.ambient(PAPER, task.arena, pose), rtol=0, atol=COUNTS
-            )
-    assert (np.concatenate([proximity, ambient], axis=1) % 1 != 0).any() or task is AVOIDANCE
-
-
-def test_probe_with_noise():
-    """With noise a probe gives whole counts, other ones each time, the same for the same stream."""
-    simulation = Simulation(AVOIDANCE, PAPER, "observed")
-    pose = Pose(x=5, y=25, heading=math.pi)
-    one, other = (simulation.probe(pose, stream=s, repeat=4) for s in (1, 2))
-    again = simulation.probe(pose, stream=1, repeat=2)
-    for a, b, c in zip(one, other, again, strict=True):
-        assert (a == np.round(a)).all() and (a != b).any() and (a[0] != a[1]).any()
-        assert (c == a[:2]).all(), "the first readings do not depend on how many follow"
-
-
 @pytest.mark.parametrize(
     ("pose", "words"),
     [
@@ -140,14 +103,6 @@ def test_poses_in_obstacles_are_refused(pose, words):
         simulation.trajectory(networks(1)[1], stream=0, pose=at)
     with pytest.raises(UsageError, match=words):
         simulation.probe(at)
-
-
-def test_a_pose_in_contact_is_free():
-    """Touching is not overlapping: where a robot stopped at a wall it can be set down again."""
-    simulation = Simulation(AVOIDANCE, PAPER, 0)
-    nets = Genotype.constant(10, 10).networks()
-    end = simulation.trajectory(nets, stream=5)[0].end
-    assert simulation.trajectory(nets, stream=5, pose=end)[0].contact[5]
 
 
 def one_over_contact(path, room):
@@ -181,84 +136,12 @@ def test_seconds():
             simulation.trajectory(nets, stream=9, seconds=wrong)
 
 
-def test_another_arena():
-    """Another arena takes the place of the task's: its walls, cylinders and lamps."""
-    simulation = Simulation(AVOIDANCE, PAPER, 0, arena=HALL)
-    proximity, _ = simulation.probe(Pose(x=100 - 2.9 - 0.5, y=20, heading=0.0))
-    assert proximity[0, 2] > 500
-    end = simulation.trajectory(
-        Genotype.constant(10, 10).networks(), stream=0, pose=Pose(x=100 - 20, y=20, heading=0.0)
-    )[0].end
-    assert end.x == pytest.approx(100 - 2.9)
-    with pytest.raises(UsageError, match="start"):
-        blocked = replace(HALL, cylinders=(Cylinder(x_cm=25, y_cm=25, radius_cm=5),))
-        Simulation(AVOIDANCE, PAPER, 0, arena=blocked)
-
-
-def test_other_robots():
-    """Robots with other sensors, and tasks that feed other numbers of them, simulate as well."""
-    random = np.random.default_rng(32)
-    for _ in range(6):
-        profile = random_profile(random)
-        for task, part in ((AVOIDANCE, profile.infrared), (SEEKING, profile.ambient)):
-            sensors = tuple(range(len(part.sensors)))
-            size = Variation(inputs=len(sensors), slots=len(sensors) + 10)
-            simulation = Simulation(replace(task, sensors=sensors, seconds=2.0), profile, 1)
-            trajectory, score = simulation.trajectory(networks(1, size)[1], stream=1)
-            assert trajectory.proximity.shape == (20, len(profile.infrared.sensors))
-            assert trajectory.ambient.shape == (20, len(profile.ambient.sensors))
-            assert trajectory.inputs.shape == (20, len(sensors)) and math.isfinite(score)
-    with pytest.raises(TaskError, match="sensors"):
-        Simulation(replace(AVOIDANCE, sensors=(0, 8)), PAPER, 1).compile()
-
-
-def test_sensors_in_the_tasks_order():
-    """Input i is fed by sensor sensors[i], twice if the task says so."""
-    task = replace(AVOIDANCE, sensors=(7, 2, 2))
-    pose = Pose(x=50 - 2.45 - 3.5, y=25, heading=0.0)
-    nets = networks(1, Variation(inputs=3))[1]
-    trajectory, _ = Simulation(task, PAPER, 0).trajectory(nets, stream=0, pose=pose, seconds=0.1)
-    low, front, same = trajectory.inputs[0]
-    assert low == -10 and front == same > -10
-
-
-@pytest.mark.parametrize(("noise", "wheel"), [(5.0, 0.058), (10.0, 0.058), (10.0, 1.0)])
-def test_absurd_noise_stays_in_the_room(noise, wheel):
-    """Any noise that is taken gives finite paths that stay in the room, also where speeds run away."""
-    profile = replace(PAPER, noise=replace(PAPER.noise, wheel=wheel))
-    simulation = Simulation(AVOIDANCE, profile, noise)
-    for stream in range(20):
-        trajectory, score = simulation.trajectory(Genotype.constant(8, 8).networks(), stream=stream)
-        assert math.isfinite(score)
-        fastest = np.abs(trajectory.wheels).max()
-        assert fastest == pytest.approx(127) if wheel == 1.0 else fastest < 127
-        assert ((trajectory.x >= 2.9 - 1e-6) & (trajectory.x <= 47.1 + 1e-6)).all()
-        assert ((trajectory.y >= 2.9 - 1e-6) & (trajectory.y <= 47.1 + 1e-6)).all()
-
-
-def test_compile_makes_ready():
-    """After `compile` the first scores take no longer than the next ones."""
-    simulation = Simulation(SEEKING, PAPER, 1)
-    simulation.compile()
-    assert simulation.scores(networks(2)[1], np.zeros((2, 2), np.uint64)).shape == (2, 2)
-
-
 def test_nothing_of_it_can_change():
     """Trials go on with what was compiled, so an assignment would be ignored."""
     simulation = Simulation(AVOIDANCE, PAPER, 0)
     for name in ("noise", "profile", "task", "engine"):
         with pytest.raises(UsageError, match=rf"simulation\.{name}: it cannot change"):
             setattr(simulation, name, getattr(simulation, name))
-
-
-def test_threads_share_one():
-    """Each has scratch of its own."""
-    simulation, found = Simulation(AVOIDANCE, PAPER, 1), networks(4)[1]
-    streams = np.arange(4 * 64, dtype=np.uint64).reshape(4, 64)
-    expected = simulation.scores(found, streams)
-    with ThreadPoolExecutor(4) as pool:
-        for scores in pool.map(lambda _: simulation.scores(found, streams), range(8)):
-            assert (scores == expected).all()
 
 
 def test_threads_leave_no_scratch_behind():

@@ -64,12 +64,6 @@ def test_a_body_draws_its_constants_with_each_reset():
     assert tracks[0] == tracks[2] != tracks[1]
 
 
-def test_a_spread_that_is_none_is_refused():
-    """One message, with what was expected."""
-    with pytest.raises(ConfigError, match=r"spread: expected a share from 0 to 0.9, got 2"):
-        Condition(task="avoidance", spread=2)
-
-
 def test_the_wheels_may_have_a_share_of_their_own():
     """Sensors are drawn as without it, wheels and track within theirs; names and files tell it."""
     robot = load_profile("paper").to_kernel()

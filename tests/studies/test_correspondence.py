@@ -44,13 +44,6 @@ def test_run_makes_what_the_package_ships(tmp_path):
     assert (tmp_path / "scales.json").read_text().startswith("{")
 
 
-def test_analyse_prints_a_part():
-    """A part alone, at a small size, is a section of Markdown."""
-    script = [sys.executable, STUDY / "analyse.py", "names", "--runs", "1"]
-    told = subprocess.run(script, capture_output=True, text=True, check=True).stdout
-    assert "## Names of exemplars that were held out" in told and "| light-seeking | 2 |" in told
-
-
 @pytest.mark.parametrize(
     ("task", "kind", "what"),
     [(AVOIDANCE, "wall follower", "gain"), ("light-seeking", "bobber", "noise")],

@@ -80,17 +80,6 @@ def test_the_thirty_five_verdicts_are_those_published(analyse: ModuleType, arms:
     assert len(README.splitlines()) <= 120
 
 
-def test_headlines_name_what_contradicts_claims_that_were_not_found(
-    analyse: ModuleType, arms: list[Any]
-) -> None:
-    """(b) by means is absent, but not with the fittest; (d) is open, and has a sign that turns."""
-    told = {(c["key"], c["by"]): analyse.headline(arms, c) for c in analyse.CLAIMS}
-    assert "half a point not excluded: E fittest individual against 0 by +0.25" in told["b", "means"]
-    assert "T fittest individual against 0 by −0.31" in told["b", "means"]
-    assert told["d", "slopes"].startswith("open; of another sign: T ")
-    assert "not found: E without jitter against 2" in told["c", "ranks"]
-
-
 def test_the_plan_is_as_it_became_binding() -> None:
     """Only the addresses of its links may differ; claims and arms say what they said."""
     text = PLAN[PLAN.index(f"\n\n{BINDING}") + 2 :]
@@ -134,44 +123,3 @@ def test_own_statistics_are_the_libraries_in_one_stratum(analyse: ModuleType) ->
     failed = [[(g < 6).sum(), (g >= 6).sum()] for g in (x, y)]
     exact = stats.chi2_contingency(np.array(failed), correction=True).pvalue
     assert tests.by_failures([(x, y)]).p == pytest.approx(exact, rel=0.05)
-
-
-def test_strata_with_nothing_to_tell_have_no_p(analyse: ModuleType) -> None:
-    """Without failures, or with as many on either side, p is 1."""
-    tests = analyse.lt
-    for x, y in (([9.0, 9.5], [9.0, 9.5]), ([5.0, 9.0], [4.0, 9.0])):
-        assert tests.by_failures([(np.array(x), np.array(y))] * 2).p == 1.0
-    same = np.full(3, 9.0)
-    assert tests.by_ranks([(same, same)]).p == tests.by_signed_ranks(same, same).p == 1.0
-
-
-def test_peaks_are_the_tops_of_parabolas(analyse: ModuleType) -> None:
-    """Over the level's root; at an end, the end."""
-    levels = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
-    root = np.sqrt(levels)
-    curves = np.stack([-((root - top) ** 2) for top in (0.9, 1.2, -1.0, 3.0)])
-    assert analyse.lt.tops(levels, curves) == pytest.approx([0.81, 1.44, 0.0, 4.0])
-
-
-def test_figures_state_the_tables_model_errors(analyse: ModuleType, arms: list[Any]) -> None:
-    """The levels figure's panels have the median errors; arm E that of its units in E5."""
-    figures = sys.modules.get("level_figures") or _load("level_figures")
-    for arm in arms:
-        errors = arm.calibration.query("channel == 'infrared'")["ratio"]
-        if arm.name != "E":
-            assert figures.MODEL_ERROR[arm.name] == round(float(errors.median()), 2)
-    assert figures.MODEL_ERROR["E"] == figures.MODEL_ERROR["E5"]
-    forms = [error for channel, _, error in analyse.REAL if channel == "proximity"]
-    assert "{:.2f} to {:.2f}".format(*forms) == figures.REAL
-
-
-def test_power_is_that_of_the_plans_arms() -> None:
-    """Its designs are the arms', and its tables have the plan's rows."""
-    power = _load("power")
-    design = tomllib.loads((STUDY / "arms.toml").read_text("utf-8"))["arm"]
-    for name, (tasks, runs, _) in power.ARMS.items():
-        stated = dict(zip(design[name]["levels"], design[name]["runs"], strict=True))
-        assert (tasks, runs) == (len(design[name]["tasks"]), stated)
-    made = power.tables(20)
-    for head in ("| arm | what is worse", "| arm | true correlation"):
-        assert [row[:2] for row in _rows(made + "\n\n", head)] == [row[:2] for row in _rows(PLAN, head)]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from realitygap.control.genotype import Genotype
-from realitygap.errors import ConfigError, StudyError, StudyInterruptedError, TaskError, UsageError
+from realitygap.errors import ConfigError, StudyError, StudyInterruptedError, TaskError
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import TRIALS
@@ -225,13 +225,6 @@ def test_progress_is_told(folder):
     assert [e.done for e in events] == sorted(e.done for e in events)
     last = events[-1]
     assert (last.done, last.runs_done, last.runs_total) == (180, 2, 2) and last.evaluations_per_second > 0
-
-
-def test_progress_to_nobody_begins_nothing(folder):
-    """What cannot be called is refused, and a corrected call finds the folder free."""
-    with pytest.raises(UsageError, match=r"on_progress: expected a function of one event, got 3\. Give one"):
-        run_study(folder, small(), workers=1, on_progress=3)
-    assert not folder.exists()
 
 
 def test_ctrl_c_keeps_what_was_saved(finished, folder):

@@ -10,8 +10,6 @@ import pytest
 
 from realitygap.control.genotype import Genotype
 from realitygap.errors import TaskError
-from realitygap.report.network import network_drawing
-from realitygap.report.player import _sensors
 from realitygap.robots.drive import drive
 from realitygap.simulation.body import SimulatedBody, network_inputs
 from realitygap.simulation.simulation import Simulation
@@ -72,13 +70,3 @@ def test_the_twin_feeds_both(task):
     rows = fed(made, task.feeds)
     assert rows.shape[1] == 16 and made.ambient.any()
     assert made.inputs.tolist() == [PAPER.inputs(row.tolist(), task.feeds, task.sensors) for row in rows]
-
-
-def test_pictures_show_each_sensor_once(task):
-    """The player knows sixteen sensors, each with its own scale; no two of the network's inputs overlap."""
-    shown = _sensors(task, PAPER)["each"]
-    assert [one["petals"] for one in shown] == [False] * 8 + [True] * 8
-    drawing, _ = network_drawing(genotype_for(task), task, PAPER)
-    inputs = [n for n in drawing["neurons"] if n["kind"] == "input"]
-    gaps = [np.hypot(a["x"] - b["x"], a["y"] - b["y"]) for i, a in enumerate(inputs) for b in inputs[i + 1 :]]
-    assert len(inputs) == 12 and min(gaps) > 1.5 * inputs[0]["r"]

@@ -1,14 +1,11 @@
 """Tasks as values: the paper's two, what the kernels get, names, and every refusal."""
 
-import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from realitygap.errors import TaskError
 from realitygap.tasks import TASKS, Start, Task, load_task
-from realitygap.world.arena import Cylinder, load_arena
 from realitygap.world.robot import load_profile
 from realitygap.world.sensors import UNLIT
 
@@ -26,17 +23,6 @@ def test_the_papers_tasks():
     assert {(task.seconds, task.steps, task.trials) for task in tasks} == {(20.0, 200, 2)}
     assert all(task.of(load_profile("paper")).sensors == tuple(range(8)) for task in tasks)
     assert all(task.source is None for task in tasks)
-
-
-def test_kernel_values(avoidance):
-    """Headings become radians, sensors int64, the feed an index."""
-    trial = avoidance.to_kernel(load_profile("paper"))
-    assert (trial.steps, trial.feed) == (200, 0)
-    assert trial.channels.dtype == np.int64 and trial.channels.tolist() == list(range(8))
-    np.testing.assert_array_equal(trial.start, [25, 25, 3, 0, 2 * math.pi])
-    room = load_task("light").room(load_profile("paper"))
-    assert room.top_speed == 8.0 and room.radius == 2.9
-    np.testing.assert_array_equal(room.lamps, [[110, 35]])
 
 
 @pytest.mark.parametrize("word", ["light-seeking", "Light Seeking", "light_seeking", "light", "SEEKING"])
@@ -57,20 +43,12 @@ def test_unknown_task():
     ("change", "told"),
     [
         ({"name": "My task"}, "name: expected lower-case letters"),
-        ({"name": None}, "name: expected lower-case letters"),
         ({"seconds": 0.25}, r"seconds: expected a multiple of 0\.1 from 0\.1 to 100000, got 0\.25"),
-        ({"seconds": 0}, "seconds: expected a multiple"),
-        ({"seconds": math.nan}, "seconds: expected a number, got nan"),
         ({"trials": 0}, "trials: expected a whole number, 1 or more, got 0"),
-        ({"trials": 1.5}, "trials: expected a whole number"),
         ({"feeds": "sound"}, "feeds: expected 'proximity' or 'ambient' or 'proximity.ambient', got 'sound'"),
         ({"sensors": range(17)}, "sensors: expected at most 16 sensors"),
-        ({"sensors": (0, -1)}, "sensors: expected whole numbers"),
         ({"sensors": 8}, "sensors: expected a tuple of numbers, got 8"),
-        ({"fitness_scale": 0}, "fitness_scale: expected more than 0"),
-        ({"score": 3}, "score: expected a function, got 3"),
         ({"arena": "moon"}, "unknown arena 'moon'"),
-        ({"start": (1, 2)}, "start: expected a Start"),
         (
             {"start": Start(x_cm=15, y_cm=15)},
             r"start: expected a free place .* overlaps the cylinder at \(15, 15\)",
@@ -102,11 +80,3 @@ def test_a_robot_must_suit_the_task(avoidance):
     large = replace(paper, body=replace(paper.body, radius_cm=8))
     with pytest.raises(TaskError, match=r"start: a robot of radius 8 cm .* may overlap the cylinder"):
         avoidance.to_kernel(large)
-
-
-def test_another_arena_is_checked_again(avoidance):
-    """A task moved to an arena whose cylinder stands on its start is refused."""
-    arena = load_arena("obstacle-avoidance")
-    blocked = replace(arena, cylinders=(Cylinder(x_cm=25, y_cm=25, radius_cm=2),))
-    with pytest.raises(TaskError, match="start"):
-        replace(avoidance, arena=blocked)

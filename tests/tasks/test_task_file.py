@@ -11,8 +11,7 @@ import pytest
 
 from realitygap.errors import TaskError
 from realitygap.tasks import copy_task, load_task
-from realitygap.tasks import score as trying
-from realitygap.tasks.score import CompiledScore, example
+from realitygap.tasks.score import example
 from realitygap.world.arena import load_arena
 from realitygap.world.robot import load_profile
 
@@ -133,18 +132,6 @@ def test_a_score_that_cannot_be_compiled(mine, body, told):
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_are_not_there(tmp_path):
-    """A missing file, a folder and a file of another kind are refused by path."""
-    with pytest.raises(TaskError, match=r"gone\.py: no such file"):
-        load_task(tmp_path / "gone.py")
-    other = tmp_path / "task.txt"
-    other.write_text("")
-    with pytest.raises(TaskError, match="expected a Python file"):
-        load_task(other)
-    with pytest.raises(TaskError, match="unknown task"):
-        load_task(tmp_path)
-
-
 def test_the_example_task():
     """The example follows walls in its own arena: near a wall and free counts, elsewhere does not."""
     task, paper = load_task(EXAMPLES / "follow_the_wall.py"), load_profile("paper")
@@ -182,12 +169,6 @@ def test_a_copied_task_finds_its_arena(mine, tmp_path):
     far = load_task(mine(HEAD + SCORE + TAIL.replace("'light-seeking'", "'../far.toml'")))
     with pytest.raises(TaskError, match=r"arena: expected a file in the task file's own folder"):
         copy_task(far, tmp_path / "study")
-
-
-def test_the_example_robot():
-    """The example robot has six proximity and two light sensors."""
-    robot = load_profile(EXAMPLES / "hexagon.toml").to_kernel()
-    assert robot.proximity.place.shape == (6, 2) and robot.ambient.place.shape == (2, 2)
 
 
 @pytest.mark.parametrize(
@@ -239,24 +220,6 @@ def test_a_score_that_suits_its_task_is_taken(mine, body):
     """What is right at the task's own length and in its own room is no fault, nor is a bad value."""
     head = "import math; import numpy as np\n"
     load_task(mine(head + f"def score(path, room):\n{body}\n" + HEAD + TAIL)).compiled_score()
-
-
-def test_a_score_without_end_can_be_stopped(monkeypatch):
-    """Plain Python goes first: Ctrl-C reaches a score that never ends there, but not in compiled code."""
-    asked = []
-
-    def plain(path, room):
-        asked.append("plain")
-        raise KeyboardInterrupt  # as Ctrl-C does
-
-    def compiled(path, room):
-        asked.append("compiled")
-        return 0.0
-
-    monkeypatch.setattr(trying, "compile_score", lambda score: CompiledScore(score, compiled))
-    with pytest.raises(KeyboardInterrupt):
-        trying.tried(plain, load_arena("light-seeking"), 10)
-    assert asked == ["plain"]
 
 
 @compiler

@@ -50,22 +50,6 @@ def test_avoidance_by_hand(left, right, expected):
     assert score(path([left] * 200, [right] * 200), room("avoidance")) == pytest.approx(expected)
 
 
-def test_turns_to_both_sides_cancel():
-    """D sums signed differences: turning left then right costs nothing, twice left does."""
-    score, fast, slow = load_task("avoidance").score, [8.0] * 100, [4.0] * 100
-    both = score(path(fast + slow, slow + fast), room("avoidance"))
-    assert both == pytest.approx(0.75)
-    assert score(path(fast + fast, slow + slow), room("avoidance")) == pytest.approx(both / 2)
-
-
-def test_one_full_turn_costs_a_third():
-    """One full turn too many in a trial multiplies F by 0.68."""
-    difference = 2 * math.pi * PAPER.wheels.track_cm / 20
-    score = load_task("avoidance").score
-    turned = score(path([4 + difference / 2] * 200, [4 - difference / 2] * 200), room("avoidance"))
-    assert turned / 0.5 == pytest.approx(0.68, abs=0.005)
-
-
 def test_light_by_hand():
     """F = 1/Σ D², equation 3: standing at the start gives 5.5·10⁻⁷."""
     score = load_task("light").score

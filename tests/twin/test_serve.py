@@ -4,30 +4,20 @@ from __future__ import annotations
 
 import os
 import select
-import socket
 import subprocess
 import sys
 import termios
-import threading
 import time
 from pathlib import Path
 
 import pytest
 
 from realitygap.robots.twin import Twin
-from realitygap.twin.firmware import Firmware
-from realitygap.twin.serve import Server
 from realitygap.values import Command, Pose
 from tests.robots.conftest import ARENA, ROOT, Bench, bench
-from tests.robots.kinematic import KinematicBody
 from tests.served import channel
 
 __all__ = ["bench"]
-
-
-def firmware() -> Firmware:
-    """A robot without physics, switched on."""
-    return Firmware(KinematicBody(ARENA, unit=1, noise=0.0, seed=0), baud=38400, name="twin unit 1")
 
 
 def ask(fd: int, text: str, end: bytes = b"\r\n", seconds: float = 20.0) -> bytes:
@@ -81,50 +71,6 @@ def test_the_channel_refuses_what_it_does_not_know(bench: Bench) -> None:
     assert all(answer.startswith("error") for answer in answers[1:3]) and answers[3] == "ok"
 
 
-def test_what_is_compiled_is_called_before_real_time_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A driver does not wait for a compilation."""
-    called: list[str] = []
-    for name in ("advance", "proximity", "ambient"):
-        monkeypatch.setattr(KinematicBody, name, lambda *_, name=name: called.append(name))
-    Server(firmware())
-    assert called == ["advance", "proximity", "ambient"]
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
-@pytest.mark.parametrize("told", [True, False])
-def test_a_film_on_a_full_disk_is_told_to_whoever_asks(told: bool) -> None:
-    """By the file's name; and the server ends without a traceback, whether anybody asked or not."""
-    with Server(firmware()) as server:
-        assert server._do("film /dev/full") == "ok"
-        if told:
-            assert server._do("film") == "error [Errno 28] No space left on device: '/dev/full'"
-
-
-def test_messages_in_pieces_and_clients_that_read_nothing_hold_up_nobody(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """However the socket hands them on; a client that reads no answers is given up, and others are served."""
-    monkeypatch.setattr("realitygap.twin.serve.ANSWER_S", 0.1)
-    with Server(firmware()) as server, socket.socket(socket.AF_UNIX) as full:
-        ends, end = os.pipe()
-        serving = threading.Thread(target=server.serve, args=(ends,))
-        serving.start()
-        full.connect(server.channel)
-        full.sendall(b"fly\n" * 8000)
-        try:
-            with socket.socket(socket.AF_UNIX) as sock:
-                sock.connect(server.channel)
-                for piece in (b"pla", b"ce 11 12 0", b"\nplace 1"):
-                    sock.sendall(piece)
-                    time.sleep(0.05)
-                assert sock.recv(100) == b"ok\n"
-            assert channel(server, "place 20 20 0") == ["ok"]
-        finally:
-            os.close(end)
-            serving.join()
-            os.close(ends)
-
-
 def test_a_twin_that_enters_again_is_a_fresh_one() -> None:
     """Whatever the one before did: banner, time, counters, place and noise are a new one's, to the bit."""
     rooms: tuple[dict[str, object], ...] = (
@@ -134,10 +80,10 @@ def test_a_twin_that_enters_again_is_a_fresh_one() -> None:
 
     def life(body: Twin, seed: int) -> list[object]:
         body.enter(rooms[seed % 2], seed, Pose(x=20, y=30, heading=1.0))
-        said = [body.driver.banner, list(body.sense().proximity)]
+        said = [body.banner, list(body.sense().proximity)]
         body.act(Command(left=5, right=2))
         body.clock.sleep_until(0.5)
-        return [*said, list(body.sense().proximity), body.driver.counters(), body.clock.now()]
+        return [*said, list(body.sense().proximity), body.read("H"), body.clock.now()]
 
     settings: dict[str, object] = {"unit": 2, "baud": 57600, "noise": 2.0}
     one = Twin(**settings)

@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from realitygap.errors import ConfigError
-from realitygap.robots.address import Address
 from realitygap.twin import stranger
 from realitygap.twin.body import TwinBody
 from realitygap.twin.stranger import StrangerBody, UnmodelledEffects
-from realitygap.values import Pose
 from tests.twin.rooms import ARENAS, CROWDED, OPEN
 
 AVOIDANCE = ARENAS["obstacle-avoidance"]
@@ -51,13 +48,6 @@ def test_a_seed_makes_the_same_stranger() -> None:
     assert first == again
     assert first != seed
     assert first != unit
-
-
-def test_its_floor_stays_the_same() -> None:
-    """What belongs to a place of the floor is the unit's, whatever the seed; the twin's is the trial's."""
-    floors = [StrangerBody(OPEN, unit=u, seed=s)._slip.ground for u, s in ((1, 1), (1, 2), (2, 1))]
-    assert np.array_equal(floors[0], floors[1])
-    assert not np.array_equal(floors[0], floors[2])
 
 
 def test_a_hand_places_it_to_a_millimetre() -> None:
@@ -101,21 +91,3 @@ def test_neighbours_and_the_lamp_shine_into_a_sensor() -> None:
     calm._sensors._odd = UnmodelledEffects(crosstalk=0.3, charge=1.0)
     assert (np.array(calm.proximity()) >= dim).all()
     assert np.array(calm.proximity()).sum() > dim.sum()
-
-
-def test_nobody_states_its_surfaces() -> None:
-    """An arena that states reflectances is refused."""
-    with pytest.raises(ConfigError, match="own secret"):
-        StrangerBody({**OPEN, "reflectance": [0.5]}, unit=1)
-
-
-def test_it_drives_behind_its_line() -> None:
-    """By its address it is a Khepera like the twin: placed, driven and read through the protocol."""
-    body = Address.parse("stranger:2").open()
-    try:
-        body.enter(AVOIDANCE, 7, Pose(x=25.0, y=25.0, heading=0.0))  # type: ignore[attr-defined]
-        body.reset(Pose(x=25.0, y=8.0, heading=0.0))
-        assert len(body.sense().proximity) == 8
-        assert body.facts["robot"] == "stranger (pseudo-reality)"  # type: ignore[attr-defined]
-    finally:
-        body.close()

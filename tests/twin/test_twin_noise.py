@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from realitygap.errors import ConfigError
 from realitygap.twin.body import TwinBody
 from realitygap.twin.noise import AMBIENT_COUNTS, PROXIMITY_COUNTS, Slip
-from tests.twin.rooms import OPEN
 from tests.twin.slow_sensors import SlowNoise
 
 LIT = {"size_cm": [100, 100], "lamps": [[100, 50]]}
@@ -76,19 +74,6 @@ def test_sensors_err_as_the_real_ones(scale: float) -> None:
     assert np.std(light, axis=0).mean() == pytest.approx(AMBIENT_COUNTS * scale, rel=0.15)
 
 
-def test_dark_sensors_jitter_a_little() -> None:
-    """A proximity sensor that sees nothing reads a few counts, never negative; without noise, 0."""
-    body = TwinBody(OPEN, unit=0)
-    rows = []
-    for _ in range(100):
-        body.advance(20)
-        rows.append(body.proximity())
-    assert 1 < np.mean(rows) < 8
-    assert np.min(rows) == 0 and np.max(rows) < 40
-    quiet = TwinBody(OPEN, unit=0, noise=0.0)
-    assert quiet.proximity() == [0] * 8
-
-
 def test_tails_are_heavier_than_normal_and_part_is_slow() -> None:
     """Kurtosis lies well above the normal's 3; neighbouring readings keep about a tenth in common."""
     noise = SlowNoise(seed=11, purpose=1)
@@ -102,19 +87,3 @@ def test_tails_are_heavier_than_normal_and_part_is_slow() -> None:
     far = float((rows[300:] * rows[:-300]).mean())
     assert 0.06 < near < 0.14
     assert abs(far) < 0.04
-
-
-def test_asking_twice_gives_the_same() -> None:
-    """Between two refreshings a sensor keeps its value, however often it is asked."""
-    body = TwinBody(LIT, unit=0)
-    body.advance(100)
-    assert body.proximity() == body.proximity()
-    assert body.ambient() == body.ambient()
-    assert body.analog(2) == body.analog(2)
-
-
-@pytest.mark.parametrize("wrong", [-1, float("nan"), float("inf"), "loud", True, None])
-def test_dial_is_a_number(wrong: object) -> None:
-    """A noise scale that is no number from 0 on is refused in words."""
-    with pytest.raises(ConfigError, match="noise is a number from 0 on"):
-        TwinBody(OPEN, unit=0, noise=wrong)  # type: ignore[arg-type]

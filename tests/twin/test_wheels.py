@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from realitygap.twin.body import TwinBody
-from realitygap.twin.wheels import NUMBERS, PWM_SHARE, Wheel
 from tests.twin.rooms import OPEN
 
 
@@ -60,24 +59,3 @@ def test_pwm_pushes_uncontrolled() -> None:
         speeds.append(body.speeds()[0])
     assert 2 < speeds[0] < speeds[1]
     assert speeds[2] == 0
-
-
-def test_weaker_gains_are_slower() -> None:
-    """Gains matter: with a tenth of them the wheel lags."""
-    ways = []
-    for gains in ((3800, 800, 100), (380, 80, 10)):
-        body = TwinBody(OPEN, unit=1, noise=0.0)
-        body.set_speed_gains(*gains)
-        body.set_speed(10, 10)
-        body.advance(200)
-        ways.append(body.pulses()[0])
-    assert ways[1] < 0.6 * ways[0]
-
-
-def test_commands_are_cut_to_the_range() -> None:
-    """Speeds stay within −127 to 127 pulses in 10 ms, a share of the voltage within −255 to 255."""
-    wheel = Wheel(5.0, np.zeros(NUMBERS))
-    wheel.go(500)
-    assert wheel.error == 127
-    wheel.push(-900)
-    assert wheel._state[PWM_SHARE] == -255

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -18,7 +16,6 @@ import pytest
 
 pytest.importorskip("distributed", reason="needs the extra: pip install 'realitygap[cluster]'")
 
-from realitygap.cli.options import NumberOrPool
 from realitygap.errors import ConfigError, StudyError
 from realitygap.study.runner import run_study
 from realitygap.testing import PoolContract
@@ -156,21 +153,6 @@ def test_what_is_no_cluster_is_refused(address, monkeypatch):
     pool.close()
 
 
-def test_what_listens_but_never_answers_is_no_scheduler(monkeypatch):
-    """A port where something else listens, as a wrong number may be, is refused instead of waited for."""
-    monkeypatch.setattr("realitygap.work.cluster.WAIT_S", 0.5)
-    with socket.create_server(("127.0.0.1", 0)) as mute:
-        port = mute.getsockname()[1]
-        with pytest.raises(ConfigError, match=rf"no Dask scheduler answers .*{port}"):
-            Dask(f"tcp://127.0.0.1:{port}")
-
-
-def test_what_goes_wrong_is_told_once(address):
-    """A lost scheduler is the message's to name: the client, which has a level of its own, logs nothing."""
-    Dask(address).close()
-    assert not logging.getLogger("distributed.client").isEnabledFor(logging.ERROR)
-
-
 class Future:
     """What a scheduler promises: an error or an answer."""
 
@@ -267,14 +249,3 @@ def test_no_wait_for_a_cluster_is_without_end(monkeypatch):
         worked(Client(gone=True))
     with pytest.raises(StudyError, match=r"scheduler no longer answers \(mute for 0\.05 s\)\. .*resume"):
         worked(Client(mute=True))
-
-
-def test_a_cluster_without_workers_is_noted(monkeypatch, capsys):
-    """A command says at once what it waits for, and nothing where there is a worker."""
-    for threads, said in ((1, ""), (0, "note: the Dask scheduler has no worker yet; start some")):
-        pool = object.__new__(Dask)
-        pool._client = Client(threads=threads)
-        monkeypatch.setattr("realitygap.work.cluster.named_pool", lambda _, pool=pool: pool)
-        assert NumberOrPool().convert("dask:tcp://HOST:8786", None, None) is pool
-        told = capsys.readouterr()
-        assert told.err.startswith(said) and bool(told.err) == bool(said) and not told.out

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import pytest
 
 from realitygap.errors import ConfigError
@@ -12,7 +10,7 @@ from realitygap.study.jobs import Job, Workshop
 from realitygap.study.runner import workshop_of
 from realitygap.testing import PoolContract
 from realitygap.work.cluster import named_pool
-from realitygap.work.pool import Counted, Here, Processes, opened
+from realitygap.work.pool import Here, Processes, opened
 from tests.study.helpers import small
 
 
@@ -30,36 +28,6 @@ class TestProcesses(PoolContract):
 
     def opened(self):
         return Processes(2)
-
-
-class TestCounted(PoolContract):
-    """Somebody's, held to its word."""
-
-    def opened(self):
-        return Counted(Here())
-
-
-class Leaky(Here):
-    """A thread waits in it for as long as there is a reference to the pool."""
-
-    def __init__(self):
-        super().__init__()
-        self.executor = ThreadPoolExecutor(1)
-
-    def work(self, setup, jobs, tell):
-        self.executor.submit(int).result()
-        super().work(setup, jobs, tell)
-
-
-def test_a_pool_that_leaves_a_thread_behind_is_found_out():
-    """Though the thread ends with the pool itself, which is kept as a user's script would keep it."""
-
-    class Wrong(PoolContract):
-        def opened(self):
-            return Leaky()
-
-    with pytest.raises(AssertionError):
-        Wrong().test_a_closed_pool_leaves_nothing_behind()
 
 
 def test_a_worker_needs_nothing_but_messages(tmp_path):
@@ -90,10 +58,3 @@ def test_a_pool_by_its_name(tmp_path):
     assert type(named_pool(f"{file}:Mine")).__name__ == "Mine"
     with pytest.raises(ConfigError, match=r"mine.py:Other: expected a pool, with methods work and close"):
         named_pool(f"{file}:Other")
-    file.write_text(
-        "class Mine:\n    def __init__(self, queue): pass\nclass Shut:\n    def __init__(self): {}['no']\n"
-    )
-    with pytest.raises(ConfigError, match=r"mine.py: Mine\(\) fails with TypeError: .* 'queue'"):
-        named_pool(f"{file}:Mine")
-    with pytest.raises(ConfigError, match=r"mine.py, line 4: Shut\(\) fails with KeyError: 'no'"):
-        named_pool(f"{file}:Shut")

@@ -38,7 +38,6 @@ def work():
 """
 NAMED = "Bench, More = (named_object(f'mine.py:{name}', UsageError, name) for name in ('Bench', 'More'))\n"
 ELSEWHERE, HERE = "[10, 11, 12, 13] False\n", "[10, 11, 12, 13] True\n"
-THREAD = "from threading import Thread\nThread(target=work).start()\n"
 DAEMON = (
     "import multiprocessing\n"
     "child = multiprocessing.get_context('fork').Process(target=work, daemon=True)\n"
@@ -61,11 +60,6 @@ def ran(folder: Path, text: str, how: str = "file") -> tuple[str, str]:
 def test_a_script_needs_no_guard(tmp_path: Path, how: str) -> None:
     """It is run once, wherever it stands, and its workers carry out what the user's file defines."""
     assert ran(tmp_path, USE + NAMED + "work()\n", how) == (ELSEWHERE, "")
-
-
-def test_a_thread_may_start_workers(tmp_path: Path) -> None:
-    """Of a script without a guard."""
-    assert ran(tmp_path, USE + NAMED + THREAD) == (ELSEWHERE, "")
 
 
 def test_a_daemonic_process_works_alone(tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from realitygap.errors import ConfigError
 from realitygap.world.arena import Arena, Cylinder, Lamp, load_arena
@@ -44,7 +42,7 @@ def test_kernel_arrays():
 
 
 def test_kernel_arrays_have_one_type():
-    """An empty room's arrays have the types and ranks of a full one's."""
+    """An empty room's arrays have the types and ranks of a full one's: one kernel serves both."""
     empty = replace(ROOM, walls=(), cylinders=(), lamps=()).to_kernel()
     for name, full in ROOM.to_kernel()._asdict().items():
         value = getattr(empty, name)
@@ -73,14 +71,6 @@ def test_what_a_disc_overlaps(x, y, told):
     assert ROOM.obstacle_at(x, y, 2.9) == told
 
 
-@given(st.floats(0, 60), st.floats(0, 40), st.floats(0, 10), st.floats(0, 10))
-def test_a_smaller_disc_fits_where_a_larger_fits(x, y, one, other):
-    """What is free for a disc is free for every smaller one."""
-    small, large = sorted((one, other))
-    if ROOM.obstacle_at(x, y, large) is None:
-        assert ROOM.obstacle_at(x, y, small) is None
-
-
 def test_round_trip(tmp_path):
     """An arena written as TOML reads back equal."""
     for arena in (ROOM, load_arena("obstacle-avoidance"), load_arena("light-seeking")):
@@ -95,35 +85,14 @@ def test_round_trip(tmp_path):
         ({"size_cm": (1.1, 0.7)}, r"size_cm: expected sides of 5 cm or more, got \[1\.1, 0\.7\]"),
         ({"size_cm": 50}, r"size_cm: expected a list in square brackets, got 50"),
         ({"walls": [[0, 0, 70, 0]]}, r"walls\[0\]: expected both ends inside the room \(60 by 40 cm\)"),
-        ({"walls": [[3, 3, 3, 3]]}, r"walls\[0\]: expected two different ends"),
-        ({"walls": [[3, 3, 3]]}, r"walls\[0\]: expected 4 values, got \[3, 3, 3\]"),
-        ({"sliding": -1}, r"sliding: expected 0 or more, got -1\.0"),
         ({"cylinders": [{"x_cm": 3, "y_cm": 20, "radius_cm": 4}]}, r"cylinders\[0\]: expected the whole cyl"),
-        (
-            {"cylinders": [{"x_cm": 99, "y_cm": 20, "radius_cm": 4}]},
-            r"cylinders\[0\]: expected the whole cyl",
-        ),
-        (
-            {"cylinders": [{"x_cm": 9, "y_cm": 20, "radius_cm": -4}]},
-            r"cylinders\[0\]\.radius_cm: expected more",
-        ),
         ({"cylinders": [{"x_cm": 9, "y_cm": 20}]}, r"cylinders\[0\]\.radius_cm: missing"),
         ({"lamps": [{"x_cm": 61, "y_cm": 20}]}, r"lamps\[0\]: expected all five points inside"),
-        (
-            {"lamps": [{"x_cm": 60, "y_cm": 20, "line_deg": 0}]},
-            r"lamps\[0\]: expected all five points inside",
-        ),
-        ({"lamps": [{"x_cm": 9, "y_cm": 9, "weights": [1, 2]}]}, r"lamps\[0\]\.weights: expected 5 values"),
         (
             {"lamps": [{"x_cm": 9, "y_cm": 9, "colour": 1}]},
             r"lamps\[0\]\.colour: unknown key\. Known keys: x_cm",
         ),
-        ({"name": " "}, r"name: expected a name"),
         ({"reflectance": -0.1}, r"reflectance: expected a number from 0 to 10, got -0\.1"),
-        (
-            {"cylinders": [{"x_cm": 45, "y_cm": 20, "radius_cm": 5, "reflectance": 11}]},
-            r"cylinders\[0\]\.reflectance: expected a number from 0 to 10, got 11",
-        ),
     ],
 )
 def test_wrong_values_are_refused_by_key(change, told):

@@ -43,7 +43,6 @@ from realitygap.calibration.recordings import (
 )
 from realitygap.calibration.wheels import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError, ConfigError
-from realitygap.files import must_be
 from realitygap.values import Floats
 from realitygap.work.pool import Pool, Setup, Tell, Workers, one_thread, opened
 from realitygap.world.robot import FittedChannel, Profile, Provenance, SourceFile, load_profile
@@ -147,11 +146,27 @@ def calibrate(
         StudyError: a worker process died repeatedly.
     """
     base = load_profile(base)
-    _refuse(recordings, form, light)
+    if form not in FORMS:
+        raise CalibrationError(f"form: expected {' or '.join(FORMS)}, got {form!r}.")
+    if light is not None and light not in (known := (*LIGHT_FORMS, "measured", "auto")):
+        raise CalibrationError(f"light: expected {' or '.join(known)}, got {light!r}.")
+    if not recordings:
+        raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
+    refuse_twice(recordings)
+    for key in ("unit", "port"):
+        said = {str(r.facts[key]): r.source for r in recordings if key in r.facts}
+        if len(said) > 1:
+            (one, here), (two, there) = list(said.items())[:2]
+            raise CalibrationError(
+                f"recordings of several robots: {here} has {key} {one}, {there} has {key} {two}. Calibrate "
+                f"each robot by itself, or correct {key} in recording.toml if it is the same."
+            )
     recordings = [r.of_robot(base) if isinstance(r, SensorRecording) else r for r in recordings]
     base = as_recorded(recordings, base)
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
+    if len(driven) > 1:
+        raise CalibrationError(f"expected one recording of wheels, got {len(driven)}. Give the best one.")
     infrared_form, light_form, wheel_form = FORMS[form]
     light_form = light or light_form
     total = len(driven) + ticks(near, infrared_form, beside=beside) + ticks(lit, light_form, beside=beside)
@@ -196,22 +211,6 @@ def _told(made: Calibration) -> Calibration:
 
 def _of_kind(recordings: Sequence[Recording], kind: str) -> list[SensorRecording]:
     return [r for r in recordings if isinstance(r, SensorRecording) and r.kind == kind]
-
-
-def _refuse(recordings: Sequence[Recording], form: str, light: str | None) -> None:
-    must_be(recordings, Sequence, "recordings", "Give a list of what load_recording(path) reads.")
-    for one in recordings:
-        must_be(one, SensorRecording | WheelRecording, "recordings", "load_recording(path) reads one.")
-    if form not in FORMS:
-        raise CalibrationError(f"form: expected {' or '.join(FORMS)}, got {form!r}.")
-    if light is not None and light not in (known := (*LIGHT_FORMS, "measured", "auto")):
-        raise CalibrationError(f"light: expected {' or '.join(known)}, got {light!r}.")
-    if not recordings:
-        raise CalibrationError("no recordings: give folders made by `realitygap record`, or .sam tables.")
-    refuse_mixed(recordings)
-    driven = sum(isinstance(r, WheelRecording) for r in recordings)
-    if driven > 1:
-        raise CalibrationError(f"expected one recording of wheels, got {driven}. Give the best one.")
 
 
 def _joined(made: Calibration) -> Profile:
@@ -311,19 +310,6 @@ def refuse_twice(recordings: Sequence[Recording]) -> None:
             by_hash[recording.hash] = recording.source
 
 
-def refuse_mixed(recordings: Sequence[Recording]) -> None:
-    """Refuse recordings of several robots, or one recording given twice."""
-    refuse_twice(recordings)
-    for key in ("unit", "port"):
-        said = {str(r.facts[key]): r.source for r in recordings if key in r.facts}
-        if len(said) > 1:
-            (one, here), (two, there) = list(said.items())[:2]
-            raise CalibrationError(
-                f"recordings of several robots: {here} has {key} {one}, {there} has {key} {two}. Calibrate "
-                f"each robot by itself, or correct {key} in recording.toml if it is the same."
-            )
-
-
 # One kind of sensor
 
 MEASURED, LOOKUP = "measured", "lookup"
@@ -331,8 +317,8 @@ MEASURED, LOOKUP = "measured", "lookup"
 JUDGED = {AUTO: ("extended", MEASURED)}
 """The forms between which `auto` chooses, those with fewer constants first."""
 UNLIT = "no reading held out is neither dark nor saturated: model error over noise is that of all readings"
-FAINT = 1e-4
-"""Light of a room that is none, 1/cm²: that of a white wall at a metre."""
+FAINT = 2e-4
+"""Light of a room that is none, 1/cm²: that of a white wall at 70 cm."""
 OVERFITTED = 1.3
 """Held-out RMSE over fitted RMSE above which a form is reported as overfitted."""
 AS_GOOD = 1.1

@@ -375,35 +375,32 @@ def _read_wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
 def _read_sam(path: Path, object: str | None) -> SensorRecording:
     """A table of the Khepera community: a line `sensors bearings distances first_mm step_mm`; for each
     distance a line `TURN k` and a line of readings for each bearing, clockwise from the front; then `END`."""
-    text = read_text(path, RecordingError, "Give the path of a .sam table.").strip()
-    lines = [line.split() for line in text.splitlines()] or [[]]
+    text = read_text(path, RecordingError, "Give the path of a .sam table.").strip().upper()
+    lines = text.splitlines() or [""]
     try:
-        sensors, bearings, distances = map(int, lines[0][:3])
-        first, step = map(float, lines[0][3:])
-        last = first + step * (distances - 1)
-        likely = sensors == SAM_SENSORS and bearings > 0 and 0 <= first < last <= 10 * FARTHEST_CM
+        words = lines[0].split()
+        (sensors, bearings, distances), (first, step) = map(int, words[:3]), map(float, words[3:])
+        far = first + step * (distances - 1)
+        likely = sensors == SAM_SENSORS and bearings > 0 and 0 <= first < far <= 10 * FARTHEST_CM
     except ValueError:
         likely = False
     if not likely:
         raise RecordingError(
             f"{path}, line 1: expected `sensors bearings distances first_mm step_mm`, as in `8 180 20 5 2`, "
-            f"of 8 sensors and up to {10 * FARTHEST_CM:g} mm, got {' '.join(lines[0])[:40]!r}."
+            f"of 8 sensors and up to {10 * FARTHEST_CM:g} mm, got {lines[0][:40]!r}."
         )
-    rows: list[list[str]] = []
-    for number, words in enumerate(lines[1 : 1 + distances * (bearings + 1)], 2):
-        turn, got = (number - 2) % (bearings + 1) == 0, " ".join(words)[:40]
-        if turn and (len(words) != 2 or words[0].upper() != "TURN"):
-            raise RecordingError(f"{path}, line {number}: expected `TURN`, got {got!r}.")
-        if not turn and not (len(words) == SAM_SENSORS and all(map(_is_count, words))):
-            what = f"{SAM_SENSORS} readings, whole numbers from 0 to {SAM_TOP}"
-            raise RecordingError(f"{path}, line {number}: expected {what}, got {got!r}.")
-        rows += [] if turn else [words]
-    if len(lines) != 2 + distances * (bearings + 1) or [word.upper() for word in lines[-1]] != ["END"]:
+    try:
+        counts = np.array([line.split() for line in lines[1:-1] if "TURN" not in line], float)
+        whole = counts.shape == (distances * bearings, SAM_SENSORS) and lines[-1].strip() == "END"
+        whole &= bool(((counts >= 0) & (counts <= SAM_TOP) & (counts % 1 == 0)).all())
+    except ValueError:
+        whole = False
+    if not whole:
         raise RecordingError(
-            f"{path}, line {len(lines)}: expected {distances * bearings} rows of readings and END, got "
-            f"{len(rows)} and {' '.join(lines[-1])[:40]!r}. Fetch it again."
+            f"{path}: expected {distances * bearings} rows of {SAM_SENSORS} whole numbers from 0 to "
+            f"{SAM_TOP}, as its first line says, TURN before each distance, and END. Fetch it again."
         )
-    counts, distance = np.array(rows, float), (first + step * np.arange(distances)) / 10.0
+    distance = (first + step * np.arange(distances)) / 10.0
     # Light tables were truncated to integers.
     off = np.abs(counts - np.rint(counts / LIGHT_STEP) * LIGHT_STEP)
     light = bool((off < 1.0).all() and len(np.unique(counts)) > 3)
@@ -425,10 +422,6 @@ def _read_sam(path: Path, object: str | None) -> SensorRecording:
         source=str(path), hash=_digest(path.read_bytes()), warnings=guessed,
         notes=f"a .sam table, {distances} distances and {bearings} bearings, one reading each",
     )  # fmt: skip
-
-
-def _is_count(word: str) -> bool:
-    return word.isascii() and word.isdigit() and len(word) <= 4 and int(word) <= SAM_TOP
 
 
 def _read_series(path: Path) -> SensorRecording:

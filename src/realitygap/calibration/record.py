@@ -26,17 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from realitygap.calibration.load import (
-    DRIVE,
-    FACTS,
-    POSE,
-    READINGS,
-    STEP_COLUMNS,
-    STEPS,
-    UNITS,
-    UNKNOWN,
-    WHEEL_COUNTS,
-)
+from realitygap.calibration import load
 from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, camera_places, tasks_of
 from realitygap.calibration.recordings import CHANNELS, HEIGHTS_CM
 from realitygap.errors import BaudError, RecordingError, UsageError
@@ -127,7 +117,7 @@ def record(
     made: list[Result] = []
     with _alone(folder):
         for place in places:
-            if (place / DRIVE).exists() or (not resume and (place / FACTS).exists()):
+            if (place / load.DRIVE).exists() or (not resume and (place / load.FACTS).exists()):
                 cure = "choose another folder, or go on with --resume."
                 raise RecordingError(f"{place}: already holds a recording; {cure}")
         for task, place in zip(tasks, places, strict=True):
@@ -146,11 +136,11 @@ def _record(task: Task, folder: Path, plan: Plan, body: Body, site: Site, report
     stops = {stop.key: stop for stop in task.stops}
     facts = _facts(task, plan, body)
     if task.kind == "wheels":
-        one, table = body.channels[0], STEPS
-        lacks = () if body.counts_turns else WHEEL_COUNTS
-        columns = (*(name for name in STEP_COLUMNS if name not in lacks), *POSE)
+        one, table = body.channels[0], load.STEPS
+        lacks = () if body.counts_turns else load.WHEEL_COUNTS
+        columns = (*(name for name in load.STEP_COLUMNS if name not in lacks), *load.POSE)
     else:
-        one, table = body.channel(CHANNELS[task.kind]), READINGS
+        one, table = body.channel(CHANNELS[task.kind]), load.READINGS
         columns = (*task.key, "repeat", *(f"s{i}" for i in range(one.sensors)))
 
     def rows_of(key: tuple[str, ...]) -> int:
@@ -206,11 +196,11 @@ def _facts(task: Task, plan: Plan, body: Body) -> dict[str, Any]:
     elif plan.marker is not None:
         known["marker"] = plan.marker
     if task.kind == "infrared" and plan.reflectance != 1.0:
-        facts["reflectance"] = plan.reflectance if math.isfinite(plan.reflectance) else UNKNOWN
+        facts["reflectance"] = plan.reflectance if math.isfinite(plan.reflectance) else load.UNKNOWN
     if task.arena is not None:
         heights = (base.body.height_cm, base.ambient.sensor_height_cm) if base else HEIGHTS_CM.values()
         facts |= {"arena": ARENA, **(dict(zip(HEIGHTS_CM, heights, strict=True)) if all(heights) else {})}
-    units = UNITS.format(known.pop("units", "units of the robot's own"))
+    units = load.UNITS.format(known.pop("units", "units of the robot's own"))
     placed_by = "program" if body.places_itself else "person"
     facts |= {"plan": plan.kind, "units": units, "placed_by": placed_by, **known}
     return facts | {
@@ -469,14 +459,14 @@ class Journal:
         self.folder, self.path, self.columns = folder, folder / table, tuple(columns)
         self._key = [self.columns.index(name) for name in key]
         self.done: dict[tuple[str, ...], Sequence[Sequence[str]]] = {}
-        if (folder / FACTS).exists():
+        if (folder / load.FACTS).exists():
             self._check(facts)
             self._take_up(rows)
             return
         folder.mkdir(parents=True, exist_ok=True)
         atomic_write(self.path, ",".join(self.columns) + "\n")
         date = datetime.now().astimezone().isoformat(timespec="seconds")
-        atomic_write(folder / FACTS, to_toml({**facts, "date": date}))
+        atomic_write(folder / load.FACTS, to_toml({**facts, "date": date}))
 
     def add(self, rows: Sequence[Sequence[str]]) -> None:
         """Write all rows of a finished stop."""
@@ -487,7 +477,7 @@ class Journal:
 
     def discard(self) -> None:
         """Remove an empty recording's files, and its folder if nothing else is in it."""
-        for name in (self.path.name, ARENA, FACTS):
+        for name in (self.path.name, ARENA, load.FACTS):
             (self.folder / name).unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             self.folder.rmdir()
@@ -496,12 +486,13 @@ class Journal:
         return tuple(row[i] for i in self._key)
 
     def _check(self, facts: Mapping[str, Any]) -> None:
-        there = read_toml(self.folder / FACTS, RecordingError, "Begin the recording anew, in another folder.")
+        path, cure = self.folder / load.FACTS, "Begin the recording anew, in another folder."
+        there = read_toml(path, RecordingError, cure)
         for name in SAME:
             if there.get(name) != facts.get(name):
                 begun, asked = (repr(said[name]) if name in said else "the usual" for said in (there, facts))
                 raise RecordingError(
-                    f"{self.folder / FACTS}: {name}: this recording was begun with {begun}, not {asked}; "
+                    f"{path}: {name}: this recording was begun with {begun}, not {asked}; "
                     "resume it as it was begun, or choose another folder."
                 )
 

@@ -408,8 +408,26 @@ EXPLAINED = 0.5
 
 def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profile) -> None:
     """Refuse a recording that no robot like the base can have made, using the camera's data."""
-    _refuse_still(recording)
-    _refuse_counters(recording)
+    for w, side in enumerate(SIDES):
+        if not (recording.commands[:, w] != 0).any():
+            raise CalibrationError(f"{recording.source}: the {side} wheel was never told to move.")
+        if np.ptp(recording.counters[:, w]) == 0:
+            raise CalibrationError(f"{recording.source}: counter_{side} never changes: it looks dead.")
+    if recording.counted:
+        within = np.diff(recording.trial) == 0
+        told, pulses = recording.commands[:-1][within], np.diff(recording.counters, axis=0)[within]
+        size = np.linalg.norm(told, axis=0)[:, None] * np.linalg.norm(pulses, axis=0)
+        alike = told.T @ pulses / np.maximum(size, 1e-12)
+        if alike[0, 1] > alike[1, 1] + OTHERS and alike[1, 0] > alike[0, 0] + OTHERS:
+            raise CalibrationError(
+                f"{recording.source}: counter_left follows command_right and counter_right command_left. "
+                "Are columns swapped?"
+            )
+        for w, side in enumerate(SIDES):
+            if alike[w, w] < AGAINST:
+                raise CalibrationError(
+                    f"{recording.source}: counter_{side} runs against command_{side}. Turn its sign round."
+                )
     if odometry is not None:
         _refuse_lengths(recording, odometry, base)
     elif enough_pictures(recording, base.wheels.track_cm):
@@ -418,14 +436,6 @@ def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profi
             "and y_cm in cm, heading_deg in degrees, and commands in units of --base? Without these three "
             "columns counters alone are used."
         )
-
-
-def _refuse_still(recording: WheelRecording) -> None:
-    for w, side in enumerate(SIDES):
-        if not (recording.commands[:, w] != 0).any():
-            raise CalibrationError(f"{recording.source}: the {side} wheel was never told to move.")
-        if np.ptp(recording.counters[:, w]) == 0:
-            raise CalibrationError(f"{recording.source}: counter_{side} never changes: it looks dead.")
 
 
 def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
@@ -438,25 +448,6 @@ def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
             f"{recording.source}: expected {FEWEST_STEPS} steps of {recording.period_s:g} s or more, in a "
             f"trial each, got {known}: {rows}. Record more, or give the robot's period_s in --base."
         )
-
-
-def _refuse_counters(recording: WheelRecording) -> None:
-    if not recording.counted:
-        return
-    within = np.diff(recording.trial) == 0
-    told, pulses = recording.commands[:-1][within], np.diff(recording.counters, axis=0)[within]
-    size = np.linalg.norm(told, axis=0)[:, None] * np.linalg.norm(pulses, axis=0)
-    alike = told.T @ pulses / np.maximum(size, 1e-12)
-    if alike[0, 1] > alike[1, 1] + OTHERS and alike[1, 0] > alike[0, 0] + OTHERS:
-        raise CalibrationError(
-            f"{recording.source}: counter_left follows command_right and counter_right command_left. "
-            "Are columns swapped?"
-        )
-    for w, side in enumerate(SIDES):
-        if alike[w, w] < AGAINST:
-            raise CalibrationError(
-                f"{recording.source}: counter_{side} runs against command_{side}. Turn its sign round."
-            )
 
 
 def _refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile) -> None:

@@ -7,13 +7,11 @@ from realitygap.cli.calibrate import calibrate
 from realitygap.cli.console import Commands
 from realitygap.cli.evolve import evolve, merge, report, reproduce
 from realitygap.cli.experiment import experiment
-from realitygap.cli.record import record
-from realitygap.cli.robot import robot
+from realitygap.cli.robot import record, robot, twin
 from realitygap.cli.simulate import arena, list_shipped, probe, profile, simulate
 from realitygap.cli.study import export, replay, show
 from realitygap.cli.tracks import camera, classify, judge, score
 from realitygap.cli.transfer import drive, transfer
-from realitygap.cli.twin import twin
 
 __all__ = ["main", "realitygap"]
 

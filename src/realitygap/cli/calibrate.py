@@ -25,29 +25,38 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path())
 @click.option(
-    "--form", type=click.Choice(FORMS), default="auto",
+    "--form",
+    type=click.Choice(FORMS),
+    default="auto",
     help="Which constants are free; auto: extended or measured, whichever errs less on places held out.",
-)  # fmt: skip
+)
 @click.option(
     "--light", type=click.Choice(LIGHT_FORMS), help="Form for ambient light [default: that of --form]."
 )
 @click.option(
-    "--object", "objects", multiple=True, metavar="O",
+    "--object",
+    "objects",
+    multiple=True,
+    metavar="O",
     help="What .sam tables show: wall, cylinder:RADIUS_CM or lamp; once for all tables, or once for each.",
-)  # fmt: skip
+)
 @click.option(
-    "--base", metavar="P",
+    "--base",
+    metavar="P",
     help="Profile that supplies what the recordings do not cover; the form paper uses the printed laws "
     "[default: what the recorded robot names, or paper].",
-)  # fmt: skip
+)
 @click.option(
-    "--out", type=options.OutFile(".toml"),
+    "--out",
+    type=options.OutFile(".toml"),
     help="The profile to write; its report is saved beside it.",
-)  # fmt: skip
+)
 @click.option(
-    "--report", "page", type=options.OutFile(".html", ".htm"),
+    "--report",
+    "page",
+    type=options.OutFile(".html", ".htm"),
     help="Where to write the report instead.",
-)  # fmt: skip
+)
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option("--check", is_flag=True, help="Judge a profile (last argument) by the recordings before it.")
 @options.workers
@@ -80,14 +89,13 @@ def calibrate(
         realitygap calibrate --check round.sam robot.toml --object cylinder:2.7
     """
     if check:
-        _refuse_unused()
         _check(recordings, objects, json_output)
         return
     if out is None:
         raise click.UsageError("--out: missing: say where to write the profile, as in --out robot.toml.")
     from realitygap import api
 
-    page = None if no_report else page or _beside(out)
+    page = None if no_report else page or out.with_suffix(".html")
     made = api.calibrate(recordings, base, objects=objects, form=form, light=light, out=out, workers=workers)
     if page is not None:
         from realitygap.report.calibration import write_calibration_page
@@ -98,16 +106,6 @@ def calibrate(
     else:
         _tell(made, out, page)
     warn(made.warnings)
-
-
-def _beside(out: Path) -> Path:
-    """Where the report of a profile goes if nothing is said."""
-    page = out.with_suffix(".html")
-    if page.is_dir():
-        raise click.UsageError(
-            f"--out: {str(page)!r}, where its report would go, is a folder. Name another file with --report."
-        )
-    return page
 
 
 def _facts(made: Calibration) -> dict[str, object]:
@@ -192,17 +190,6 @@ def _tell_alike(alike: tuple[tuple[str, str, float], ...]) -> None:
         click.echo(f"  hard to tell apart: {pairs}{more}")
 
 
-def _refuse_unused() -> None:
-    """Refuse options that belong to a fit where a profile is only judged."""
-    from click.core import ParameterSource
-
-    given = click.get_current_context()
-    for one in given.command.params:
-        used = one.name in ("recordings", "objects", "check", "json_output")
-        if not used and given.get_parameter_source(str(one.name)) is not ParameterSource.DEFAULT:
-            raise click.UsageError(f"{one.opts[0]}: belongs to a fit; --check only judges. Leave it out.")
-
-
 def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
     from realitygap.api import load_recordings
     from realitygap.calibration.calibrate import refuse_twice
@@ -211,11 +198,6 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
 
     if len(words) < 2:
         raise click.UsageError("--check: expected recordings and, as the last argument, a profile.")
-    if _is_recording(words[-1]):
-        raise click.UsageError(
-            f"--check: expected recordings first and a profile as the last argument, got the recording "
-            f"{words[-1]!r} last. Swap them."
-        )
     profile, read = load_profile(words[-1]), load_recordings(words[:-1], objects)
     refuse_twice(read)
     found = [judge(recording, profile) for recording in read]
@@ -227,11 +209,6 @@ def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) 
         for one in found:
             _tell_judgement(one)
     warn(warnings)
-
-
-def _is_recording(word: str) -> bool:
-    path = Path(word)
-    return path.is_dir() or path.name == "recording.toml" or path.suffix.lower() in (".sam", ".csv")
 
 
 def _tell_judgement(one: Judgement) -> None:
@@ -246,8 +223,8 @@ def _tell_judgement(one: Judgement) -> None:
     rows = [[m.sensor, *(shown(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
     click.echo(table(head[:used], rows))
     if isfinite(one.ratio):
-        click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; "
-                   f"{one.within:.0%} of places err by two deviations at most")  # fmt: skip
+        within = f"{one.within:.0%} of places err by two deviations at most"
+        click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; {within}")
         _tell_misplaced(one)
     for channel, (measured, stated) in one.noise.items():
         click.echo(f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}")

@@ -1,25 +1,31 @@
-"""`realitygap robot`: a robot by its address, checked."""
+"""`realitygap robot check`, `twin serve` and `record`: a robot by its address, and the twin as one."""
 
 from __future__ import annotations
 
+import math
 import sys
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from realitygap.cli import options
-from realitygap.cli.console import print_json, table
+from realitygap.cli.console import StoppedError, print_json, table, tell
+from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from realitygap.calibration.plan import Plan
+    from realitygap.calibration.record import Progress, Result
     from realitygap.robots.address import Address
     from realitygap.robots.body import Body, Channel
     from realitygap.robots.drive import Recording
-    from realitygap.values import Readings
+    from realitygap.values import Pose, Readings
+    from realitygap.world.arena import Arena
 
-__all__ = ["robot"]
+__all__ = ["record", "robot", "twin"]
 
 BAR_CHARACTERS = 40
 MOVE_CM_S, MOVE_S = 4.0, 0.5
@@ -59,12 +65,7 @@ def robot() -> None:
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
 @options.as_json
 def check(
-    where: Address,
-    baud: int | None,
-    profile: str,
-    seconds: float,
-    yes: bool,
-    json_output: bool,
+    where: Address, baud: int | None, profile: str, seconds: float, yes: bool, json_output: bool
 ) -> None:
     """Check that a robot works.
 
@@ -76,8 +77,6 @@ def check(
         realitygap robot check --robot serial:/dev/ttyUSB0 --baud 9600
         realitygap robot check --robot my_robot.py:MyRobot --profile my_robot.toml
     """
-    from contextlib import closing
-
     from realitygap.robots.drive import StopOnSignal
     from realitygap.transfer.plan import check_fit
     from realitygap.values import Pose
@@ -114,7 +113,6 @@ def check(
 
 
 def _about(where: Address, body: Body) -> dict[str, Any]:
-
     known = {
         name: fact
         for name, fact in body.description().items()
@@ -199,7 +197,6 @@ def _bars(readings: Readings, channels: Sequence[Channel]) -> Any:
 
 
 def _counters(body: Body) -> tuple[int, int] | None:
-
     body.attend()
     body.sense()
     return body.odometry.counters
@@ -232,7 +229,6 @@ def _agreed(yes: bool, json_output: bool) -> bool:
 
 def _movement(body: Body, units: int) -> dict[str, int | None]:
     """Ahead, look at the counters, back, stand."""
-
     body.attend(body.channels[0].name)
     body.reset()
     steps = max(1, round(MOVE_S / body.period_s))
@@ -241,3 +237,232 @@ def _movement(body: Body, units: int) -> dict[str, int | None]:
     body.attend(body.channels[0].name)
     _drive(body, -units, steps * body.period_s)
     return {"left": left, "right": right}
+
+
+@click.group()
+def twin() -> None:
+    """Serve a physics twin of the Khepera (pseudo-reality).
+
+    \b
+    Example:
+        realitygap twin serve --arena avoidance
+    """
+
+
+@twin.command()
+@click.option(
+    "--arena", "arena_name", required=True, metavar="TASK", help="A task, or an arena's name or TOML file."
+)
+@click.option("--unit", type=click.IntRange(0), default=1, metavar="N", help="Which robot.")
+@options.twin_noise()
+@options.seed(says=" It does not change the unit's constants: those depend on --unit alone.")
+@options.baud("Baud rate set by its jumper.", any_rate=False)
+@options.pose(required=False)
+@options.as_json
+def serve(
+    arena_name: str,
+    unit: int,
+    twin_noise: float | None,
+    seed: int,
+    baud: int,
+    pose: options.Numbers | None,
+    json_output: bool,
+) -> None:
+    """Put a twin on a pseudo-terminal and serve it until Ctrl-C.
+
+    \b
+    Example: a robot that any Khepera program can talk to
+        realitygap twin serve --arena avoidance
+    """
+    import signal
+
+    from realitygap.twin.body import TwinBody
+    from realitygap.twin.firmware import Firmware
+    from realitygap.twin.serve import Server
+    from realitygap.world.robot import load_profile
+
+    arena, start = _arena(arena_name)
+    if pose is not None:
+        start = options.checked_pose(pose, arena, load_profile("paper"))
+    noise = 1.0 if twin_noise is None else twin_noise
+    body = TwinBody(arena.plain(), unit=unit, noise=noise, seed=seed)
+    if start is not None:
+        body.place(start.x, start.y, start.heading)
+    for number in (signal.SIGTERM, signal.SIGHUP):  # its folder is removed however it is ended
+        signal.signal(number, signal.default_int_handler)
+    with Server(Firmware(body, baud=baud, name=f"twin unit {unit}")) as server:
+        facts = {
+            "device": server.device,
+            "channel": server.channel,
+            "unit": unit,
+            "noise": noise,
+            "seed": seed,
+            "baud": baud,
+            "arena": arena.plain(),
+            "pose": None if start is None else (start.x, start.y, start.heading),
+        }
+        lines = (f"device: {server.device}", f"second channel: {server.channel}")
+        tell(json_output, facts, *lines, f"{baud} baud, unit {unit}; Ctrl-C ends it")
+        try:
+            server.serve()
+        except KeyboardInterrupt:
+            click.echo("stopped", err=True)
+
+
+def _arena(name: str) -> tuple[Arena, Pose | None]:
+    """A task's arena and the middle of its start, or an arena alone."""
+    from realitygap.errors import TaskError
+    from realitygap.tasks import load_task
+    from realitygap.values import Pose
+    from realitygap.world.arena import load_arena
+
+    if name.endswith(".toml"):
+        return load_arena(name), None
+    try:
+        task = load_task(name)
+    except TaskError:
+        if name.endswith(".py"):
+            raise
+        return load_arena(name), None
+    return task.arena, Pose.from_degrees(task.start.x_cm, task.start.y_cm, sum(task.start.heading_deg) / 2)
+
+
+class Reflectance(click.FloatRange):
+    """How much light a surface throws back; "unknown" is NaN."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return math.nan if value == "unknown" else super().convert(value, param, ctx)
+
+
+@click.command()
+@click.option(
+    "--robot",
+    type=options.ROBOT,
+    required=True,
+    help="twin:UNIT, stranger:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT, "
+    "epuck2:HOST or thymio:PORT (placed by you), or a body of your own, file.py:Class.",
+)
+@click.option(
+    "--plan",
+    type=click.Choice(["infrared", "ambient", "wheels", "all"]),
+    required=True,
+    help="What to record.",
+)
+@click.option("--out", required=True, metavar="DIR", help="Folder to write; it can hold several recordings.")
+@click.option(
+    "--object",
+    metavar="O",
+    help="The object for infrared: wall or cylinder:RADIUS_CM [default: a wall, then a cylinder of 4 cm].",
+)
+@click.option(
+    "--reflectance",
+    type=Reflectance(0.01, 10.0),
+    default=1.0,
+    metavar="R",
+    help="Reflectance of the object's surface, relative to the surfaces that the profile assumes; "
+    "unknown: calibrate fits it.",
+)
+@click.option(
+    "--repeats", type=click.IntRange(1), default=10, help="Readings at each place, which measure the noise."
+)
+@click.option(
+    "--bearings",
+    type=click.IntRange(1, 720),
+    help="Bearings of the infrared's places, evenly all round [default: 24; of Enki's robots 180].",
+)
+@click.option(
+    "--distances",
+    "distances_cm",
+    type=options.Parsed("CM,CM,…", "realitygap.calibration.plan:distances_of", "distances: "),
+    help="Distances of the infrared's places, rising [default: 0.5,1,1.5,2,3,4,5.5,8; of Enki's robots "
+    "10,12.5,15 too].",
+)
+@options.seed(says=" It does not change a twin's constants: those depend on its unit alone.")
+@options.twin_noise()
+@options.baud()
+@options.base
+@options.marker
+@click.option(
+    "--notes",
+    default="",
+    show_default=False,
+    metavar="TEXT",
+    help="Notes kept with the recording: which robot, where, by whom.",
+)
+@click.option("--resume", is_flag=True, help="Continue interrupted recordings.")
+@options.as_json
+def record(
+    robot: Address,
+    plan: str,
+    out: str,
+    twin_noise: float | None,
+    baud: int | None,
+    base: str | None,
+    resume: bool,
+    json_output: bool,
+    **places: Any,
+) -> None:
+    """Record a robot at known places, for a calibration.
+
+    Infrared: a wall and a cylinder at all bearings, 0.5 to 8 cm away (Enki's robots: to 15 cm). Ambient:
+    poses all over the arena of light seeking. Wheels: speed steps, standing starts, straight lines and
+    turns. Each finished place is saved at once; --resume continues after an interruption.
+
+    \b
+    Examples: all that a calibration of a twin needs; a robot at a wall, and how to continue after "q";
+    a robot of your own
+        realitygap record --robot twin:7 --plan all --out unit-7
+        realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall
+        realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall --resume
+        realitygap record --robot my_robot.py:MyRobot --base my_robot.toml --plan all --out mine
+    """
+    from realitygap.calibration.plan import Plan
+    from realitygap.world.robot import load_profile
+
+    if robot.kind == "own" and base is None:
+        raise click.UsageError(
+            f"--base: expected the rough profile of {robot}: its radius, heights, top command and speed."
+        )
+    wanted = Plan(kind=plan, base=load_profile(base) if base is not None else None, **places)
+    settings = {"baud": baud, "noise": 1.0 if twin_noise is None else twin_noise}
+    made, facts = _recorded(robot, settings, wanted, out, resume)
+    finished, fields = all(one.finished for one in made), ("kind", "places", "done", "finished", "seconds")
+    recordings = [{"folder": str(one.folder), **{key: getattr(one, key) for key in fields}} for one in made]
+    seconds = sum(one.seconds for one in made)
+    found = {"out": out, "plan": plan, **facts, "finished": finished, "seconds": seconds}
+    lines = [
+        f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s" for one in made
+    ]
+    lines += [] if finished else ["not finished: the same command with --resume continues"]
+    tell(json_output, {**found, "recordings": recordings}, *lines)
+
+
+def _recorded(
+    robot: Address, settings: dict[str, Any], wanted: Plan, out: str, resume: bool
+) -> tuple[list[Result], dict[str, Any]]:
+    """What was recorded, and the facts of the robot."""
+    from realitygap.calibration.record import record as make
+    from realitygap.errors import RobotStoppedError
+    from realitygap.robots.drive import StopOnSignal
+
+    with ExitStack() as stack:
+        if robot.unit is None:
+            stack.enter_context(StopOnSignal())
+        body = stack.enter_context(closing(robot.open(**settings)))
+        facts = {name: fact for name, fact in body.description().items() if name != "units"}
+        report: Progress = stack.enter_context(ProgressLine()).places if body.places_itself else _written
+        try:
+            return make(wanted, out, body, ask=_ask, resume=resume, on_progress=report), facts
+        except (RobotStoppedError, KeyboardInterrupt) as stopped:
+            why = f": {stopped}" if str(stopped) else ""
+            raise StoppedError(f"stopped{why}; finished places are kept, --resume continues") from None
+
+
+def _ask(says: str) -> str:
+    """Say something on stderr and take the answer; the end of the input stops, as "q" does."""
+    click.echo(f"{says} ", nl=False, err=True)
+    return sys.stdin.readline() or "q"
+
+
+def _written(name: str, done: int, total: int) -> None:
+    click.echo(f"{name}: {done} of {total} written", err=True)

@@ -135,7 +135,7 @@ def transfer(
     home = place_of(loaded.folder, asked) if shard is None else shard_folder(loaded.folder, shard)
     attendant = Attendant(carry, _found, partial(click.echo, err=True))
     try:
-        with ProgressLine(after_s=0) as line:  # a person may be asked things first
+        with ProgressLine() as line:
             made = run_transfer(
                 loaded, asked, workers=workers, attendant=attendant, shard=shard, on_progress=line.show
             )

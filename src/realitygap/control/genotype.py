@@ -26,7 +26,7 @@ from realitygap.control.slots import (
     refuse_wrong,
 )
 from realitygap.errors import GenotypeError, UsageError
-from realitygap.files import as_path, atomic_write, read_toml, refuse_unknown
+from realitygap.files import as_path, atomic_write, read_text, read_toml, refuse_unknown
 from realitygap.kernels.network import LIMIT
 from realitygap.kernels.types import MAX_DELAY, UPDATES, Networks
 from realitygap.values import Command, as_count, as_stream
@@ -253,26 +253,14 @@ class Genotype:
                 return cls._of_table(table, inputs)
             except UsageError as error:
                 raise GenotypeError(f"{path}: {error}") from None
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, ValueError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is not a text in UTF-8"
-            raise GenotypeError(f"cannot read the genotype {path}: {reason}") from None
-        made = cls.parse(text, str(path))
+        made = cls.parse(read_text(path, GenotypeError, "Give the path of a genotype's file."), str(path))
         if inputs not in (None, made.inputs):
             raise GenotypeError(f"{path}: expected a genotype of {inputs} inputs, got {made.inputs}")
         return made
 
     def save(self, path: str | Path) -> None:
-        """Write the text form into a file.
-
-        Raises:
-            GenotypeError: a place that cannot be written.
-        """
-        try:
-            atomic_write(as_path(path, "genotype"), str(self))
-        except OSError as error:
-            raise GenotypeError(f"cannot write the genotype {path}: {error.strerror}") from None
+        """Write the text form into a file."""
+        atomic_write(path, str(self))
 
     def _lines(self) -> Iterator[str]:
         yield f"layout inputs {self.inputs} outputs 2 slots {self.slots} links {self.links}"

@@ -269,14 +269,7 @@ def _fresh_neuron(genes, slot, rates, stream):
 
 @routine
 def random_genes(slots, links, rates, stream):
-    """A random genotype of slots, and links in each: first which slots hold a neuron, then what each is.
-
-    Args:
-        slots: how many neurons there is room for.
-        links: how many each has room for.
-        rates: how many inputs there are, and how likely neurons and links are.
-        stream: random numbers.
-    """
+    """A random genotype of slots, and links in each: first which slots hold a neuron, then what each is."""
     genes = np.zeros((slots, FIRST_LINK + LINK_FIELDS * links), np.int8)
     stream = substream(stream, START)
     first_hidden = rates.inputs + 2
@@ -394,13 +387,7 @@ def crosses(crossover, stream):
 
 @routine
 def offspring(first, second, rates, stream):
-    """One offspring: crossover, point mutation, neuron added, deleted, link added, deleted (§5.1).
-
-    Args:
-        first, second: parents, int8 [slots, fields].
-        rates: of every operator.
-        stream: random numbers.
-    """
+    """One offspring: crossover, point mutation, neuron added, deleted, link added, deleted (§5.1)."""
     genes = first.copy()
     purpose = substream(stream, CROSSOVER)
     if _happens(rates.crossover, purpose):

@@ -12,7 +12,7 @@ from realitygap.lazy import needed
 
 __all__ = ["stable_baselines"]
 
-SHARED = "the robots are one compiled batch and can't be {} one by one"
+SHARED = "the robots are one compiled batch. Ask the RobotVectorEnv, or make another one"
 
 
 def stable_baselines(env: RobotVectorEnv) -> Any:
@@ -45,7 +45,7 @@ def _adapter() -> Any:
 
         def reset(self) -> Any:
             if any(one != self._options[0] for one in self._options):
-                raise UsageError(f"options: expected the same for all robots; {SHARED.format('reset')}.")
+                raise UsageError(f"options: expected the same for all robots; {SHARED}.")
             seeds = None if None in self._seeds else self._seeds
             seen, _ = self.env.reset(seed=seeds, options=self._options[0])
             self._reset_seeds()
@@ -70,12 +70,10 @@ def _adapter() -> Any:
             return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
 
         def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-            cure = "Pass profile, noise and arena to RobotVectorEnv, or noise and profile to reset's options."
-            raise UsageError(f"set_attr({attr_name!r}): {SHARED.format('changed')}. {cure}")
+            raise UsageError(f"set_attr({attr_name!r}): {SHARED}.")
 
         def env_method(self, method_name: str, *args: Any, indices: Any = None, **words: Any) -> list[Any]:
-            why = SHARED.format("asked")
-            raise UsageError(f"env_method({method_name!r}): {why}. Ask the RobotVectorEnv.")
+            raise UsageError(f"env_method({method_name!r}): {SHARED}.")
 
         def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
             return [False for _ in self._get_indices(indices)]

@@ -113,17 +113,7 @@ class Variation(Protocol):
 
 
 def check_batch(batch: object, state: State, n: int, one: Genes) -> None:
-    """Refuse what cannot be evaluated or stored as an answer to `ask(state, n)`, of individuals like `one`.
-
-    Args:
-        batch: what the algorithm answered.
-        state: what it was asked in.
-        n: how many it was asked for.
-        one: genes of one individual.
-
-    Raises:
-        UsageError: says what was expected of the algorithm and what came.
-    """
+    """Refuse what cannot be evaluated or stored as an answer to `ask(state, n)`: individuals like `one`."""
     if not isinstance(batch, Batch):
         raise UsageError(f"ask: expected a Batch, got {type(batch).__name__}.")
     count = len(batch.genes)
@@ -138,17 +128,8 @@ def check_batch(batch: object, state: State, n: int, one: Genes) -> None:
 
 
 def check_state(state: State, cells: int, fitness: NDArray[np.float64], one: Genes) -> None:
-    """Refuse a state that cannot be tested or stored, or of an algorithm that minimises.
-
-    Args:
-        state: what the algorithm answered.
-        cells: how many individuals it must hold.
-        fitness: what it was told, [n].
-        one: genes of one individual.
-
-    Raises:
-        UsageError: says what was expected of the algorithm and what came.
-    """
+    """Refuse a state that cannot be tested or stored, with cells for individuals like `one`; or of an
+    algorithm that minimises: `fitness` [n] is what it was told."""
     _check_array("tell: expected genes", state.genes, one.dtype, (cells, *one.shape))
     _check_array("tell: expected numbers", state.numbers, np.int64, (cells,))
     _check_array("tell: expected best_genes", state.best_genes, one.dtype, one.shape)

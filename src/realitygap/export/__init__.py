@@ -1,4 +1,4 @@
-"""For use elsewhere: networks as source for a robot's own processor (the paper's down-load), tables."""
+"""For use elsewhere: networks as source for a microcontroller, tables, logs."""
 
 from realitygap.lazy import names_of
 

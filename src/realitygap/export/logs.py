@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.control.genotype import Genotype
-from realitygap.errors import StudyError, UsageError
+from realitygap.errors import StudyError
 from realitygap.files import as_path, atomic_path, must_be
 from realitygap.film.video import FilmReader
 from realitygap.lazy import needed
@@ -173,11 +173,9 @@ def write_log(one: TrialLog, kind: str, folder: str | Path) -> Path:
         folder: where to; a file of the same name is replaced.
 
     Raises:
-        UsageError: another format, or its library is not installed.
+        UsageError: its library is not installed.
         OSError: it cannot be written.
     """
-    if kind not in FORMATS:
-        raise UsageError(f"format: expected {', '.join(FORMATS)}, got {kind!r}.")
     library = needed("rerun" if kind == "rerun" else "mcap.writer", "logs")
     folder = as_path(folder, "folder")
     folder.mkdir(parents=True, exist_ok=True)

@@ -93,16 +93,6 @@ class OnBoard:
         return sum(channel.there for channel in self.channels)
 
     @property
-    def rows(self) -> int:
-        """Rows of outputs that are kept."""
-        return ROWS
-
-    @property
-    def updates(self) -> int:
-        """Updates of the network in a step."""
-        return UPDATES
-
-    @property
     def state_bytes(self) -> int:
         """Of a controller's memory in C."""
         return ROWS * (len(self.sensors) + len(self.thresholds)) + 1
@@ -254,12 +244,10 @@ def write_source(one: OnBoard, language: str, folder: str | Path) -> list[Path]:
         The files written.
 
     Raises:
-        UsageError: another language; the name main for an e-puck2's project.
+        UsageError: the name main for an e-puck2's project.
         StudyError: an e-puck2's project for another robot.
         OSError: one cannot be written.
     """
-    if language not in LANGUAGES:
-        raise UsageError(f"language: expected {', '.join(LANGUAGES)}, got {language!r}.")
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -301,7 +289,8 @@ def _facts_of_source(one: OnBoard) -> dict[str, object]:
         for threshold, begin, end in zip(one.thresholds, begins, one.link_end, strict=True)
     ]
     return {
-        "one": one, "name": one.name, "NAME": one.name.upper(), "links": max(1, len(links)),
+        "one": one, "rows": ROWS, "updates": UPDATES, "name": one.name, "NAME": one.name.upper(),
+        "links": max(1, len(links)),
         "neurons": neurons, "period_ms": round(1000 * one.period_s),
         "pins": [f"A{i}" for i in range(one.there)], "profile": one.profile, "several": len(one.channels) > 1,
         "read": " and ".join(

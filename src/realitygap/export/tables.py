@@ -17,9 +17,8 @@ from realitygap.study.store import Table
 from realitygap.transfer.load import load_transfers
 from realitygap.transfer.score_rows import ScoreRow, kind_of, marks_of
 
-__all__ = ["FORMATS", "TABLES", "frame", "table", "write_tables"]
+__all__ = ["TABLES", "frame", "table", "write_tables"]
 
-FORMATS = ("parquet", "csv")
 ORDER = {"runs": "run", "evaluations": "run, number", "tests": "run, who, tested_noise, number, trial"}
 """The views of a study's database, and the order of their rows."""
 TABLES = (*ORDER, "trials", "scores")
@@ -65,15 +64,13 @@ def write_tables(study: Study, kind: str, folder: str | Path) -> dict[Path, int]
 
     Args:
         study: with its transfers, as far as there are any.
-        kind: one of FORMATS.
+        kind: "parquet" or "csv".
         folder: where to; made if needed. Files of the same names are replaced.
 
     Raises:
-        UsageError: another format, or no pyarrow for Parquet.
+        UsageError: no pyarrow for Parquet.
         OSError: a file cannot be written.
     """
-    if kind not in FORMATS:
-        raise UsageError(f"format: expected {', '.join(FORMATS)}, got {kind!r}.")
     arrow = needed("pyarrow.parquet", "tables") if kind == "parquet" else None
     folder = as_path(folder, "folder")
     folder.mkdir(parents=True, exist_ok=True)

@@ -202,7 +202,7 @@ outline."""
 FREE = 1e-9
 """An overlap that counts as none, cm."""
 X, Y, NX, NY = 0, 1, 2, 3
-"""Columns of params.Robot.outline."""
+"""Columns of types.Robot.outline."""
 
 
 class Way(NamedTuple):

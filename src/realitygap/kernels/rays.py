@@ -1,4 +1,7 @@
-"""What is near a position in the room: its grid cell, distances of obstacles, whether it is clear."""
+"""Obstacles near a position, and the rays of eight sensors at a time held against them (§3.2.3).
+
+The law of rays is in single precision. With NumPy's scalars plain Python has the same bits.
+"""
 
 import math
 

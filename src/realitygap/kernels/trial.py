@@ -1,4 +1,7 @@
-"""Scratch arrays of one trial: allocated once a batch, so that no step allocates."""
+"""A trial, a step at a time (§3.2): its state and scratch, the step, and the kernels that Python calls.
+
+All arrays are allocated once a batch, so that no step allocates.
+"""
 
 import math
 from typing import NamedTuple
@@ -158,14 +161,8 @@ def new_robots(count: int, steps: int, scratch: Scratch) -> Robots:
 
 
 def new_scratch(robot: Robot, task: Trial, nets: Networks | None = None, *, whole: bool = False) -> Scratch:
-    """Scratch arrays for trials of `task` by `robot`.
-
-    Args:
-        robot: whose sensors are read.
-        task: what feeds the controllers.
-        nets: networks of the most neurons and links that are to decide.
-        whole: also for sensors that feed no controller.
-    """
+    """Scratch arrays for trials of `task` by `robot`; `nets`: networks of the most neurons and links that are
+    to decide; `whole`: also for sensors that feed no controller."""
     nets = NO_NETWORK if nets is None else nets
     near, light = len(robot.proximity.place), len(robot.ambient.place)
     sensors, unfed = (near, light, near + light)[task.feed], (light, near, 0)[task.feed] if whole else 0
@@ -310,16 +307,6 @@ def feed_input(low, high, i, channel, readings, state):
 
 
 @step
-def feed_one(robot, task, near, i, readings, state):
-    """Scale a reading, the first `near` of which are proximity sensors', to input `i`."""
-    channel = task.channels[i]
-    if channel < near:
-        feed_input(robot.proximity.low, robot.proximity.high, i, channel, readings, state)
-    else:
-        feed_input(robot.ambient.low, robot.ambient.high, i, channel, readings, state)
-
-
-@step
 def to_inputs(robot, task, readings, state):
     """Scale readings to inputs; `change` keeps the difference to the previous step."""
     near = near_fed(robot, task.feed)
@@ -330,7 +317,11 @@ def to_inputs(robot, task, readings, state):
             feed_input(low, high, i, task.channels[i], readings, state)
         return
     for i in range(task.channels.shape[0]):
-        feed_one(robot, task, near, i, readings, state)
+        channel = task.channels[i]
+        if channel < near:
+            feed_input(robot.proximity.low, robot.proximity.high, i, channel, readings, state)
+        else:
+            feed_input(robot.ambient.low, robot.ambient.high, i, channel, readings, state)
 
 
 @step
@@ -426,7 +417,7 @@ def run_each(world, brain, which, streams, paths, record, scratch):
 
     Args:
         world: robot, arena, task and noise level.
-        brain: N controllers, see brain.py.
+        brain: N controllers, see network.py.
         which: [T] numbers of controllers.
         streams: [T].
         paths: [T, 6, steps], the rows of types.Path.

@@ -44,9 +44,9 @@ FAILED = 6.0
 AGAIN = "Let the experiment finish (realitygap experiment noise --resume), or copy its results again."
 READINGS = {
     "a real Khepera (readings only)": {
-        "infrared": (REAL["infrared"], "7.8 to 8.7", "23.8"), "ambient": (REAL["ambient"], "4.1", "4.3"),
+        "infrared": (REAL["infrared"], "8.0 to 8.7", "23.8"), "ambient": (REAL["ambient"], "4.1", "4.3"),
     },
-    "a real Thymio II (readings only)": {"infrared": ("10.2", "1.7", "7.4")},
+    "a real Thymio II (readings only)": {"infrared": ("10.8", "1.8", "7.4")},
 }  # fmt: skip
 """Of real robots' published readings: model error over noise, error in % of scale, noise (counts)."""
 CHANNELS = {"infrared": "proximity", "ambient": "ambient light"}

@@ -252,13 +252,13 @@ class Body(ABC):
         Raises:
             UsageError: it does not know.
         """
-        told = self.pose
-        if told is None:
+        pose = self.pose
+        if pose is None:
             raise UsageError(
                 "robot: expected its `pose` at every step of a drive, got None. A robot that loses its place "
                 "needs a camera above it, counters or `speeds`, and no `pose`."
             )
-        return told
+        return pose
 
     def channel(self, kind: str) -> Channel:
         """Its channel of a kind.

@@ -48,11 +48,11 @@ LONGEST_GAP_S, LATE_SHARE = 0.5, 0.2
 FACTS, EARLIER = "drive.toml", "recording.toml"
 """The facts; earlier versions gave them the name of a calibration's, and such folders are still read."""
 STEPS = "steps.csv"
-LARGEST = 1e12
-"""Largest number in a recording of a drive."""
 _GROUPS = ("proximity", "ambient", "input")
-_PAIRS = ("command", "counter", "speed")
-ALWAYS = ["t_s", "late_s", *(f"{name}_{side}" for name in _PAIRS for side in ("left", "right"))]
+ALWAYS = [
+    "t_s", "late_s", "command_left", "command_right", "counter_left", "counter_right", "speed_left",
+    "speed_right",
+]  # fmt: skip
 """The columns that every recording has."""
 
 
@@ -138,30 +138,27 @@ class Recording:
     def from_rows(
         cls, columns: Sequence[str], rows: Sequence[Sequence[float]], *, ended: str, facts: Mapping[str, Any]
     ) -> Self:
-        """From the names of a file's columns and their rows [n, columns].
-
-        Args:
-            columns: their names.
-            rows: [n, columns].
-            ended: why.
-            facts: of drive.toml.
-        """
+        """From the names of a file's columns and their rows [n, columns]."""
         table = np.array(rows, np.float64).reshape(len(rows), len(columns))
-        names = np.array([name.rsplit("_", 1)[0] for name in columns], str)
-        found = {
-            name: np.ascontiguousarray(table[:, names == name])
-            for name in ("t", "late", "read", *_GROUPS, *_PAIRS)
-        }
+        column = dict(zip(columns, np.ascontiguousarray(table.T), strict=True))
+
+        def group(name: str) -> NDArray[np.float64]:
+            count = sum(one.rsplit("_", 1)[0] == name for one in columns)
+            return np.array([column[f"{name}_{i}"] for i in range(count)]).reshape(count, len(rows)).T.copy()
+
+        def pair(name: str) -> NDArray[np.float64]:
+            return np.stack([column[f"{name}_left"], column[f"{name}_right"]], axis=1)
+
         return cls(
-            t=found["t"].reshape(len(rows)),
-            late=found["late"].reshape(len(rows)),
-            proximity=found["proximity"],
-            ambient=found["ambient"],
-            inputs=found["input"].astype(np.int64),
-            commands=found["command"].reshape(len(rows), 2).astype(np.int64),
-            counters=found["counter"].reshape(len(rows), 2),
-            speeds=found["speed"].reshape(len(rows), 2),
-            read=found["read"].reshape(len(rows)) if "read" in names else np.full(len(rows), np.nan),
+            t=column["t_s"],
+            late=column["late_s"],
+            proximity=group("proximity"),
+            ambient=group("ambient"),
+            inputs=group("input").astype(np.int64),
+            commands=pair("command").astype(np.int64),
+            counters=pair("counter"),
+            speeds=pair("speed"),
+            read=column.get("read_s", np.full(len(rows), np.nan)),
             ended=ended,
             facts=facts,
         )
@@ -185,19 +182,8 @@ class Recording:
         columns = next(csv.reader(lines[:1]), ALWAYS)
         if [columns.count(name) for name in ALWAYS] != [1] * len(ALWAYS):
             raise UsageError(f"{steps_file}, line 1: expected columns {', '.join(ALWAYS)} and others")
-        _check_order(columns, f"{steps_file}, line 1")
         rows = [_row(line, columns, f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
         return cls.from_rows(columns, rows, ended=ended, facts=facts)
-
-
-def _check_order(columns: Sequence[str], place: str) -> None:
-    """Refuse columns of one kind that are too many or in another order: they would be taken for others."""
-    for name in ("t", "late", "read", *_GROUPS, *_PAIRS):
-        found = [column for column in columns if column.rsplit("_", 1)[0] == name]
-        meant = [column for column in (*ALWAYS, "read_s") if column.rsplit("_", 1)[0] == name]
-        meant = [f"{name}_{i}" for i in range(len(found))] if name in _GROUPS else meant
-        if found and found != meant:
-            raise UsageError(f"{place}: expected columns {', '.join(meant)}, got {', '.join(found)}")
 
 
 class Recorder:
@@ -261,16 +247,11 @@ def _row(line: str, columns: Sequence[str], where: str) -> list[float]:
     words = line.split(",")
     try:
         row = [float(word) for word in words]
-        if len(row) == len(columns) and not any(map(_is_odd, columns, row)):
-            return row
     except ValueError:
-        pass
-    raise UsageError(f"{where}: expected {len(columns)} numbers, got {line!r}")
-
-
-def _is_odd(name: str, value: float) -> bool:
-    """A number that nothing can have been; counters and readings may be missing, commands not."""
-    return abs(value) > LARGEST or (math.isnan(value) and name.startswith(("command", "input")))
+        row = []
+    if len(row) != len(columns):
+        raise UsageError(f"{where}: expected {len(columns)} numbers, got {line!r}")
+    return row
 
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

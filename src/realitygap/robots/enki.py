@@ -230,14 +230,7 @@ class EnkiProcess:
     def enter(
         self, room: Mapping[str, Any], *, model: str, unit: int, noise: float, seed: int
     ) -> NDArray[np.float64]:
-        """Be a unit in a new room.
-
-        Args:
-            room: plain numbers, cm: size_cm, cylinders, walls; Enki's robots see no lamps.
-            model: "khepera", "epuck" or "thymio2".
-            unit: its number; 0 is the published model.
-            noise: the scale of Enki's noise.
-            seed: of that noise.
+        """Be a unit of a model in a new room, with Enki's noise at a scale.
 
         Returns:
             What is published: axle, top speed, wheels' noise, radius (cm, cm/s, share, cm), and of each
@@ -256,11 +249,11 @@ class EnkiProcess:
 
     def place(self, x_cm: float, y_cm: float, heading: float) -> StepResult:
         """Set the robot down; it stands for a step."""
-        return self._moment(1, self._ask("place", (x_cm, y_cm, heading)))
+        return self._result(1, self._ask("place", (x_cm, y_cm, heading)))
 
     def run(self, steps: int, left_cm_s: float, right_cm_s: float) -> StepResult:
         """Run some steps with these speeds of the wheels."""
-        return self._moment(steps, self._ask("run", (steps, left_cm_s, right_cm_s)))
+        return self._result(steps, self._ask("run", (steps, left_cm_s, right_cm_s)))
 
     @property
     def alive(self) -> bool:
@@ -270,8 +263,8 @@ class EnkiProcess:
     def close(self) -> None:
         self._finalizer()
 
-    def _moment(self, steps: int, told: NDArray[np.float64]) -> StepResult:
-        poses, rest = told[: 3 * steps].reshape(steps, 3), told[3 * steps :]
+    def _result(self, steps: int, answer: NDArray[np.float64]) -> StepResult:
+        poses, rest = answer[: 3 * steps].reshape(steps, 3), answer[3 * steps :]
         return StepResult(poses, rest[:2], rest[2:4], rest[4:])
 
     def _ask(self, word: str, numbers: Iterable[float]) -> NDArray[np.float64]:

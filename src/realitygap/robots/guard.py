@@ -76,8 +76,8 @@ class Guard:
             FrozenError: nobody watches.
         """
         if self._last is None and self._process is not None:
-            self._heard()  # what was said after the last drive
-            self._say(DRIVES)
+            self._received()  # what was said after the last drive
+            self._send(DRIVES)
             if not select.select([self._socket], [], [], START_S)[0]:  # it is just being started, say
                 raise FrozenError(
                     f"the guard's process has not answered for {START_S:g} s; nothing is driven"
@@ -94,32 +94,32 @@ class Guard:
             return
         now = _now()
         silent, before = now - self._last, self._last
-        heard = self._heard()
-        if not heard and now - self._echoed > UNGUARDED_S:  # on a busy computer its turn may come now
+        words = self._received()
+        if not words and now - self._echoed > UNGUARDED_S:  # on a busy computer its turn may come now
             select.select([self._socket], [], [], TICK_S)
-            heard = self._heard()
-        if DRIVES in heard:
+            words = self._received()
+        if DRIVES in words:
             self._echoed = max(before, now - STEP_S)  # it came since then
-        told = None
-        if STOPPED in heard or silent > SILENCE_S:
-            told = (
+        reason = None
+        if STOPPED in words or silent > SILENCE_S:
+            reason = (
                 f"the drive was frozen for {silent:.1f} s (suspended, paused, or a controller that hung); "
                 "the robot was stopped meanwhile, or is now, and this trial is over"
             )
-        elif heard.endswith(GONE):
-            told = "the guard's process has ended; no robot is driven without it"
+        elif words.endswith(GONE):
+            reason = "the guard's process has ended; no robot is driven without it"
         elif now - self._echoed > UNGUARDED_S:
-            told = (
+            reason = (
                 f"the guard's process has not answered for {now - self._echoed:.1f} s (suspended, or the "
                 "computer is too busy); no robot is driven without it"
             )
-        if told is not None:
+        if reason is not None:
             self._last = None  # nobody watches any more
-            raise FrozenError(told)
+            raise FrozenError(reason)
         self._last = now
-        self._say(DRIVES)
+        self._send(DRIVES)
 
-    def _heard(self) -> bytes:
+    def _received(self) -> bytes:
         """What the guard has said, with `GONE` at the end if it has ended."""
         try:
             return self._socket.recv(CHUNK) or GONE
@@ -132,17 +132,17 @@ class Guard:
         """The robot stands still: silence means nothing."""
         if self._process is not None:
             self._last = None
-            self._say(STANDS)
+            self._send(STANDS)
 
     def release(self) -> None:
         """Dismiss the guard: the robot has stopped, or is no longer ours."""
         if self._process is not None:
-            self._say(LEAVES)
+            self._send(LEAVES)
             self._socket.close()
             child.end(self._process, LEAVE_S)
             self._process = self._last = None
 
-    def _say(self, word: bytes) -> None:
+    def _send(self, word: bytes) -> None:
         with contextlib.suppress(OSError):
             self._socket.send(word)
 
@@ -183,7 +183,7 @@ def guard(driver: socket.socket, line: int, stop: bytes) -> None:
                     driver.send(STOPPED)  # first, so that it is there when the driver goes on
                 _stop(line, stop, "heard nothing from the driver for half a second")
             continue
-        words = _heard(driver)
+        words = _received(driver)
         if LEAVES in words:
             return
         if not words:
@@ -194,7 +194,7 @@ def guard(driver: socket.socket, line: int, stop: bytes) -> None:
             driver.send(DRIVES)
 
 
-def _heard(driver: socket.socket) -> bytes:
+def _received(driver: socket.socket) -> bytes:
     try:
         return driver.recv(CHUNK)
     except OSError:

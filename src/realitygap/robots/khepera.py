@@ -3,15 +3,14 @@
 Sources of its protocol: Player's khepera driver, KiKS, pykhepera, Webots.
 """
 
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
 from realitygap.robots.address import BAUD, BAUD_RATES
 from realitygap.robots.body import KINDS, Channel
-from realitygap.robots.line import CommandSpec, Driver, IntRange, LineBody, Protocol
+from realitygap.robots.line import CommandSpec, IntRange, LineBody, Protocol
 
-__all__ = ["FULL", "KHEPERA", "PULSES_PER_MM", "SENSORS", "Khepera", "KheperaBody", "opened"]
+__all__ = ["FULL", "KHEPERA", "PULSES_PER_MM", "SENSORS", "KheperaBody", "opened"]
 
 PULSES_PER_MM = 12.0
 """Most sources; 0.08 mm a pulse (12.5) by others: a calibration measures it."""
@@ -60,13 +59,6 @@ COMMANDS = {
     "N": CommandSpec(meaning="read the proximity sensors", gives=_LIGHT),
     "O": CommandSpec(meaning="read the ambient light sensors", gives=_LIGHT),
     "P": CommandSpec(meaning="set the motors' pulse width", takes=(IntRange(-255, 255),) * 2),
-    "T": CommandSpec(
-        meaning="pass on to a turret",
-        takes=(IntRange(0, 255),),
-        gives=(IntRange(0, 255),),
-        repeatable=False,
-        open_ended=True,
-    ),
 }
 
 KHEPERA = Protocol(
@@ -88,21 +80,10 @@ KHEPERA = Protocol(
     stop_bits=2,
     patience_s=0.1,  # USB converters hold bytes back for up to 16 ms
     top=10,
-    leds=2,
 )
 
 STANDS = 2
 """Measured speeds up to this, pulses per 10 ms, count as standing still."""
-
-
-class Khepera(Driver):
-    """The driver."""
-
-    protocol = KHEPERA
-
-    def is_still(self) -> bool:
-        """By its measured speeds."""
-        return max(map(abs, self.speeds())) <= STANDS
 
 
 class KheperaBody(LineBody):
@@ -112,20 +93,15 @@ class KheperaBody(LineBody):
     units = "Khepera units"
     pulses_per_mm = PULSES_PER_MM
     channels = tuple(Channel(name=kind, sensors=SENSORS, high=FULL) for kind in KINDS)
+    leds = 2
+
+    def _is_still(self) -> bool:
+        """By its measured speeds."""
+        return max(map(abs, self.read("E"))) <= STANDS
 
 
 def opened(
     port: str, *, baud: int | None = KHEPERA.usual, kinds: tuple[str, ...] = ("proximity",), **_: Any
 ) -> KheperaBody:
-    """The Khepera on a serial port, told to stop.
-
-    Args:
-        port: of the line.
-        baud: its rate; None: try all.
-        kinds: of sensors to read.
-
-    Raises:
-        UsageError: the port cannot be opened, or is too slow for these sensors.
-        LineError: no robot answers.
-    """
-    return KheperaBody.standing(partial(Khepera.connect, port, baud=baud), kinds)
+    """The Khepera on a serial port, told to stop: arguments and errors as of `LineBody.connect`."""
+    return KheperaBody.connect(port, baud=baud, kinds=kinds)

@@ -12,16 +12,15 @@ import os
 import select
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from realitygap.errors import LineError, RealityGapError, RobotError, UsageError
+from realitygap.errors import LineError, RobotError, UsageError
 from realitygap.lazy import needed
-from realitygap.robots.body import Body, Channel, RealClock
-from realitygap.robots.guard import Guard
-from realitygap.robots.line import Wire, nothing, why_not_opened
+from realitygap.robots.body import Channel, RealClock
+from realitygap.robots.wire import LOOK_S, STAND_S, Wire, WireBody, why_not_opened
 from realitygap.values import Command, Pose, Readings
 
 __all__ = ["AsebaLine", "ThymioBody", "opened", "opened_port"]
@@ -88,6 +87,13 @@ class AsebaLine(Wire):
         self._aseba = needed("thymiodirect.message", "thymio").Message
         self.node = self._greeted(node)
         self.variables = self._described()
+        missing = [name for name in NEEDED if name not in self.variables]
+        if missing or self.variables[PROXIMITY][1] != SENSORS:
+            raise RobotError(
+                f"the robot on {device} is not a Thymio II: expected {', '.join(NEEDED)}, "
+                f"it has no {', '.join(missing) or PROXIMITY + ' of seven'}"
+            )
+        self.stop_message = self.targets(0, 0)
 
     def close(self) -> None:
         with contextlib.suppress(OSError):
@@ -98,9 +104,12 @@ class AsebaLine(Wire):
                     pass
         super().close()
 
-    def setting(self, name: str, value: int) -> bytes:
-        """The message that sets a variable."""
-        return self._message("SET_VARIABLES", self.node, self.variables[name][0], value & 0xFFFF)
+    def targets(self, left: int, right: int) -> bytes:
+        """The messages that set the motors' targets."""
+        return b"".join(
+            self._message("SET_VARIABLES", self.node, self.variables[name][0], value & 0xFFFF)
+            for name, value in zip(TARGETS, (left, right), strict=True)
+        )
 
     def fetch(self, names: Sequence[str], until: float) -> dict[str, list[int]] | None:
         """The values of some variables, requested until they come; None if they do not in time.
@@ -113,7 +122,7 @@ class AsebaLine(Wire):
         while True:
             self._turn = (self._turn + 1) % BEGINNINGS
             first = max(min(at for at, _ in spans) - self._turn, 0)
-            self.tell(self._message("GET_VARIABLES", self.node, first, end - first))
+            self.write(self._message("GET_VARIABLES", self.node, first, end - first))
             again = min(until, self.clock.now() + AGAIN_S)
             while (message := self._next(again)) is not None:
                 if message.id != self._aseba.ID_VARIABLES or message.source_node != self.node:
@@ -126,31 +135,31 @@ class AsebaLine(Wire):
             self.faults += 1
             if self.clock.now() >= until:
                 return None
-            self.forget()
+            self.discard_input()
 
     def _greeted(self, node: str) -> int:
         """The number of the robot that is driven."""
         wanted = int(node) if node.isdecimal() else None
         found: set[int] = set()
         for _ in range(GREETINGS):
-            self.tell(self._message("LIST_NODES", self._aseba.PROTOCOL_VERSION))
+            self.write(self._message("LIST_NODES", self._aseba.PROTOCOL_VERSION))
             until = self.clock.now() + GREET_S
             while (message := self._next(until)) is not None:
                 if message.id == self._aseba.ID_NODE_PRESENT:
                     found.add(int(message.source_node))
             if wanted in found or (found and not node):
                 break
-        told = ", ".join(map(str, sorted(found))) or "none"
+        names = ", ".join(map(str, sorted(found))) or "none"
         if not found:
             raise LineError(
                 f"no Thymio answers on {self.device}; check that it is switched on, its cable or dongle, and "
                 "that no other program (Thymio Suite) has it"
             )
         if node and wanted not in found:
-            raise LineError(f"no robot {node!r} answers on {self.device} (those that do: {told})")
+            raise LineError(f"no robot {node!r} answers on {self.device} (those that do: {names})")
         if len(found) > 1 and wanted is None:
             raise UsageError(
-                f"robot: expected one Thymio on {self.device}, got robots {told}; say which, as in "
+                f"robot: expected one Thymio on {self.device}, got robots {names}; say which, as in "
                 f"thymio:{self.device}@{min(found)}"
             )
         return min(found) if wanted is None else wanted
@@ -160,7 +169,7 @@ class AsebaLine(Wire):
         for _ in range(GREETINGS):
             sizes: dict[str, int] = {}
             expected = None
-            self.tell(self._message("GET_NODE_DESCRIPTION", self.node, self._aseba.PROTOCOL_VERSION))
+            self.write(self._message("GET_NODE_DESCRIPTION", self.node, self._aseba.PROTOCOL_VERSION))
             while (message := self._next(self.clock.now() + QUIET_S)) is not None:
                 if message.source_node != self.node:
                     continue
@@ -174,7 +183,7 @@ class AsebaLine(Wire):
                     name: (end - size, size) for (name, size), end in zip(sizes.items(), ends, strict=True)
                 }
             self.faults += 1
-            self.forget()
+            self.discard_input()
         raise LineError(
             f"the robot on {self.device} did not name all of its variables, asked {GREETINGS} times"
         )
@@ -182,24 +191,24 @@ class AsebaLine(Wire):
     def _next(self, until: float) -> Any:
         """The next message that makes sense, or None at `until`."""
         while True:
-            while len(self._heard) >= HEADER:
-                length, source, kind = np.frombuffer(self._heard[:HEADER], "<u2").tolist()
+            while len(self._input) >= HEADER:
+                length, source, kind = np.frombuffer(self._input[:HEADER], "<u2").tolist()
                 if length > LONGEST:
-                    self._heard = b""
-                if len(self._heard) < HEADER + length:
+                    self._input = b""
+                if len(self._input) < HEADER + length:
                     break
-                message = self._aseba(kind, source, self._heard[HEADER : HEADER + length])
-                self._heard = self._heard[HEADER + length :]
+                message = self._aseba(kind, source, self._input[HEADER : HEADER + length])
+                self._input = self._input[HEADER + length :]
                 try:
                     message.decode()
                 except (IndexError, ValueError):
-                    self._heard = b""
+                    self._input = b""
                     continue
                 return message
-            heard = self._read(until, 0)
-            if not heard and self.clock.now() >= until:
+            more = self._read(until, 0)
+            if not more and self.clock.now() >= until:
                 return None
-            self._heard += heard
+            self._input += more
 
     def _message(self, kind: str, *words: int) -> bytes:
         payload = self._aseba.uint16array_to_bytes(words)
@@ -231,57 +240,43 @@ SENSE_S = 0.09
 GIVE_UP_S = 1.0
 """A robot that is silent for this long is lost."""
 
-STOP_S, STANDS = 1.4, 40
-"""Time in which it has to stand, and measured speeds up to which it does (standing motors say up to 20)."""
+STANDS = 40
+"""Measured speeds up to this count as standing still (standing motors say up to 20)."""
 
 PROXIMITY = "prox.horizontal"
 TARGETS = ("motor.left.target", "motor.right.target")
 SPEEDS = ("motor.left.speed", "motor.right.speed")
 NEEDED = (PROXIMITY, *TARGETS, *SPEEDS)
 FACTS = {"robot": "Thymio II", "units": "Thymio units", "base": "thymio"}
-TOLD = ("_id", "_productId", "_fwversion", "prox.comm.tx")
+SETTINGS = ("_id", "_productId", "_fwversion", "prox.comm.tx")
 """What says, besides, how the robot is set (firmware 7 and later scales readings by itself)."""
 
 
-class ThymioBody(Body):
-    """From `act` to `stop` something must be asked or told twice a second, or the guard stops the robot.
+class ThymioBody(WireBody):
+    """A command that was lost is seen with the next reading, and given again.
 
-    A command that was lost is seen with the next reading, and given again. `read_at` is when the readings
-    arrived, by `clock`, `speeds` those that the motors measured then; in a step whose answer does not come,
-    `sense` gives the last ones again.
+    `read_at` is when the readings arrived, by `clock`, `speeds` those that the motors measured then; in a
+    step whose answer does not come, `sense` gives the last ones again.
 
     Args:
         line: to the robot; `close` closes it.
     """
 
     channels = (Channel(name="proximity", sensors=SENSORS, high=FULL),)
-    period_s = 0.1
+    line: AsebaLine
     read_at: float
+    facts: Mapping[str, Any] = FACTS
 
     def __init__(self, line: AsebaLine) -> None:
-        self.line, self.clock = line, line.clock
-        missing = [name for name in NEEDED if name not in line.variables]
-        if missing or line.variables[PROXIMITY][1] != SENSORS:
-            raise RobotError(
-                f"the robot on {line.device} is not a Thymio II: expected {', '.join(NEEDED)}, "
-                f"it has no {', '.join(missing) or PROXIMITY + ' of seven'}"
-            )
-        self._stop = line.setting(TARGETS[0], 0) + line.setting(TARGETS[1], 0)
-        self._guard = Guard(line.fileno(), self._stop)
-        line.before = self._guard.beat
+        super().__init__(line)
         self._given = Command(left=0, right=0)
         self._readings: Readings | None = None
         self.speeds: tuple[int, int] | None = None
         self.read_at = self.clock.now()
-        told = self._fetched([name for name in TOLD if name in line.variables], GIVE_UP_S)
-        self._facts = {**FACTS, "port": line.device} | {
-            name.strip("_"): values[0] if len(values) == 1 else values for name, values in told.items()
+        said = self._fetched([name for name in SETTINGS if name in line.variables], GIVE_UP_S)
+        self.facts = {**FACTS, "port": line.device} | {
+            name.strip("_"): values[0] if len(values) == 1 else values for name, values in said.items()
         }
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        """What a recording says of it."""
-        return self._facts
 
     def reset(self, pose: Pose | None = None) -> None:
         """Stand still where it is: a person sets it down."""
@@ -304,7 +299,7 @@ class ThymioBody(Body):
             self.speeds = said[SPEEDS[0]][0], said[SPEEDS[1]][0]
             if (*said[TARGETS[0]], *said[TARGETS[1]]) != (self._given.left, self._given.right):
                 self.line.faults += 1
-                self._tell()
+                self._send()
         assert self._readings is not None
         return self._readings
 
@@ -321,56 +316,29 @@ class ThymioBody(Body):
             )
         self._guard.watch()
         self._given = command
-        self._tell()
+        self._send()
 
     def stop(self) -> None:
-        """Stop, and make sure of it.
+        """Stop, and make sure of it: errors as of `WireBody`."""
+        self._given = Command(left=0, right=0)
+        super().stop()
 
-        Raises:
-            LineError: the robot did not confirm: it may still be moving.
-        """
-        failure: RealityGapError = RobotError("its motors still turn")
-        self._given, until = Command(left=0, right=0), self.clock.now() + STOP_S
+    def _stands(self) -> bool:
+        until = self.clock.now() + STAND_S
         while True:
-            try:
-                self.line.tell(self._stop)
-                said = self.line.fetch((*TARGETS, *SPEEDS), self.clock.now() + SENSE_S)
-                if said is None:
-                    failure = LineError("no answer")
-                elif not any(said[TARGETS[0]] + said[TARGETS[1]]):
-                    if max(map(abs, said[SPEEDS[0]] + said[SPEEDS[1]])) <= STANDS:
-                        break
-                    self.clock.sleep_until(self.clock.now() + 0.02)
-            except RobotError as error:
-                failure = error
+            said = self.line.fetch((*TARGETS, *SPEEDS), self.clock.now() + SENSE_S)
+            if said is None:
+                raise LineError("no answer")
+            if any(said[TARGETS[0]] + said[TARGETS[1]]):
+                return False  # the message was lost
+            if max(map(abs, said[SPEEDS[0]] + said[SPEEDS[1]])) <= STANDS:
+                return True
             if self.clock.now() >= until:
-                raise LineError(
-                    f"the robot did not confirm that it stopped ({failure}); it may still be moving: "
-                    "lift it or switch it off"
-                )
-        self._guard.rest()
+                return False
+            self.clock.sleep_until(self.clock.now() + LOOK_S)
 
-    def close(self) -> None:
-        """Stop, then close the line, in any case."""
-        try:
-            self.stop()
-        finally:
-            self.abandon()
-
-    def abandon(self) -> None:
-        """Close the line without a word to the robot."""
-        self.line.before = nothing
-        self.line.close()
-        self._guard.release()
-
-    def inspect(self) -> dict[str, Any]:
-        """Count the requests repeated so far."""
-        return {"faults": self.line.faults}
-
-    def _tell(self) -> None:
-        self.line.tell(
-            self.line.setting(TARGETS[0], self._given.left) + self.line.setting(TARGETS[1], self._given.right)
-        )
+    def _send(self) -> None:
+        self.line.write(self.line.targets(self._given.left, self._given.right))
 
     def _fetched(self, names: Any, within_s: float) -> dict[str, list[int]]:
         said = self.line.fetch(names, self.clock.now() + within_s)

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from realitygap.robots.khepera import KHEPERA, Khepera, KheperaBody
+from realitygap.robots.khepera import KHEPERA, KheperaBody
 from realitygap.robots.line import Line
 from realitygap.twin.body import TwinBody
 from realitygap.twin.firmware import Firmware
@@ -36,22 +36,21 @@ class TwinLine(Line):
 
     def sleep_until(self, time_s: float) -> None:
         """Let the twin run on."""
-        self._heard += self.firmware.run(round(time_s * 1e9))
+        self._input += self.firmware.run(round(time_s * 1e9))
 
-    def forget(self) -> None:
-        """Drop the input so far."""
-        self._heard = b""
+    def discard_input(self) -> None:
+        self._input = b""
 
     def close(self) -> None:
         """No resources to release."""
 
-    def _write(self, data: bytes) -> None:
+    def _send(self, data: bytes) -> None:
         self.firmware.receive(data)
 
     def _read(self, until: float, lines: int) -> bytes:
         return self.firmware.run(int(until * 1e9) + 1, lines)  # + 1: surely past `until`
 
-    def _opened(self) -> None:
+    def _open(self) -> None:
         """There is no port."""
 
 
@@ -81,7 +80,6 @@ class Twin(KheperaBody):
         self.unit, self.noise, self.baud = unit, noise, baud
         self._name = "stranger" if stranger else "twin"
         self._firmware: Firmware | None = None
-        self._rests = True
         self.attend(*kinds)
 
     @property
@@ -101,16 +99,10 @@ class Twin(KheperaBody):
         body = kind(room, unit=self.unit, noise=self.noise, seed=seed)
         assert self.baud is not None
         self._firmware = Firmware(body, baud=self.baud, name=f"{self._name} unit {self.unit}")
-        self.driver = Khepera.awake(TwinLine(self._firmware))
-        self.clock, self._carry = self.driver.clock, self._firmware.place
-        self._rests = True
+        self._identify(TwinLine(self._firmware))
+        self._carry, self._rests = self._firmware.place, True
         if pose is not None:
             self._carry(pose)
-
-    def _stand(self) -> None:
-        """One that was just switched on gets no command to stand."""
-        if not self._rests:
-            super()._stand()
 
     def act(self, command: Command) -> None:
         """Wheel speeds from now on, pulses per 10 ms."""
@@ -139,15 +131,7 @@ def opened(
     stranger: bool = False,
     **_: Any,
 ) -> Twin:
-    """A unit by its number in words; its line has the usual rate if any will do.
-
-    Args:
-        unit: its number.
-        baud: of its line.
-        noise: a scale.
-        kinds: of sensors to read.
-        stranger: as of `Twin`.
-    """
+    """A unit by its number in words; its line has the usual rate if any will do."""
     return Twin(int(unit), noise=noise, baud=baud or 38400, kinds=kinds, stranger=stranger)
 
 

@@ -3,7 +3,8 @@
 Time goes on with the body's own clock, in the simulation's steps: the profile's period.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from realitygap.compiled import entry_for
 from realitygap.control.controllers import as_controller
 from realitygap.control.genotype import NetworkController
 from realitygap.errors import UsageError
-from realitygap.files import must_be
 from realitygap.kernels import trial as loop
 from realitygap.kernels.trial import new_record, new_robots, new_scratch
 from realitygap.kernels.types import Path
@@ -28,7 +28,6 @@ PULSES_PER_STEP = 10
 """Pulses that a wheel turns by in a step at one Khepera unit (a pulse per 10 ms)."""
 MOST = 127
 """Largest command, Khepera units: beyond it none is heard."""
-MADE_BY = "Simulation(task, profile) makes one."
 STAND_STEPS = 20
 """Steps that the wheels may take to come to rest."""
 ONE, NOWHERE = np.zeros(1, np.int64), np.zeros((0, 3))
@@ -60,15 +59,12 @@ class SimulatedBody(Body):
     def __init__(
         self, simulation: Simulation, *, stream: int = 0, kinds: tuple[str, ...] | None = None
     ) -> None:
-        must_be(simulation, Simulation, "simulation", MADE_BY)
-        given: object = simulation.task.kinds if kinds is None else kinds
-        kinds = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else ()
-        if not kinds or not all(kind in KINDS for kind in kinds):
-            expected = f"a tuple of {', '.join(KINDS)} or both"
-            raise UsageError(f"kinds: expected {expected}, got {kinds or given!r}.")
+        read = simulation.task.kinds if kinds is None else kinds
+        if not read or not set(read) <= set(KINDS):
+            raise UsageError(f"kinds: expected a tuple of {', '.join(KINDS)} or both, got {read!r}.")
         self.simulation = simulation
         self.stream = stream
-        self.kinds = tuple(kind for kind in KINDS if kind in kinds)
+        self.kinds = tuple(kind for kind in KINDS if kind in read)
         robot, trial = simulation.robot, simulation.trial
         parts = ((kind, simulation.profile.channel(kind)) for kind in self.kinds)
         self.channels = tuple(
@@ -125,7 +121,6 @@ class SimulatedBody(Body):
         Raises:
             UsageError: a command that no Khepera can be given.
         """
-        must_be(command, Command, "command", "Command(left=5, right=5) is one.")
         for name, value in (("left", command.left), ("right", command.right)):
             if not -MOST <= value <= MOST or value != int(value):
                 raise UsageError(f"command: {name}: expected a whole number of ±{MOST}, got {value!r}.")
@@ -147,24 +142,19 @@ class SimulatedBody(Body):
         free, stream = self.simulation.require_free(pose), as_stream(self.stream)
         self._world, self._commands = self.simulation.world_of(int(stream)), np.zeros((1, 2), np.int64)
         self._robots.stream[0] = stream
-        if not hasattr(self, "_entry"):
-            self._find_entry()
         self._advance(np.array([[free.x, free.y, free.heading]], float))
         self._pulses = [0.0, 0.0]
         self._odometry = self._wheel_counts()
         self.clock.begin_step()
 
-    def _find_entry(self) -> None:
+    @cached_property
+    def _entry(self) -> Callable[..., Any]:
         """Of the kernel that every step calls: the types of what it is given stay."""
         given = self._world, self._robots, ONE, NOWHERE, self._commands, self._scratch
-        self._entry = entry_for(loop.advance, *given)
+        return entry_for(loop.advance, *given)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: kept for name, kept in vars(self).items() if name != "_entry"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self._find_entry()
 
     def _advance(self, starts: Floats) -> None:
         self._entry(self._world, self._robots, ONE, starts, self._commands, self._scratch)
@@ -182,15 +172,8 @@ class SimulatedBody(Body):
 def network_inputs(simulation: Simulation) -> Callable[[Readings], list[int]]:
     """What makes a network's inputs −10 … 10 of a body's readings, as the simulation makes them."""
     task, profile = simulation.task, simulation.profile
-    sensors = len(profile.bands(task.feeds))
-
-    def make(readings: Readings) -> list[int]:
-        row = fed(readings, task.feeds)
-        if len(row) != sensors:
-            raise UsageError(f"readings: expected {sensors} {task.feeds} readings, got {len(row)}.")
-        return profile.inputs(row.tolist(), task.feeds, task.of(profile).sensors)
-
-    return make
+    sensors = task.of(profile).sensors
+    return lambda readings: profile.inputs(fed(readings, task.feeds).tolist(), task.feeds, sensors)
 
 
 def drive_simulated(
@@ -214,7 +197,6 @@ def drive_simulated(
     Raises:
         UsageError: a pose that is not free, a wrong length, a controller or a command that is none.
     """
-    must_be(simulation, Simulation, "simulation", MADE_BY)
     if type(controller) is NetworkController:  # a subclass may decide otherwise
         networks = controller.genotype.networks()
         return simulation.trajectory(networks, stream=stream, pose=pose, seconds=seconds)

@@ -136,9 +136,6 @@ class Simulation:
         self._scratch = _Scratch()
         make, made_of = engine_named(engine), (self.task, self.profile, self.noise)
         self.engine: Engine | None = make and (make(self) if engine == "cuda" else make(*made_of))
-        lacking = [way for way in ("scores", "tracks", "compile") if make and not hasattr(self.engine, way)]
-        if lacking:
-            raise UsageError(f"engine: got {shown(self.engine)}, which has no {', '.join(lacking)}.")
 
     def __setattr__(self, name: str, value: object) -> None:
         if name in vars(self):  # what follows from it is compiled or laid out
@@ -243,13 +240,8 @@ class Simulation:
         scratch: Scratch,
         worlds: list[tuple[World, slice]] | None = None,
     ) -> None:
-        """Carry out trials in this thread, as of `kernels.trial.run_each`.
-
-        Args:
-            run_trials: compiled for the brain.
-            brain, which, streams, paths, scratch: what it takes.
-            worlds: of the streams, if they are known.
-        """
+        """Carry out trials in this thread, as of `kernels.trial.run_each`; `run_trials` is compiled for the
+        brain, `worlds` are those of the streams, if they are known."""
         for world, some in self.worlds(streams) if worlds is None else worlds:
             run_trials(world, brain, which[some], streams[some], paths[some], NO_RECORD, scratch)
         self.require_finite_path(paths)

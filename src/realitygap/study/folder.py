@@ -38,7 +38,8 @@ from realitygap.world.robot import Profile, load_profile
 __all__ = [
     "CONFIG", "Home", "Inputs", "Materials", "agree", "agree_to", "exists", "gather", "home_of",
     "input_files", "inputs_for", "open_folder", "open_to_begin", "own", "own_config", "programs",
-    "read_config", "read_materials", "read_profile", "refuse_other", "strange", "take_back", "write_files",
+    "read_config", "read_materials", "read_profile", "refuse_other", "refuse_strange", "strange", "take_back",
+    "write_files",
 ]  # fmt: skip
 
 CONFIG, PROFILE = "study.toml", "profile.toml"
@@ -361,15 +362,15 @@ def strange(files: Iterable[Path]) -> list[Path]:
     return [file for file in files if sha256(file.read_bytes()).hexdigest() not in _known()]
 
 
-def refuse_strange(folder: Path, files: Iterable[Path]) -> None:
-    """Refuse to run such programs.
+def refuse_strange(place: Path, files: Iterable[Path]) -> None:
+    """Refuse to run such programs, which a study's folder or a configuration names.
 
     Raises:
         StudyError: names the file and the cure.
     """
     for file in strange(files):
         raise StudyError(
-            f"{folder}: the study was made elsewhere and brings a program, {file}, that would be run. "
+            f"{place}: it was made elsewhere and brings a program, {file}, that would be run. "
             "Read it; if you trust its author, give --trust (in Python: trust=True)."
         )
 

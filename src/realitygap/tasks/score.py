@@ -6,7 +6,6 @@ import random
 import re
 import traceback
 from collections.abc import Callable
-from contextlib import suppress
 from copy import deepcopy
 from functools import cached_property, lru_cache
 from typing import Any
@@ -18,7 +17,7 @@ from realitygap.errors import TaskError
 from realitygap.kernels.types import Path, Room
 from realitygap.world.arena import Arena
 
-__all__ = ["CompiledScore", "Score", "compile_score", "compiled_in", "example", "reason", "tried"]
+__all__ = ["CompiledScore", "Score", "compile_score", "example", "reason", "tried"]
 
 
 Score = Callable[[Any, Any], float]
@@ -92,16 +91,13 @@ def compile_score(score: Score) -> CompiledScore:
     Raises:
         TaskError: it draws at random, prints, does not compile or returns no float; names file and line.
     """
-    return _compiled(score, compiled_in(score))
-
-
-def compiled_in(score: Score) -> tuple[str, ...]:
-    """The numbers and arrays that a score uses besides its arguments, as texts: they may have changed."""
     from realitygap.compiled import frozen
 
-    with suppress(OSError, TypeError):
-        return frozen(score)
-    return ()
+    try:
+        told = frozen(score)  # numbers that it uses may have changed
+    except (OSError, TypeError):  # a function without a file
+        told = ()
+    return _compiled(score, told)
 
 
 @lru_cache(maxsize=64)
@@ -209,10 +205,7 @@ def _try(made: CompiledScore, arena: Arena, steps: int) -> None:
         right=16.0 * right, contact=np.round(abs(x)),
     )  # fmt: skip
     found, where = [], _where(made.plain)
-    for score in (
-        made.plain,
-        made.compiled,
-    ):  # plain Python first: Ctrl-C stops a score without end here alone
+    for score in (made.plain, made.compiled):  # Ctrl-C stops a score without end in plain Python alone
         now = deepcopy((path, room))
         try:
             found.append(_value(score, *now))

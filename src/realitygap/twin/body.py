@@ -30,10 +30,10 @@ from realitygap.twin.unit import (
     WALL_HALF,
     WALL_HEIGHT,
     Unit,
-    check_arena,
     draw_unit,
+    plain_arena,
 )
-from realitygap.twin.wheels import ANGLE, NUMBERS, SLIP, Wheel, control
+from realitygap.twin.wheels import ANGLE, SLIP, Wheels, control
 
 __all__ = ["NOMINAL_VOLT", "TwinBody", "build_xml", "mujoco"]
 
@@ -182,7 +182,7 @@ TOUCH = 1e-4
 """A hand sets the robot down this exactly (m)."""
 
 
-class TwinBody:
+class TwinBody(Wheels):
     """One unit in one arena. Same unit, seed, arena and calls: the same bits.
 
     Args:
@@ -196,7 +196,8 @@ class TwinBody:
     def __init__(
         self, arena: Mapping[str, Any], *, unit: int, noise: float = 1.0, seed: int = 0, substeps: int = 1
     ) -> None:
-        self.arena = check_arena(arena)
+        super().__init__(NOMINAL_VOLT)
+        self.arena = plain_arena(arena)
         self.unit: Unit = draw_unit(unit)
         self.noise = check_scale(noise)
         self.seed = seed
@@ -209,8 +210,6 @@ class TwinBody:
         self._data, self._substeps = mujoco.MjData(self._model), substeps
         self._qpos, self._ctrl = self._data.qpos, self._data.ctrl
         self._history = np.zeros((HISTORY_MS, 7))
-        self._states = np.zeros((2, NUMBERS))
-        self._wheels = Wheel(NOMINAL_VOLT, self._states[0]), Wheel(NOMINAL_VOLT, self._states[1])
         self._stood_ms = 0
         self.place(*self._somewhere(), 0.0)
 
@@ -218,9 +217,9 @@ class TwinBody:
 
     def advance(self, milliseconds: int) -> None:
         """Let time pass: physics, and the robot's own control of its wheels each millisecond."""
-        if not all(wheel.stands for wheel in self._wheels):
+        if not self.at_rest:
             self._stood_ms = -1
-        model, data, qpos, ctrl, wheels = self._model, self._data, self._qpos, self._ctrl, self._states
+        model, data, qpos, ctrl, wheels = self._model, self._data, self._qpos, self._ctrl, self.state
         pose, history, end = qpos[:7], self._history, self.time_ms + milliseconds
         for now in range(self.time_ms + 1, end + 1):
             if self._stood_ms >= SETTLED_MS:
@@ -268,59 +267,6 @@ class TwinBody:
         mujoco.mj_forward(self._model, data)
         self._history[:] = data.qpos[:7]
         self._stood_ms = 0
-
-    # wheels
-
-    def set_speed(self, left: int, right: int) -> None:
-        """Hold these speeds (pulses in 10 ms)."""
-        self._wheels[0].go(left)
-        self._wheels[1].go(right)
-
-    def set_position(self, left: int, right: int) -> None:
-        """Drive the counters to these values (pulses)."""
-        self._wheels[0].go_to(left)
-        self._wheels[1].go_to(right)
-
-    def set_pwm(self, left: int, right: int) -> None:
-        """Share of the voltage for each motor, −255 to 255."""
-        self._wheels[0].push(left)
-        self._wheels[1].push(right)
-
-    def set_speed_gains(self, kp: int, ki: int, kd: int) -> None:
-        """Gains of the speed controller."""
-        for wheel in self._wheels:
-            wheel.set_speed_gains(kp, ki, kd)
-
-    def set_position_gains(self, kp: int, ki: int, kd: int) -> None:
-        """Gains of the position controller."""
-        for wheel in self._wheels:
-            wheel.set_position_gains(kp, ki, kd)
-
-    def set_profile(self, vl: int, al: int, vr: int, ar: int) -> None:
-        """How fast the position controller drives, in the units of command J.
-
-        Args:
-            vl, vr: speeds.
-            al, ar: accelerations.
-        """
-        self._wheels[0].set_profile(vl, al)
-        self._wheels[1].set_profile(vr, ar)
-
-    def pulses(self) -> tuple[int, int]:
-        """The position counters."""
-        return self._wheels[0].pulses, self._wheels[1].pulses
-
-    def set_pulses(self, left: int, right: int) -> None:
-        """Set the position counters."""
-        self._wheels[0].pulses, self._wheels[1].pulses = left, right
-
-    def speeds(self) -> tuple[int, int]:
-        """Measured speeds, pulses in 10 ms."""
-        return self._wheels[0].speed, self._wheels[1].speed
-
-    def on_target(self) -> tuple[bool, bool]:
-        """Whether each wheel has what it was asked for."""
-        return self._wheels[0].on_target, self._wheels[1].on_target
 
     # sensors
 

@@ -195,8 +195,6 @@ class Firmware:
             number, action = arguments
             self.body.leds[number] = action if action < 2 else 1 - int(self.body.leds[number])
             return ()
-        if letter == "T":  # no turret is mounted: what the robot says then no source tells; we let it refuse
-            raise RefusedError(KHEPERA.protocol_error)
         return self._motion() if letter == "K" else (BIOS, PROTOCOL)
 
     def _motion(self) -> tuple[int, ...]:

@@ -75,11 +75,8 @@ def _normal(bits: Any) -> Any:
 
 
 class SensorNoise(NamedTuple):
-    """Noise of deviation 1 for the eight sensors of one kind: a pure function of the time.
-
-    Attributes:
-        white, drift: [8] names of what is drawn for each sensor.
-    """
+    """Noise of deviation 1 for the eight sensors of one kind, a pure function of the time: [8] names of what
+    is drawn for each sensor."""
 
     white: NDArray[np.uint64]
     drift: NDArray[np.uint64]
@@ -116,13 +113,7 @@ def _drift_at(noise: Any, sensor: int, time_ms: int) -> Any:
 
 @part
 def noise_at(noise: Any, sensor: int, time_ms: int, refreshed: int) -> Any:
-    """The whole noise of a sensor, deviation 1.
-
-    Args:
-        noise: one channel's.
-        sensor: its number.
-        time_ms, refreshed: now, and when its reading was last made anew.
-    """
+    """The whole noise of a sensor, deviation 1, now; `refreshed` is when it was last read anew (ms)."""
     return WHITE * white_at(noise, sensor, refreshed) + DRIFT * _drift_at(noise, sensor, time_ms)
 
 
@@ -150,13 +141,7 @@ class Slip:
         self._fresh, self._used = np.empty((0, 2)), 0
 
     def update(self, qpos: Array, angles: Array, slip: Array) -> None:
-        """Bring both wheels' `slip` [2] up to date, once in `SLIP_MS`, where they stand.
-
-        Args:
-            qpos: MuJoCo's places.
-            angles: [2] of the axles, rad.
-            slip: [2] into which it goes.
-        """
+        """Bring both wheels' `slip` [2] up to date, once in `SLIP_MS`; `angles` [2] are the axles' (rad)."""
         if self._noise == 0.0:
             return
         if self._used == len(self._fresh):

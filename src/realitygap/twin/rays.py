@@ -69,12 +69,7 @@ def clearance(scene: Any, x: float, y: float) -> Any:
 
 @part
 def near(scene: Any, x: float, y: float, reach: float) -> Any:
-    """How many faces and circles come near a point: they alone are looked at.
-
-    Args:
-        scene: what stands there; it holds their numbers afterwards.
-        x, y, reach: the point, and how near, m.
-    """
+    """How many faces and circles come nearer than `reach` (m) to a point; the scene holds their numbers."""
     some, others = 0, 0
     for k in range(scene.length.shape[0]):
         if _to_face(scene, k, x, y) < reach:
@@ -114,13 +109,7 @@ def _touch(scene: Any, k: int, x: float, y: float, dx: float, dy: float) -> Any:
 
 @part
 def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy: float) -> Any:
-    """The first thing that a ray meets.
-
-    Args:
-        scene: what there is.
-        counts: how many of `scene.faces` and of `scene.rounds` are looked at.
-        x, y: where the ray starts (m).
-        dx, dy: its direction, of length 1.
+    """The first thing that a ray meets, of those that `near` has counted; its direction has length 1.
 
     Returns:
         Distance, cosine of the incidence, x, y of the point, its normal's x and y (towards the ray's side),
@@ -154,13 +143,7 @@ def meet(scene: Any, counts: tuple[int, int], x: float, y: float, dx: float, dy:
 
 @part
 def is_clear(scene: Any, x: float, y: float, ax: float, ay: float) -> Any:
-    """Whether nothing stands between two points.
-
-    Args:
-        scene: what stands there.
-        x, y: one point, m.
-        ax, ay: the way to the other, m.
-    """
+    """Whether nothing stands between a point and another, `ax`, `ay` further on (m)."""
     way = math.sqrt(ax * ax + ay * ay) + 1e-12
     dx, dy, far = ax / way, ay / way, way - 1e-9
     for k in range(SIDES, scene.length.shape[0]):

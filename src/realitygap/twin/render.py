@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.twin.body import build_xml, mujoco
-from realitygap.twin.lens import (
+from realitygap.twin.camera import (
     DISK_HEIGHT,
     DISK_RADIUS,
     FRONT_AHEAD,

@@ -253,11 +253,11 @@ class Sensors:
         scales = self._unit.lamp_power, self._noise
         return self._counts(_ambient, self._light, self._laws, scales, time_ms, history)
 
-    def _counts(self, law: Any, *told: Any) -> list[int]:
+    def _counts(self, law: Any, *known: Any) -> list[int]:
         """What a compiled law reads."""
         out = np.empty(SENSORS, np.int64)
         with _wrapping():
-            law(self.eyes, *told, out)
+            law(self.eyes, *known, out)
         counts: list[int] = out.tolist()
         return counts
 
@@ -293,13 +293,9 @@ def _proximity(eyes: Any, noises: Any, noise: float, time_ms: int, history: Any,
 
 @part
 def noisy_proximity(noises: Any, noise: float, k: int, time_ms: int, signal: float) -> Any:
-    """What a sensor's converter takes for a signal, its noise of this moment on it.
+    """What sensor k's converter takes for a signal (counts), with its noise of this moment.
 
-    Args:
-        noises, noise: of what is seen and of a sensor that sees nothing, and the scale of both.
-        k: which sensor.
-        time_ms: now.
-        signal: without noise, counts.
+    `noises` are of what is seen and of a sensor that sees nothing, `noise` the scale of both.
     """
     if noise:
         when = refreshed_at(k, time_ms)

@@ -30,7 +30,7 @@ from realitygap.twin.sensors import (
     noisy_proximity,
     reflect,
 )
-from realitygap.twin.unit import Unit, check_arena
+from realitygap.twin.unit import Unit, plain_arena
 
 __all__ = ["StrangerBody"]
 
@@ -134,8 +134,7 @@ class StrangerBody(TwinBody):
         super().advance(milliseconds)
         charge = max(0.0, self._full - SAG_PER_S * self.time_ms / 1000.0)
         self._sensors.charge = charge
-        for wheel in self._wheels:
-            wheel.set_volt(NOMINAL_VOLT * charge)
+        self.set_volt(NOMINAL_VOLT * charge)
 
     def place(self, x_cm: float, y_cm: float, heading: float) -> None:
         """As the twin's, to a millimetre: where that leaves no room, exactly."""
@@ -172,7 +171,7 @@ def _room(arena: Mapping[str, Any], unit: int) -> dict[str, Any]:
             "arena: reflectance: expected none for the stranger, whose surfaces are its own secret. "
             "Use the twin, or leave it out."
         )
-    room = check_arena(arena)
+    room = plain_arena(arena)
     drawn = draws(unit, 73).standard_normal(1 + len(room["cylinders"]))
     white = np.full(len(drawn), CYLINDER_REFLECTANCE)
     white[0] = WALL_REFLECTANCE

@@ -6,7 +6,7 @@ comes in plain numbers, in cm.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -17,8 +17,16 @@ from realitygap.errors import ConfigError
 from realitygap.twin.noise import draws
 
 __all__ = [
-    "BODY_RADIUS", "BODY_TOP", "SENSORS_MM_DEG", "WALL_HALF", "WALL_HEIGHT", "CameraUnit", "Unit",
-    "check_arena", "draw_unit", "faces_of",
+    "BODY_RADIUS",
+    "BODY_TOP",
+    "SENSORS_MM_DEG",
+    "WALL_HALF",
+    "WALL_HEIGHT",
+    "CameraUnit",
+    "Unit",
+    "draw_unit",
+    "faces_of",
+    "plain_arena",
 ]  # fmt: skip
 
 BODY_RADIUS = 0.0275  # K-Team, Khepera user manual: diameter 55 mm
@@ -102,53 +110,13 @@ def draw_unit(number: int) -> Unit:
     return Unit(number=number, camera=CameraUnit(**drawn(CameraUnit)), **constants)
 
 
-MAX_REFLECTANCE = 10
-"""Of a surface, in those that the twin's own constants hold for."""
-_PARTS = {"cylinders": ("x, y, radius", 3), "walls": ("x0, y0, x1, y1", 4), "lamps": ("x, y", 2)}
-
-
-def _numbers(values: Any) -> list[float]:
-    """None of them where they are something else."""
-    try:
-        return [float(value) for value in values]
-    except (TypeError, ValueError):
-        return []
-
-
-def _rows(arena: Mapping[str, Any], key: str) -> list[list[float]]:
-    words, width = _PARTS[key]
-    rows = arena.get(key, [])
-    out = [_numbers(row) for row in rows] if isinstance(rows, Iterable) else [[]]
-    if any(len(row) != width or not np.isfinite(row).all() for row in out):
-        raise ConfigError(f"arena: {key} is a list of [{words}] in cm, got {rows!r}")
-    return out
-
-
-def check_arena(arena: Mapping[str, Any]) -> dict[str, Any]:
-    """The same arena with every key there and every number a float.
-
-    Raises:
-        ConfigError: a key is unknown or a value is not what the key means.
-    """
-    unknown = set(arena) - {"size_cm", *_PARTS, "reflectance"}
-    if unknown:
-        key = sorted(unknown)[0]
-        raise ConfigError(f"arena: unknown key {key!r}; known are size_cm, {', '.join(_PARTS)}, reflectance")
-    size = _numbers(arena.get("size_cm"))
-    if len(size) != 2 or not all(8.0 <= side <= 1000.0 for side in size):
-        raise ConfigError(f"arena: size_cm is [width, depth], 8 to 1000 cm, got {arena.get('size_cm')!r}")
-    out: dict[str, Any] = {"size_cm": size, **{key: _rows(arena, key) for key in _PARTS}}
-    if any(row[2] <= 0 for row in out["cylinders"]):
-        raise ConfigError("arena: a cylinder's radius is above 0 cm")
-    if any(row[:2] == row[2:] for row in out["walls"]):
-        raise ConfigError("arena: a wall has two different ends")
+def plain_arena(arena: Mapping[str, Any]) -> dict[str, Any]:
+    """The same arena with every key there and every number a float."""
+    out: dict[str, Any] = {"size_cm": list(map(float, arena["size_cm"]))}
+    for key in ("cylinders", "walls", "lamps"):
+        out[key] = [list(map(float, row)) for row in arena.get(key, ())]
     if "reflectance" in arena:
-        out["reflectance"], count = _numbers(arena["reflectance"]), 1 + len(out["cylinders"])
-        if len(out["reflectance"]) != count or not all(
-            0 <= value <= MAX_REFLECTANCE for value in out["reflectance"]
-        ):
-            what = f"{count} numbers from 0 to {MAX_REFLECTANCE}: of the walls, and of each cylinder"
-            raise ConfigError(f"arena: reflectance is {what}, got {arena['reflectance']!r}")
+        out["reflectance"] = list(map(float, arena["reflectance"]))
     return out
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from realitygap.twin.compiled import jit, part
 
-__all__ = ["ANGLE", "NUMBERS", "SLIP", "Wheel", "control"]
+__all__ = ["ANGLE", "NUMBERS", "SLIP", "Wheels", "control"]
 
 PULSES_PER_TURN = 600
 """Encoder on the motor's axle, 24 pulses a turn, behind a gear of 25 to 1."""
@@ -47,81 +47,90 @@ the angle by which it has slipped in all; each controller's three gains in volts
 of the last 10 ms."""
 
 
-class Wheel:
-    """One wheel's encoder, targets and controller: `state` is a row of NUMBERS, zeros at first."""
+class Wheels:
+    """Both wheels' encoders, targets and controllers, by the robot's commands: always left and right.
 
-    def __init__(self, volt: float, state: Any) -> None:
-        self._state = state
+    Attributes:
+        state: [2, NUMBERS].
+    """
+
+    def __init__(self, volt: float) -> None:
+        self.state = np.zeros((2, NUMBERS))
         self.set_volt(volt)
-        self.set_profile(*PROFILE)
+        self.set_profile(*PROFILE, *PROFILE)
         self.set_speed_gains(*SPEED_GAINS)
         self.set_position_gains(*POSITION_GAINS)
 
     def set_volt(self, volt: float) -> None:
-        """What its motor gets at most."""
-        self._state[VOLT] = volt
+        """What their motors get at most."""
+        self.state[:, VOLT] = volt
 
-    def set_profile(self, speed: int, acceleration: int) -> None:
-        """How fast the position controller drives."""
-        self._state[FASTEST], self._state[QUICKEST] = speed, acceleration / 256.0  # per 10 ms, per 10 ms·ms
+    def set_profile(self, vl: int, al: int, vr: int, ar: int) -> None:
+        """How fast the position controller drives: speeds and accelerations, in the units of command J."""
+        self.state[:, FASTEST] = vl, vr
+        self.state[:, QUICKEST] = al / 256.0, ar / 256.0  # per 10 ms, per 10 ms·ms
 
-    def set_speed_gains(self, *gains: int) -> None:
-        """Kp, Ki and Kd."""
-        self._state[SPEED_VOLTS : SPEED_VOLTS + 3] = np.multiply(gains, SPEED_SCALE)
+    def set_speed_gains(self, kp: int, ki: int, kd: int) -> None:
+        """Gains of the speed controller."""
+        self.state[:, SPEED_VOLTS : SPEED_VOLTS + 3] = np.multiply((kp, ki, kd), SPEED_SCALE)
 
-    def set_position_gains(self, *gains: int) -> None:
-        """Kp, Ki and Kd."""
-        self._state[POSITION_VOLTS : POSITION_VOLTS + 3] = np.multiply(gains, POSITION_SCALE)
+    def set_position_gains(self, kp: int, ki: int, kd: int) -> None:
+        """Gains of the position controller."""
+        self.state[:, POSITION_VOLTS : POSITION_VOLTS + 3] = np.multiply((kp, ki, kd), POSITION_SCALE)
+
+    def set_speed(self, left: int, right: int) -> None:
+        """Hold these speeds (pulses in 10 ms), cut to what the robot can be asked for."""
+        self.state[self.state[:, MODE] != SPEED, ERROR_SUM] = 0.0
+        self.state[:, MODE] = SPEED
+        self.state[:, WANTED] = np.clip((left, right), -MAX_SPEED, MAX_SPEED)
+
+    def set_position(self, left: int, right: int) -> None:
+        """Drive the counters to these values (pulses) and hold them, by the profile."""
+        new = self.state[:, MODE] != POSITION
+        self.state[new, ERROR_SUM] = 0.0
+        self.state[new, REFERENCE], self.state[new, PACE] = self._pulses()[new], self._speeds()[new]
+        self.state[:, MODE], self.state[:, TARGET] = POSITION, (left, right)
+
+    def set_pwm(self, left: int, right: int) -> None:
+        """Share of the voltage for each motor, −255 to 255, uncontrolled."""
+        self.state[:, MODE], self.state[:, PWM_SHARE] = PWM, np.clip((left, right), -MAX_PWM, MAX_PWM)
+
+    def pulses(self) -> tuple[int, int]:
+        """The position counters."""
+        return _pair(self._pulses())
+
+    def set_pulses(self, left: int, right: int) -> None:
+        """Set the position counters."""
+        moved = (left, right) - self._pulses()
+        self.state[:, [OFFSET, TARGET, REFERENCE]] += moved[:, None]
+
+    def speeds(self) -> tuple[int, int]:
+        """Measured speeds, pulses in 10 ms."""
+        return _pair(self._speeds())
+
+    def on_target(self) -> tuple[bool, bool]:
+        """Whether each wheel has the wanted place, or the wanted speed within one pulse."""
+        mode, place, speed = self.state[:, MODE], self._pulses(), self._speeds()
+        there = np.abs(self.state[:, TARGET] - place) <= ARRIVED
+        fast = np.abs(self.state[:, WANTED] - speed) <= 1
+        left, right = np.where(mode == POSITION, there, (mode == PWM) | fast).tolist()
+        return left, right
 
     @property
-    def pulses(self) -> int:
-        """The position counter."""
-        return int(self._state[RAW] + self._state[OFFSET])
+    def at_rest(self) -> bool:
+        """Whether both are only told to stand."""
+        return not self.state[:, [MODE, WANTED]].any()  # SPEED is 0
 
-    @pulses.setter
-    def pulses(self, value: int) -> None:
-        moved = value - self.pulses
-        self._state[[OFFSET, TARGET, REFERENCE]] += moved
+    def _pulses(self) -> NDArray[np.float64]:
+        return self.state[:, RAW] + self.state[:, OFFSET]
 
-    @property
-    def speed(self) -> int:
-        """Pulses in the last 10 ms."""
-        return int(self._state[RAW] - self._state[RING + int(self._state[SLOT])])
+    def _speeds(self) -> NDArray[np.float64]:
+        return self.state[:, RAW] - self.state[(0, 1), RING + self.state[:, SLOT].astype(int)]
 
-    @property
-    def stands(self) -> bool:
-        """Whether it is only told to stand."""
-        return bool(self._state[MODE] == SPEED and self._state[WANTED] == 0.0)
 
-    @property
-    def error(self) -> int:
-        """What is missing to the wanted speed or place."""
-        if self._state[MODE] == POSITION:
-            return int(self._state[TARGET]) - self.pulses
-        return round(float(self._state[WANTED])) - self.speed if self._state[MODE] == SPEED else 0
-
-    @property
-    def on_target(self) -> bool:
-        """Whether the wanted place, or the wanted speed within one pulse, is reached."""
-        return abs(self.error) <= (ARRIVED if self._state[MODE] == POSITION else 1)
-
-    def go(self, speed: int) -> None:
-        """Hold a speed from now on (cut to what the robot can be asked for)."""
-        if self._state[MODE] != SPEED:
-            self._state[ERROR_SUM] = 0.0
-        self._state[MODE] = SPEED
-        self._state[WANTED] = max(-MAX_SPEED, min(MAX_SPEED, speed))
-
-    def go_to(self, place: int) -> None:
-        """Drive to a place and hold it, by the profile's speed and acceleration."""
-        if self._state[MODE] != POSITION:
-            self._state[ERROR_SUM] = 0.0
-            self._state[REFERENCE], self._state[PACE] = self.pulses, self.speed
-        self._state[MODE], self._state[TARGET] = POSITION, place
-
-    def push(self, pwm: int) -> None:
-        """Let the motor have a share of the voltage, −255 to 255, uncontrolled."""
-        self._state[MODE], self._state[PWM_SHARE] = PWM, max(-MAX_PWM, min(MAX_PWM, pwm))
+def _pair(numbers: NDArray[np.float64]) -> tuple[int, int]:
+    left, right = map(int, numbers.tolist())
+    return left, right
 
 
 @part
@@ -166,13 +175,8 @@ def _voltage(wheel: Any, angle: float) -> Any:
 
 @jit
 def control(wheels: Any, qpos: Any, ctrl: NDArray[np.float64]) -> None:
-    """One millisecond of both wheels' control.
-
-    Args:
-        wheels: [2, `NUMBERS`], left and right.
-        qpos: MuJoCo's places; 7 and 8 are the axles' angles (rad).
-        ctrl: [2] into which the motors' voltages go.
-    """
+    """One millisecond of both wheels [2, `NUMBERS`]: from MuJoCo's `qpos`, 7 and 8 of which are the axles'
+    angles (rad), to the motors' voltages, `ctrl` [2]."""
     for side in range(2):
         wheel, angle = wheels[side], qpos[7 + side]
         wheel[SLIPPED] += wheel[SLIP] * (angle - wheel[ANGLE])

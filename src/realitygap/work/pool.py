@@ -10,7 +10,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
-from itertools import count
 from multiprocessing import resource_tracker, spawn
 from multiprocessing.connection import Connection, wait
 from typing import Any, Protocol, runtime_checkable
@@ -21,7 +20,7 @@ from realitygap.errors import ConfigError, RealityGapError, StudyError
 from realitygap.plugins import packed, unpacked
 
 __all__ = [
-    "Bench", "Counted", "Here", "Pool", "Processes", "Setup", "Tell", "Workers", "bench_of", "cores", "far",
+    "Bench", "Here", "Pool", "Processes", "Setup", "Tell", "Workers", "bench_of", "cores", "far",
     "messages_of", "near", "one_thread", "opened", "size_of",
 ]  # fmt: skip
 
@@ -31,8 +30,6 @@ MOST = 1024
 
 def cores() -> int:
     """Cores that this process may use."""
-    if hasattr(os, "process_cpu_count"):  # Python 3.13
-        return os.process_cpu_count() or 1
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -111,58 +108,6 @@ class Here:
         """Nothing to end."""
 
 
-class Counted:
-    """A given pool whose messages are counted: one that is lost or doubled would leave a study with a gap."""
-
-    def __init__(self, pool: Pool) -> None:
-        self._pool, self.close, self.far = pool, pool.close, far(pool)
-
-    def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
-        """Carry out all jobs; see `Pool`.
-
-        Raises:
-            StudyError: also: at the first message that is not the next of its job, or where one is missing.
-        """
-        due: dict[int, int] = {}
-
-        def numbered() -> Iterator[tuple[int, Any]]:
-            for number, job in enumerate(jobs):
-                due[number] = 0
-                yield number, job
-
-        def hear(part: tuple[Any, ...]) -> None:
-            job, number, *message = part
-            if due.pop(job, None) != number:
-                raise StudyError(LOST)
-            if message:
-                due[job] = number + 1
-                tell(message[0])
-
-        here = None if setup.here is None else _Numbering(setup.here)
-        self._pool.work(Setup(_Numbering, (setup,), here=here), numbered(), hear)
-        if due:
-            raise StudyError(LOST)
-
-
-LOST = (
-    "workers: expected each message of a job once and in order, but one was lost or duplicated. What was "
-    "saved is kept: continue with other workers, and fix the pool (realitygap.testing.PoolContract)."
-)
-
-
-class _Numbering:
-    """A bench of numbered jobs: each message comes as (job, number, message), the end as (job, number)."""
-
-    def __init__(self, bench: Setup | Bench) -> None:
-        self._bench = bench() if isinstance(bench, Setup) else bench
-        self.close = self._bench.close
-
-    def carry_out(self, job: tuple[int, Any], tell: Tell) -> None:
-        numbers = count()
-        self._bench.carry_out(job[1], lambda message: tell((job[0], next(numbers), message)))
-        tell((job[0], next(numbers)))
-
-
 class _Kept:
     """A thread's bench, closed when another takes its place, or with the thread."""
 
@@ -203,9 +148,6 @@ TRIES = 3
 MESSAGE, DONE, ERROR = range(3)
 """What a worker sends, with something beside it."""
 
-ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-
-
 ALONE = "realitygap worker"
 """Name of a process that does not run the user's script again, as Python's own would."""
 
@@ -231,14 +173,14 @@ class _Task:
 class _Worker:
     """A process, and what it has last been set up for; `script`: it knows what the user's script defines."""
 
-    def __init__(self, threads: dict[str, str], script: bool) -> None:
+    def __init__(self, one_thread: bool, script: bool) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, there = context.Pipe()
-        self.process = context.Process(target=_serve, args=(there,), daemon=True)
+        self.process = context.Process(target=_serve, args=(there, one_thread), daemon=True)
         if not script:
             self.process.name = ALONE
         self.script, self._setup = script, b""
-        with _environment(threads), _without_script():
+        with _without_script():
             self.process.start()
         there.close()
 
@@ -269,8 +211,7 @@ class Processes:
     """
 
     def __init__(self, size: int, *, one_thread: bool = False) -> None:
-        self.size = size
-        self._threads = ONE_THREAD if one_thread else {}
+        self.size, self._one_thread = size, one_thread
         self._workers: set[_Worker] = set()
 
     def work(self, setup: Setup, jobs: Iterable[Any], tell: Tell) -> None:
@@ -327,7 +268,7 @@ class Processes:
     def _start(self, script: bool) -> _Worker:
         resource_tracker.ensure_running()  # now, since its start would let Ctrl-C through again
         with _deaf():
-            worker = _Worker(self._threads, script)
+            worker = _Worker(self._one_thread, script)
             self._workers.add(worker)
         return worker
 
@@ -386,8 +327,10 @@ def _take(connection: Connection) -> tuple[int, Any]:
     return kind, content
 
 
-def _serve(connection: Connection) -> None:
+def _serve(connection: Connection, one_thread: bool) -> None:
     """A worker's life: it takes jobs and sends their messages, until the parent is gone."""
+    if one_thread:  # before NumPy is loaded
+        os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_die_with_parent, daemon=True).start()
@@ -424,32 +367,19 @@ def _deaf() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-@contextmanager
-def _environment(changes: dict[str, str]) -> Iterator[None]:
-    """What a process that starts here finds in its environment."""
-    before = dict(os.environ)
-    os.environ.update(changes)
-    try:
-        yield
-    finally:
-        for key in changes:
-            os.environ.pop(key)
-        os.environ.update(before)
-
-
 Workers = int | Pool | None
 """So many processes, 1 for this one alone, None for one a core; or a pool."""
 
 
 @contextmanager
 def opened(workers: Workers, *, one_thread: bool = False) -> Iterator[Pool]:
-    """The pool for a while; one that was given is counted, and left open. `one_thread`: as of `Processes`.
+    """The pool for a while; one that was given is left open. `one_thread`: as of `Processes`.
 
     Raises:
         ConfigError: neither a number nor a pool.
     """
     if isinstance(workers, Pool):
-        yield workers if type(workers) in (Here, Processes, Counted) else Counted(workers)
+        yield workers
         return
     size = size_of(workers)
     with closing(Here() if size == 1 else Processes(size, one_thread=one_thread)) as pool:

@@ -1,18 +1,17 @@
 """Progress, reported now and then: one event, one reporter and one display for all kinds of work.
 
-It shows as a live line on a terminal, a bar in a notebook, a plain line now and then elsewhere; on stderr.
+It shows as a live bar on a terminal, a bar in a notebook's cell, plain lines elsewhere; on stderr.
 """
 
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
-from types import TracebackType
+from html import escape
 from typing import Any, Self
 
-from realitygap.errors import UsageError
-
-__all__ = ["FILM_AFTER_S", "OnProgress", "Progress", "ProgressLine", "Reporter", "clock", "counts"]
+__all__ = ["FILM_AFTER_S", "OnProgress", "Progress", "ProgressLine", "Reporter", "counts"]
 
 EVERY_S = 0.2
 """Shortest time between two events of one phase."""
@@ -60,19 +59,11 @@ class Reporter:
         tell: called with each event.
         work: of each phase, what an earlier session did left out.
         patience_s: the time left is estimated once this much time has been spent on work.
-
-    Raises:
-        UsageError: `tell` cannot be called.
     """
 
     def __init__(
         self, tell: OnProgress | None, work: Mapping[str, float], *, patience_s: float = 0.0
     ) -> None:
-        given: object = tell
-        if given is not None and not callable(given):
-            raise UsageError(
-                f"on_progress: expected a function of one event, got {given!r}. Give one, or leave it out."
-            )
         self._tell = tell or (lambda _: None)
         self._left = dict(work)
         self._patience = patience_s
@@ -81,15 +72,7 @@ class Reporter:
         self._last = self._told = time.monotonic()
 
     def phase(self, name: str, *, done: int, total: int, what: str = "", **more: Any) -> None:
-        """Start a phase, of which part may already be done; `more` is for the event.
-
-        Args:
-            name: the phase's.
-            done: how much of it is there already.
-            total: how much there is.
-            what: of which things.
-            more: for the event.
-        """
+        """Start a phase of which `done` things are there already; `more` is for the event."""
         self._event |= {"phase": name, "done": done, "total": total, "what": what, **more}
         self._last = time.monotonic()
         self._say()
@@ -131,136 +114,98 @@ class Reporter:
 
 
 class ProgressLine:
-    """A context in which progress becomes something to look at.
+    """A context in which progress is shown, from the first event that comes `after_s` after its start."""
 
-    Attributes:
-        after_s: nothing is shown before the first event that comes this long after the start;
-            None: something is shown from the beginning on.
-    """
-
-    def __init__(self, after_s: float | None = None) -> None:
-        self.after_s = after_s
-        self._begun = time.monotonic()
-        self._open = False
-        self._bar: Any = None
-        self._job: Any = None
-        self._phase = ""
-        self._next = 0.0
-        self._spent: dict[str, float] = {}
-        self._timed, self._since = "", self._begun
+    def __init__(self, after_s: float = 0.0) -> None:
+        self._since = time.monotonic()
+        self._after = self._since + after_s
+        self._show: Callable[[Progress, str], object] | None = None
+        self._open = ExitStack()
+        self._phase, self._spent = "", dict[str, float]()
+        self._printed, self._next = "", 0.0
 
     def __enter__(self) -> Self:
-        if self.after_s is None:
-            self._begin()
         return self
 
-    def _begin(self) -> None:
-        self._open = True
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, TextColumn
-            from rich.progress import Progress as Bar
-
-            columns = [
-                TextColumn("{task.description}"),
-                BarColumn(),
-                TextColumn("{task.completed:.0f}/{task.total:.0f}"),
-                TextColumn("{task.fields[says]}"),
-            ]
-            self._bar = Bar(*columns, console=Console(stderr=True), transient=True)
-            self._bar.start()
-            self._job = self._bar.add_task("starting", total=1, says="")
-        elif _in_notebook():
-            self._bar = _NotebookBar(self)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
 
     def show(self, event: Progress) -> None:
-        """Show how far a study, a transfer or an experiment is."""
+        """Show how far work is."""
+        self._time(event.phase)
+        if self._show is None:
+            if time.monotonic() < self._after:
+                return
+            self._show = self._display()
         says = [f"{event.runs_done}/{event.runs_total} runs" if event.runs_total else event.what]
         if event.evaluations_per_second > 0:
             says.append(f"{event.evaluations_per_second:,.0f} evaluations/s")
         if event.seconds_left is not None:
-            says.append(f"{clock(event.seconds_left)} left")
-        finished = (event.done, event.runs_done) == (event.total, event.runs_total)
-        self._show(event.phase, event.done, event.total, ", ".join(says), finished)
+            says.append(f"{_clock(event.seconds_left)} left")
+        self._show(event, ", ".join(says))
 
     def places(self, name: str, done: int, total: int) -> None:
         """Show how far a recording is."""
-        self._show(f"recording {name}", done, total, "places", done == total)
+        self.show(Progress(phase=f"recording {name}", done=done, total=total, what="places"))
 
     def frames(self, phase: str, done: int, total: int | None) -> None:
         """Show how many frames of a film are done; None: it is unknown how many it has."""
-        whole = max(total or done, done)
-        self._show(phase, done, whole, "frames", done == whole)
+        self.show(Progress(phase=phase, done=done, total=max(total or done, done), what="frames"))
 
     def took(self) -> str:
         """How long all took until now, and each phase of it."""
         self._time("")
         self._spent.pop("", None)  # it was asked before
-        total = clock(sum(self._spent.values()))
-        return f"took {total}: " + ", ".join(f"{phase} {clock(s)}" for phase, s in self._spent.items())
+        total = _clock(sum(self._spent.values()))
+        return f"took {total}: " + ", ".join(f"{phase} {_clock(s)}" for phase, s in self._spent.items())
 
     def _time(self, phase: str) -> None:
         """What passed since the last time belongs to the phase that was shown then, or to the first."""
         now = time.monotonic()
-        before = self._timed or phase
+        before = self._phase or phase
         self._spent[before] = self._spent.get(before, 0.0) + now - self._since
-        self._timed, self._since = phase, now
+        self._phase, self._since = phase, now
 
-    def _show(self, phase: str, done: int, total: int, says: str, finished: bool) -> None:
-        self._time(phase)
-        if not self._open:
-            if time.monotonic() - self._begun < (self.after_s or 0.0):
-                return
-            self._begin()
-        if self._bar is not None:
-            self._bar.update(self._job, description=phase, completed=done, total=max(total, 1), says=says)
-            return
+    def _display(self) -> Callable[[Progress, str], object]:
+        """What shows an event and what is said of it."""
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+            from rich.progress import Progress as Bar
+
+            columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+            said = TextColumn("{task.fields[says]}")
+            bar = self._open.enter_context(Bar(*columns, said, console=Console(stderr=True), transient=True))
+            task = bar.add_task("starting", total=1, says="")
+            return lambda event, says: bar.update(
+                task, description=event.phase, completed=event.done, total=max(event.total, 1), says=says
+            )
+        ipython = sys.modules.get("IPython")
+        if ipython is None or not hasattr(ipython.get_ipython(), "kernel"):
+            return self._print
+        cell = ipython.display.display({"text/plain": ""}, raw=True, display_id=True)
+
+        def put(text: str, bar: str = "") -> None:
+            html = f"{bar} <small>{escape(text)}</small>"
+            cell.update({"text/plain": text, "text/html": html}, raw=True)
+
+        self._open.callback(lambda: put(self.took()))
+        return lambda event, says: put(
+            f"{event.phase} {event.done}/{event.total} {says}",
+            f'<progress max="{event.total}" value="{event.done}"></progress>',
+        )
+
+    def _print(self, event: Progress, says: str) -> None:
+        """A line now and then, and at the begin and the end of a phase."""
         now = time.monotonic()
-        if phase != self._phase or finished or now >= self._next:
-            self._phase, self._next = phase, now + PLAIN_EVERY_S
-            sys.stderr.write(f"{phase}: {done}/{total}{', ' * bool(says)}{says}\n")
+        finished = (event.done, event.runs_done) == (event.total, event.runs_total)
+        if event.phase != self._printed or finished or now >= self._next:
+            self._printed, self._next = event.phase, now + PLAIN_EVERY_S
+            sys.stderr.write(f"{event.phase}: {event.done}/{event.total}{', ' * bool(says)}{says}\n")
             sys.stderr.flush()
 
 
-class _NotebookBar:
-    """A bar in a notebook's cell, in the place of rich's, which would need ipywidgets; at the end how long
-    each phase took."""
-
-    def __init__(self, line: ProgressLine) -> None:
-        self._line = line
-        self._handle = sys.modules["IPython"].display.display(
-            {"text/plain": "starting"}, raw=True, display_id=True
-        )
-
-    def update(self, _: object, *, description: str, completed: int, total: int, says: str) -> None:
-        """Show how far it is."""
-        bar = f'<progress max="{total}" value="{completed}" style="vertical-align: middle"></progress>'
-        self._say(f"{description} {completed}/{total}{', ' * bool(says)}{says}", "div", bar)
-
-    def stop(self) -> None:
-        """Leave the last line where it is worth keeping."""
-        self._say(self._line.took(), "small")
-
-    def _say(self, words: str, tag: str, bar: str = "") -> None:
-        from html import escape
-
-        rich = f"<{tag}>{bar} {escape(words)}</{tag}>"
-        self._handle.update({"text/plain": words, "text/html": rich}, raw=True)
-
-
-def _in_notebook() -> bool:
-    """Whether a Jupyter kernel (Colab's too) runs this."""
-    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
-    return hasattr(shell, "kernel")
-
-
-def clock(seconds: float) -> str:
+def _clock(seconds: float) -> str:
     """A length of time as h:mm:ss or m:ss."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)

@@ -232,12 +232,7 @@ TOP_INPUT = 10
 
 
 def largest_pole(kp: float, ki: float, kd: float, divisor: float) -> float:
-    """Largest closed-loop pole of the printed law with P = (V − U)/0.1 and five terms in I (§3.2.2).
-
-    Args:
-        kp, ki, kd: gains.
-        divisor: of all three.
-    """
+    """Largest closed-loop pole of the printed law with P = (V − U)/0.1 and five terms in I (§3.2.2)."""
     p, i, d = (gain / divisor for gain in (kp, ki, kd))
     p, i = p / STEP_S, i / STEP_S
     # δ_t = −p·U_t − i·(U_t + … + U_{t−4}) + d·δ_{t−1}, U_{t+1} = U_t + δ_t
@@ -404,14 +399,11 @@ class Profile(Value):
             sensors: which of the readings each input is made of.
 
         Raises:
-            ConfigError: other feeds, readings of another number of sensors, or an unknown sensor.
+            ConfigError: other feeds, or readings of another number of sensors.
         """
         bands = self.bands(feeds)
-        there = range(len(bands))
-        require(
-            len(readings) == len(there), "readings", f"one of each {feeds} sensor ({len(there)})", readings
-        )
-        require(all(s in there for s in sensors), "sensors", f"numbers from 0 to {len(there) - 1}", sensors)
+        fits = len(readings) == len(bands)
+        require(fits, "readings", f"one of each {feeds} sensor ({len(bands)})", readings)
         scaled = []
         for sensor in sensors:
             low, high = bands[sensor]

@@ -52,15 +52,7 @@ class Value:
 
 
 def require(fact: bool, key: str, expected: str, got: object, cure: str = "") -> None:
-    """Refuse `key` unless `fact` holds.
-
-    Args:
-        fact: whether it is as it must be.
-        key: of what is wrong.
-        expected: in words.
-        got: what came.
-        cure: what to do.
-    """
+    """Refuse `key` unless `fact` holds."""
     if not fact:
         raise ConfigError(f"{key}: expected {expected}, got {_shown(got)}.{' ' + cure if cure else ''}")
 

@@ -1,0 +1,175 @@
+"""A robot at the end of a wire, whatever is spoken on it: the open port, and how it is stopped."""
+
+import contextlib
+import os
+import select
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+from realitygap.errors import LineError, RealityGapError, RobotError
+from realitygap.robots.body import Body, Clock
+from realitygap.robots.guard import Guard
+
+__all__ = ["LOOK_S", "STAND_S", "Wire", "WireBody", "why_not_opened"]
+
+CHUNK = 4096
+
+
+def why_not_opened(error: Exception) -> str:
+    """What the system says of a port or an address."""
+    number = getattr(error, "errno", None) or 0  # below 0: of a name that nobody knows
+    return os.strerror(number) if number > 0 else str(error)
+
+
+class Wire:
+    """An open port, whatever is spoken on it.
+
+    Attributes:
+        stop_message: what stops the robot, whatever it was sent before.
+        faults: how many answers did not come in time or were not understood.
+        before: called before each word that is sent.
+    """
+
+    stop_message: bytes
+    _port: Any
+
+    def __init__(self, device: str, clock: Clock) -> None:
+        self.device, self.clock, self.faults = device, clock, 0
+        self.before: Callable[[], None] = lambda: None
+        self._input = b""
+
+    def fileno(self) -> int:
+        """The port's file descriptor."""
+        return int(self._port.fileno())
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            self._port.close()
+
+    def write(self, data: bytes) -> None:
+        """Send bytes without waiting.
+
+        Raises:
+            LineError: the line is lost.
+        """
+        self.before()
+        self._send(data)
+
+    def discard_input(self) -> None:
+        self._input = b""
+        while self._read(self.clock.now(), 0):
+            pass
+
+    def _send(self, data: bytes) -> None:
+        sent = 0
+        while sent < len(data):
+            try:
+                sent += os.write(self.fileno(), data[sent:])
+            except BlockingIOError:
+                raise LineError(f"the line is lost: {self.device} takes no more bytes") from None
+            except (OSError, ValueError) as error:
+                raise LineError(f"the line is lost: {self.device}: {error}") from None
+            except TypeError:  # the port is closed: it has no descriptor
+                raise LineError(f"the line is lost: {self.device} is closed") from None
+
+    def _read(self, until: float, lines: int) -> bytes:
+        """What comes in: the first bytes, nothing if there are none by `until`.
+
+        A line that is simulated may wait for `lines` lines.
+
+        Raises:
+            LineError: the line is lost.
+        """
+        try:
+            if not select.select([self.fileno()], [], [], max(0.0, until - self.clock.now()))[0]:
+                return b""
+            data = os.read(self.fileno(), CHUNK)
+        except BlockingIOError:
+            return b""
+        except (OSError, ValueError, TypeError) as error:
+            raise LineError(f"the line is lost: {getattr(error, 'strerror', None) or error}") from None
+        if not data:
+            raise LineError("the line is lost: the device has hung up")
+        return data
+
+
+STOP_S, STOP_TRIES = 1.4, (2, 20)
+"""The robot is told to stop for this long, at least and at most this often."""
+
+STAND_S, LOOK_S = 0.5, 0.02
+"""Time that the wheels may take to stop, and from one look at them to the next."""
+
+LED_S = 0.2
+
+
+class WireBody(Body):
+    """A body at the end of a wire, watched by a guard.
+
+    From `act` to `stop` something must be asked or told twice a second, or the guard stops the robot, and the
+    next word raises a `FrozenError`. Under a clock that waits nothing is needed.
+
+    Args:
+        line: the robot's; `close` closes it.
+    """
+
+    leds = 0
+    """How many it has, which `led` switches."""
+
+    def __init__(self, line: Wire) -> None:
+        self.line, self.clock = line, line.clock
+        self._guard = Guard(None if line.clock.waits else line.fileno(), line.stop_message)
+        line.before = self._guard.beat
+
+    @abstractmethod
+    def _stands(self) -> bool:
+        """Whether it confirms that it was told to stop, and its wheels are still, now or soon."""
+
+    def led(self, number: int, on: bool) -> None:
+        """Switch an LED."""
+
+    def stop(self) -> None:
+        """Stop, and make sure of it.
+
+        The command is sent before anything else is read or asked, repeatedly if needed.
+
+        Raises:
+            LineError: the robot did not confirm: it may still be moving.
+        """
+        failure: RealityGapError | None = None
+        until, tries, (least, most) = self.clock.now() + STOP_S, 0, STOP_TRIES
+        while tries < least or (tries < most and self.clock.now() < until):
+            tries += 1
+            try:
+                self.line.write(self.line.stop_message)
+                if self._stands():
+                    self._guard.rest()
+                    return
+                failure = RobotError("its wheels still turn")
+            except RobotError as error:
+                failure = error
+        raise LineError(
+            f"the robot did not confirm that it stopped ({failure}); it may still be moving: "
+            f"lift it or switch it off"
+        )
+
+    def close(self) -> None:
+        """Stop, then close the line and the guard, in any case."""
+        try:
+            self.stop()
+        finally:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Close the line and the guard without a word to the robot."""
+        self.line.before = lambda: None
+        self.line.close()
+        self._guard.release()
+
+    def inspect(self) -> dict[str, Any]:
+        """Switch its LEDs on and off, and count the requests repeated so far."""
+        for on in (True, False) if self.leds else ():
+            for number in range(self.leds):
+                self.led(number, on)
+            self.clock.sleep_until(self.clock.now() + LED_S)
+        return {**({"leds": "answered"} if self.leds else {}), "faults": self.line.faults}
