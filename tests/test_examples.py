@@ -121,7 +121,7 @@ def test_a_controller_is_written_for_a_chip_of_ones_own(tmp_path):
     """Evolved, written as C, compiled, and passed its test vectors."""
     if shutil.which("cc") is None:
         pytest.skip("no C compiler here")
-    words = [sys.executable, EXAMPLES / "down_load.py", tmp_path]
+    words = [sys.executable, EXAMPLES / "export_to_c.py", tmp_path]
     done = subprocess.run(words, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith("avoider: 200 steps as in the simulation\n")

@@ -1,6 +1,6 @@
 """Put an evolved controller on a chip of your own: evolve, write C, compile and test it (some seconds).
 
-python examples/down_load.py FOLDER
+python examples/export_to_c.py FOLDER
 """
 
 import subprocess

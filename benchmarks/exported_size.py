@@ -1,6 +1,6 @@
 """How large networks are on small processors: bytes of code and tables by links, as a figure.
 
-python benchmarks/down_load.py docs/down-load.png      # needs avr-gcc and arm-none-eabi-gcc
+python benchmarks/exported_size.py docs/exported-size.png      # needs avr-gcc and arm-none-eabi-gcc
 """
 
 from __future__ import annotations
@@ -53,4 +53,4 @@ def main(file: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(*(sys.argv[1:2] or ["docs/down-load.png"])))
+    main(Path(*(sys.argv[1:2] or ["docs/exported-size.png"])))
