@@ -91,14 +91,6 @@ def test_pairs_stand_one_above_the_other() -> None:
     assert bodies[0].isdisjoint(bodies[1])
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_a_page_without_transfers_is_as_before(study: Study) -> None:
-    """No word of situated robots, no picture, no table."""
-    text = re.sub(r"<script.*?</script>", "", _built(study), flags=re.DOTALL)
-    assert "ituated" not in text and "<img" not in text and "the simulated half of" in text
-    assert not list((study.folder / "report").rglob("*transfers*"))
-
-
 def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_path, monkeypatch) -> None:
     """Pairs stand in the place of the simulated paths; the report that is given away keeps its films, and one
     that is made anew is shown anew; the twin is never called real."""

@@ -180,9 +180,9 @@ def transfers_csv(task: Task, groups: Sequence[Group], study: Path) -> str:
     rows: list[list[object]] = [[*head.split()]]
     for group in groups:
         for p in group.pairs:
-            told = [repr(v) if math.isfinite(v) else "" for v in (*p.fitness, p.drop)]
+            scores = [repr(v) if math.isfinite(v) else "" for v in (*p.fitness, p.drop)]
             who = [p.run, p.name, p.individual, p.robot, p.start, p.situated_from]
-            rows.append([task.name, group.name, *who, *told, p.folder.relative_to(study).as_posix()])
+            rows.append([task.name, group.name, *who, *scores, p.folder.relative_to(study).as_posix()])
     return to_csv(rows, end="\r\n")
 
 
