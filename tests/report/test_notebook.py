@@ -51,7 +51,7 @@ def test_a_kernel_shows_each_thing_once(executed):
     """One bar, which ends in what it took, and the live page; tables, frames, pictures; one clear error."""
     robot, evolved, run, replay, shown, figure, runs, refused = executed
     assert "data:image/svg+xml" in robot[0]["data"]["text/html"]
-    bar, told, study = evolved
+    told, bar, study = evolved
     assert told["text"].startswith("watch file:///") and told["text"].endswith("/study/watch.html\n")
     assert bar["data"]["text/plain"].startswith("took 0:") and "evolving" in bar["data"]["text/html"]
     assert "obstacle-avoidance/observed/1" in study["data"]["text/html"]
