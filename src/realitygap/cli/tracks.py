@@ -216,7 +216,7 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
     A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
     a column start separates several trials and a column unit several robots; or what `realitygap camera
     track` or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
-    transfer`, needs no B: its simulated trials are compared with its situated
+    transfer` needs no B: its simulated trials are compared with its situated
     ones. 10 means as alike as the same robot twice, 0 a different behaviour; the output says what these ends
     were measured on.
 

@@ -286,26 +286,29 @@ def differences(
     level = 1.0 if 1.0 in part.levels else min(part.levels, default=1.0)
     usual = next((c for c in part.conditions if c.level == 1.0), part.conditions[0])
     beside = f"less {usual.name} noise’s"
-    heads = ["stored less fresh", "champion less fittest", f"at {part.levels.get(level, '')} noise, {beside}"]
+    heads = ["stored less fresh", "champion less fittest"]
+    if len(part.conditions) > 1:
+        heads.append(f"at {part.levels.get(level, '')} noise, {beside}")
     rows: list[tuple[str, list[str]]] = []
     for c in part.conditions:
         both = [(row.stored, row.mean("fittest", c.level), row.mean("champion", c.level)) for row in c.rows]
         luck = mean_of([stored - fresh.value for stored, fresh, _ in both if stored is not None and fresh])
         gain = mean_of([champion.value - fresh.value for _, fresh, champion in both if fresh and champion])
         other = None if c is usual else difference(c.means("fittest", level), usual.means("fittest", level))
-        rows.append((c.name, [_starred(mean, part) for mean in (luck, gain, other)]))
+        rows.append((c.name, [_starred(mean, part) for mean in (luck, gain, other)[: len(heads)]]))
     for table in scores:
         ours = next(one for one in table.classes if one.level == usual.level)
         for of in SCORES if table is scores[0] else SCORES[1:]:
             if len(table.classes) < 2 or not ours.values(of):
                 continue
             where = f" on the {table.kind}" if of == "correspondence" else ""
-            heads.append(f"{of} score{where}, {beside}")
+            whose = f" of the {table.individual}" if len({one.individual for one in scores}) > 1 else ""
+            heads.append(f"{of} score{where}{whose}, {beside}")
             for (_, cells), one in zip(rows, table.classes, strict=True):
                 cells.append(_starred(None if one is ours else difference(one.values(of), ours.values(of))))
     for kind in dict.fromkeys(group.kind for group in groups):
         drops = {group.level: group.mean("drop") for group in groups if group.kind == kind}
-        heads.append(f"simulated less situated, {kind}")
+        heads.append(f"simulated less on {'a robot' if kind == 'robot' else f'the {kind}'}")
         for (_, cells), c in zip(rows, part.conditions, strict=True):
             cells.append(_starred(drops.get(c.level), part))
     return heads, [row for row in rows if any(cell != "–" for cell in row[1])]

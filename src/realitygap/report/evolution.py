@@ -54,7 +54,7 @@ class Mean:
     @property
     def star(self) -> str:
         """A star where the interval excludes zero."""
-        return "*" if abs(self.value) > self.half else ""
+        return "*" if abs(self.value) > self.half > 0 else ""
 
 
 def mean_of(values: ArrayLike) -> Mean | None:

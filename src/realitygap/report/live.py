@@ -96,7 +96,9 @@ class LivePage:
     def _drive(self, task: Task, run: Run) -> dict[str, Any]:
         """The fittest robot on one trial, always the same, at its own noise."""
         study = run.study
-        kept = self._simulations.setdefault(run.name, Simulation(task, study.profile, run.noise))
+        if run.name not in self._simulations:
+            self._simulations[run.name] = Simulation(task, study.profile, run.noise)
+        kept = self._simulations[run.name]
         assert run.fittest is not None
         trajectory, score = kept.trajectory(study.networks(run.task, run.fittest), stream=1)
         track, depth = trajectory.track, task.arena.size_cm[1]

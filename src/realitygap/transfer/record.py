@@ -263,7 +263,15 @@ def _contents(packed: Path, end: str) -> Iterator[tuple[str, bytes]]:
 
 
 def _archive_of(run: Path) -> Path:
-    return run.with_name(f"{run.name}.zip")
+    return run.parent / f"{run.name}.zip"
+
+
+def _is_archive(file: Path) -> bool:
+    """Whether a file is an archive of trials, and not somebody's other .zip; a broken one is refused later."""
+    if not file.is_file() or not zipfile.is_zipfile(file):
+        return file.is_file()
+    with zipfile.ZipFile(file) as opened:
+        return any(name.endswith(f"/{TRIAL}") for name in opened.namelist())
 
 
 def trial_content(folder: Path, name: str) -> bytes | None:
@@ -293,26 +301,27 @@ def trial_files(folder: Path, name: str = "") -> Iterator[Path]:
 def unpacked(path: Path) -> Iterator[Path]:
     """A study, its transfers or a part of those, down to a trial's file, with archived trials as folders too,
     temporarily; the path itself if nothing in it is archived."""
-    over = [] if path.exists() else [path.parent, path.parent.parent]
-    top = next((run for run in over if _archive_of(run).is_file()), path)
-    packed = {file: file.with_suffix("").relative_to(top) for file in top.rglob("*.zip")}
-    if _archive_of(top).is_file():
+    full = path.resolve()
+    over = [] if full.exists() else [full.parent, full.parent.parent]
+    top = next((run for run in over if _is_archive(_archive_of(run))), full)
+    packed = {file: file.with_suffix("").relative_to(top) for file in top.rglob("*.zip") if _is_archive(file)}
+    if _is_archive(_archive_of(top)):
         packed[_archive_of(top)] = Path()
     if not packed:
         yield path
         return
     with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
-        home = Path(name, top.resolve().name)
+        home = Path(name, top.name)
         for archived, inside in packed.items():
             for file, data in _contents(archived, ""):
                 (home / inside / file).parent.mkdir(parents=True, exist_ok=True)
                 (home / inside / file).write_bytes(data)
         if top.is_dir():  # a trial's folder takes precedence
             shutil.copytree(top, home, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.mp4", "*.zip"))
-        study = next((place for place in top.resolve().parents if (place / "profile.toml").is_file()), None)
+        study = next((place for place in top.parents if (place / "profile.toml").is_file()), None)
         if study is not None:
             shutil.copy(study / "profile.toml", name)
-        yield home / path.relative_to(top)
+        yield home / full.relative_to(top)
 
 
 def archive(run: Path) -> None:
