@@ -232,9 +232,9 @@ def read_trials(path: str | Path) -> list[Trial]:
 
     A CSV file has columns t_s, x_cm, y_cm, heading_deg (empty or NaN where the robot was lost) and may
     have start (separates several trials), unit (which robot) and quality (0: lost), as `realitygap
-    camera track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every such file
-    is read and its name is the start; subfolders are units. From a trial of `realitygap transfer` the
-    situated track is read, and its folder's name is the start.
+    camera track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every
+    such file is read and its name is the start; subfolders are units. From a trial of `realitygap transfer`
+    the situated track is read, and its folder's name is the start; an archive of trials is unzipped first.
 
     Raises:
         TrackError: names the file, the line and the column.

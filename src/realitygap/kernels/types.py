@@ -2,7 +2,7 @@
 
 Every value is a float64, an int64 or a C-contiguous array of the stated type, so that one compiled kernel
 serves every robot, arena and task. Lengths cm, speeds cm/s, angles rad, readings counts. `world`, `tasks` and
-`controller` build these; nothing here checks them.
+`control` build these; nothing here checks them.
 """
 
 from typing import NamedTuple
@@ -43,7 +43,7 @@ class Seen(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A look-up table of proximity readings (replay.py)."""
+    """A look-up table of proximity readings (infrared.py)."""
 
     nothing: F
     """[P] readings with nothing near."""

@@ -1,4 +1,5 @@
-"""A study's folder: its configuration and its own copies of all that it is made of, and who trusts them.
+"""A study's folder: its configuration and its own copies of all that it is made of, and which of its
+programs this user trusts.
 
 A study reads only its own folder once it is created. It can be moved, or the user's files changed, and it
 still resumes and replays with the same bits.

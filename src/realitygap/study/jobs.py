@@ -195,7 +195,7 @@ class Workshop:
         plan = self._plans[run]
         with self._blamed():
             results = yield from finish(self._bench(plan.condition), plan, state)
-        yield Finished(run, results)
+        yield Finished(run, state.evaluations, results)
 
     def read(self, run: int, checkpoint: bytes) -> State:
         """The state that a run continues from.

@@ -28,7 +28,7 @@ from realitygap.study.folder import (
 from realitygap.study.jobs import Advanced, Job, Message, Rehearsal, Workshop
 from realitygap.study.load import Study, load_study
 from realitygap.study.provenance import versions
-from realitygap.study.store import DATABASE, Reader, Store
+from realitygap.study.store import DATABASE, LOST, Reader, Store
 from realitygap.work.folder import file_errors, lock, new_folder
 from realitygap.work.pool import Pool, Processes, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
@@ -137,6 +137,8 @@ def _carry_out(
                     keeper.keep(*messages)
             return
         pool.work(setup, jobs, keeper.keep)
+        if any(run in left for run, _ in store.unfinished()):
+            raise StudyError(LOST)
 
 
 class _Keeper:

@@ -158,7 +158,7 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[TransferredTrial]:
     home = folder / FOLDER
     files = [file for file in home.glob(f"*/*/start-*/{TRIAL}") if file.parent.name[6:].isdecimal()]
     found = [load_transfer(file.parent) for file in files]
-    for packed in home.glob("*/*.zip"):
+    for packed in home.glob("*/[!.]*.zip"):
         run = packed.with_suffix("")
         for name, data in _contents(packed, TRIAL):
             file = run / name
@@ -267,7 +267,7 @@ def _archive_of(run: Path) -> Path:
 
 
 def _is_archive(file: Path) -> bool:
-    """Whether a file is an archive of trials, and not somebody's other .zip; a broken one is refused later."""
+    """Whether a file is an archive of trials, not somebody's other .zip; a broken one is refused later."""
     if not file.is_file() or not zipfile.is_zipfile(file):
         return file.is_file()
     with zipfile.ZipFile(file) as opened:
@@ -304,7 +304,8 @@ def unpacked(path: Path) -> Iterator[Path]:
     full = path.resolve()
     over = [] if full.exists() else [full.parent, full.parent.parent]
     top = next((run for run in over if _is_archive(_archive_of(run))), full)
-    packed = {file: file.with_suffix("").relative_to(top) for file in top.rglob("*.zip") if _is_archive(file)}
+    archives = filter(_is_archive, top.rglob("[!.]*.zip"))
+    packed = {file: file.with_suffix("").relative_to(top) for file in archives}
     if _is_archive(_archive_of(top)):
         packed[_archive_of(top)] = Path()
     if not packed:
