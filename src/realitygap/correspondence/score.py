@@ -34,7 +34,7 @@ from realitygap.world.robot import Profile
 
 __all__ = [
     "ANOTHER", "CALM", "EDGE", "PARTS", "Comparison", "Distances", "Scale", "behaviour_score", "comparable",
-    "compare", "differences", "ends_of", "exemplar_scale", "matched_starts", "noisiness", "scale_of",
+    "compare", "differences", "ends_of", "exemplar_scale", "matched_starts", "noisiness",
     "signed",
 ]  # fmt: skip
 

@@ -23,7 +23,7 @@ from realitygap.world.robot import load_profile
 
 __all__ = [
     "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "TRANSFER", "Trial", "doubt_of_disk", "doubts_of",
-    "heading_agreement", "read_transfer", "read_trials", "require_trials", "resampled", "trial_of",
+    "read_transfer", "read_trials", "require_trials", "resampled", "trial_of",
 ]  # fmt: skip
 
 RADIUS_CM = 2.9

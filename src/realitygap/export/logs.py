@@ -34,7 +34,7 @@ from realitygap.values import Floats
 from realitygap.world.arena import Arena
 from realitygap.world.robot import Profile
 
-__all__ = ["FORMATS", "Side", "TrialLog", "trial_log", "write_log"]
+__all__ = ["Side", "TrialLog", "trial_log", "write_log"]
 
 
 class Side(NamedTuple):

@@ -32,8 +32,7 @@ from realitygap.world import arena as world
 from realitygap.world.robot import Profile
 from realitygap.world.sensors import RAY_ANGLES_DEG
 
-__all__ = [
-    "FILMS", "LIT_RAYS_CM", "PICTURES", "WHEEL_CM", "PathPanel", "Scene", "arena_figure", "checked_ending",
+__all__ = [ "LIT_RAYS_CM", "PICTURES", "WHEEL_CM", "PathPanel", "Scene", "arena_figure",
     "draw_arena", "draw_path", "draw_robot", "frames", "front", "pairs_figure", "panels_figure", "rays_of",
     "robot_figure", "save_animation", "save_picture", "sheet_figure", "shown_sensors", "tail",
 ]  # fmt: skip

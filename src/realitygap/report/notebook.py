@@ -34,8 +34,7 @@ from realitygap.world.robot import Profile, load_profile
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
 
-__all__ = [
-    "Gallery", "Shown", "arena_html", "network_html", "of_calibration", "of_study", "profile_html",
+__all__ = [ "arena_html", "network_html", "of_calibration", "of_study", "profile_html",
     "replayed", "run_html", "shown_calibration", "shown_study", "study_html",
 ]  # fmt: skip
 

@@ -35,7 +35,7 @@ from realitygap.world.robot import TOP_INPUT, Profile, noise_name
 from realitygap.world.sensors import RAY_ANGLES_DEG, AmbientSensor, ProximitySensor
 
 __all__ = [
-    "LOST", "MOST_RUNS", "MOST_TRIALS", "activity", "arena_json", "decided", "judge_page", "pack",
+    "LOST", "MOST_TRIALS", "activity", "decided", "judge_page", "pack",
     "player_data", "player_json", "replay_data", "track",
 ]  # fmt: skip
 

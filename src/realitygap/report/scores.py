@@ -16,7 +16,7 @@ from realitygap.transfer.scores import ScoreRow, marks_of
 from realitygap.world.robot import noise_level, noise_name
 
 __all__ = [
-    "PAPER_AVERAGES", "PAPER_ROWS", "PaperRow", "ScoreClass", "ScoreTable", "score_tables", "scores_csv",
+    "PAPER_AVERAGES", "PAPER_ROWS", "ScoreTable", "score_tables", "scores_csv",
     "study_tables",
 ]  # fmt: skip
 

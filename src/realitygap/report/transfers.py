@@ -29,7 +29,7 @@ from realitygap.track import Track
 from realitygap.transfer.record import TransferredTrial, load_transfers
 
 __all__ = [
-    "Group", "Pair", "Situated", "groups_of", "kinds_of", "pairs_of", "robots_of", "shown_pair",
+    "Group", "Pair", "Situated", "groups_of", "pairs_of", "robots_of", "shown_pair",
     "situated_of", "transfers_csv",
 ]  # fmt: skip
 

@@ -34,7 +34,7 @@ from realitygap.work.pool import Pool, Processes, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import Mark, Shard, marked
 
-__all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "WORK", "Progress", "merge_runs", "run_study"]
+__all__ = ["COMPILING", "EVOLVING", "FINISHED", "WORK", "Progress", "merge_runs", "run_study"]
 
 COMPILING = "compiling (once)"
 EVOLVING = "evolving"

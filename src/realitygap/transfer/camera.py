@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from realitygap.twin.camera import OverheadCamera
 
 __all__ = [
-    "FILM", "TRACK", "ConfirmPose", "LiveOverhead", "OverheadTracker", "film_and_track", "keep_film",
+    "FILM", "TRACK", "ConfirmPose", "LiveOverhead", "OverheadTracker", "film_and_track",
     "known_poses",
 ]  # fmt: skip
 

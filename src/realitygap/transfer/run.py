@@ -66,8 +66,7 @@ from realitygap.work.shard import Shard, marked
 if TYPE_CHECKING:
     from realitygap.twin.camera import OverheadCamera
 
-__all__ = [
-    "CONTROLLERS", "WORK", "Operator", "Transfer", "TransferContext", "TransferredTrial", "load_transfers",
+__all__ = [ "WORK", "Operator", "Transfer", "TransferContext", "TransferredTrial", "load_transfers",
     "place_of", "run_transfer", "shard_folder",
 ]  # fmt: skip
 

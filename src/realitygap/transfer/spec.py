@@ -24,7 +24,7 @@ from realitygap.transfer.options import Named, Transfer
 from realitygap.world.robot import Profile
 
 __all__ = [
-    "FOLDER", "SOURCES", "TrialSpec", "check_body", "check_fit", "chosen_runs", "controller_for",
+    "FOLDER", "SOURCES", "TrialSpec", "check_body", "check_fit", "controller_for",
     "median_run", "shown_runs", "transfer_stream", "trial_specs",
 ]  # fmt: skip
 

@@ -16,8 +16,8 @@ from realitygap.values import Floats
 from realitygap.world.toml import Value, require
 
 __all__ = [
-    "FAN", "RAY_ANGLES_DEG", "RAY_NUMBERS", "RESPONSES", "UNLIT", "Ambient", "AmbientSensor", "Infrared",
-    "LookUp", "ProximitySensor", "Sensor", "check_both", "fan", "fan_weights", "kernel_both", "looks",
+    "FAN", "RAY_ANGLES_DEG", "RAY_NUMBERS", "UNLIT", "Ambient", "AmbientSensor", "Infrared",
+    "LookUp", "ProximitySensor", "Sensor", "fan", "looks",
     "ray_angles", "ray_weights", "side_by_side", "unit",
 ]  # fmt: skip
 
