@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from tests.experiments.noise_parts import quick_units
 
+from realitygap.experiments.experiment import open_folder
 from realitygap.experiments.noise import NoiseConfig
 from realitygap.experiments.realities import AT_HAND, Realities
 
@@ -128,9 +129,10 @@ def test_what_cannot_be_done_is_refused(no_enki, refused, tmp_path):
 def test_a_program_that_a_folder_names_is_not_run_before_a_person_has(refused, tmp_path):
     """Who resumes with a robot of one's own names it again; the twin is no synonym for it."""
     made = NoiseConfig(units=1, tasks=("obstacle-avoidance",), robot=ROBOT, base=BASE)
-    (tmp_path / "noise-study.toml").write_text(made.to_toml())
     asked = Realities(robots=(ROBOT,), only=True, base=BASE)
-    (tmp_path / "realities.toml").write_text(asked.to_toml())
+    for name, settings in (("noise", made), ("robots", asked)):
+        (tmp_path / name).mkdir()
+        open_folder(tmp_path / name, type(settings), settings, resume=False)
     for name, more in (("noise", ()), ("noise", ("--robot", "twin")), ("robots", ())):
-        said = refused("experiment", name, "--out", tmp_path, "--resume", *more)
+        said = refused("experiment", name, "--out", tmp_path / name, "--resume", *more)
         assert f"--robot: expected {ROBOT}" in said

@@ -54,7 +54,7 @@ def cluster_of_two(tmp_path_factory):
     yield address, started[2].pid
     started[2].terminate()  # a nanny ends its worker with itself
     try:
-        started[2].wait(10)
+        started[2].wait(60)
     finally:
         for process in started:
             process.kill()
