@@ -477,8 +477,8 @@ class LineBody(WireBody):
         carry: Callable[[Pose], None] | None = None,
     ) -> None:
         self._carry, self.baud = carry, line.baud
-        self._identify(line)
         self.attend(*kinds)
+        self._identify(line)  # last: now it has a guard, which its user dismisses
 
     @classmethod
     def connect(
