@@ -189,8 +189,8 @@ class BodyContract:
     """Tests of a body: override `opened`, and `pulses_per_unit` if its wheels are known."""
 
     pulses_per_unit: float | None = None
-    """Counter pulses a second at command `scale`, or the speeds then measured; None: only the ratio of the two
-    wheels is tested."""
+    """Counter pulses a second at command `scale`, or the speeds then measured; None: only the ratio of the
+    two wheels is tested."""
     scale: int = 1
     """So many of the robot's units are one of the test's, which drives at up to 5: 4 cm/s of a Khepera."""
 
