@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError, UsageError
 from realitygap.files import atomic_write
@@ -41,6 +41,21 @@ __all__ = [
 ]  # fmt: skip
 
 Place = str | PathLike[str]
+
+
+class StudyFields(TypedDict, total=False):
+    """Settings of a study that stay as they are if they are None."""
+
+    profile: str | None
+    runs: int | None
+    evaluations: int | None
+    seed: int | None
+
+
+class ReproductionFields(StudyFields, total=False):
+    """The same of a reproduction."""
+
+    starts: int | None
 
 
 def evolve(
@@ -205,21 +220,11 @@ def reproduce(
     return study
 
 
-def reproduction(
-    out: Path,
-    resume: bool,
-    *,
-    profile: str | None = None,
-    runs: int | None = None,
-    evaluations: int | None = None,
-    seed: int | None = None,
-    starts: int | None = None,
-) -> Reproduction:
+def reproduction(out: Path, resume: bool, **fields: Unpack[ReproductionFields]) -> Reproduction:
     """A reproduction's settings: those given, and for the rest the saved or the usual ones."""
     from realitygap.experiments.reproduction import Reproduction, begun
 
-    given = _given(profile=profile, runs=runs, evaluations=evaluations, seed=seed, starts=starts)
-    return replace((begun(out) if resume else None) or Reproduction(), **given)
+    return replace((begun(out) if resume else None) or Reproduction(), **_given(**fields))
 
 
 def carry_out(
@@ -321,10 +326,7 @@ def study_config(
     spread: Sequence[float],
     settings: Iterable[str],
     arena: str | None = None,
-    profile: str | None = None,
-    seed: int | None = None,
-    runs: int | None = None,
-    evaluations: int | None = None,
+    **fields: Unpack[StudyFields],
 ) -> StudyConfig:
     """The configuration of a study of one task.
 
@@ -336,7 +338,7 @@ def study_config(
         trust: agree to run the programs that `config` names.
         noise, spread: a condition for each pair; those that it starts from where there are none.
         settings: KEY=VALUE each, as in --set.
-        arena: the task's; profile, seed, runs, evaluations: the configuration's; None: as it starts from.
+        arena: the task's; None: as it starts from; likewise the `fields`.
 
     Raises:
         StudyError: `config` names a program that this user neither named nor agreed to run.
@@ -372,7 +374,7 @@ def study_config(
         refuse_strange(config, programs, "--trust")
     if arena is not None:
         made = replace(made, arenas={name: arena})
-    return replace(made, **_given(profile=profile, seed=seed, runs=runs, evaluations=evaluations))
+    return replace(made, **_given(**fields))
 
 
 def different_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> list[str]:

@@ -36,9 +36,6 @@ DEBUG = "REALITYGAP_DEBUG"
 STOPPED = 130
 """Exit code after Ctrl-C."""
 
-LONGEST = 1300
-"""Most characters of a message."""
-
 NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?%?|–|inf|")
 
 
@@ -78,13 +75,12 @@ def guarded(work: Callable[[], Any]) -> int:
         if os.environ.get(DEBUG, "") not in ("", "0"):
             with suppress(OSError):  # a full disk under stderr
                 traceback.print_exc()
-    line = " ".join(line.splitlines())
-    said = line if len(line) <= LONGEST else f"{line[:800]}…{line[-400:]}"  # of a damaged file, say
-    for stream, text in ((sys.stderr, said), (sys.stdout, "")):
-        try:
-            click.echo(text, stream, nl=bool(text))
-        except OSError:  # it is full: the interpreter would try it once more
-            _close(stream)
+    with suppress(OSError):  # a full disk under stderr
+        click.echo(" ".join(line.splitlines()), err=True)
+    try:
+        sys.stdout.flush()
+    except OSError:  # it is full: the interpreter would try it once more
+        _close(sys.stdout)
     return code
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import click
 
@@ -19,6 +19,7 @@ from realitygap.work.progress import ProgressLine
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from realitygap.api import ReproductionFields, StudyFields
     from realitygap.study.config import StudyConfig
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
@@ -45,16 +46,12 @@ __all__ = ["evolve", "merge", "report", "reproduce"]
 @options.as_json
 def reproduce(
     out: Path,
-    profile: str | None,
-    runs: int | None,
-    evaluations: int | None,
-    seed: int | None,
-    starts: int | None,
     workers: Workers,
     engine: str,
     no_transfer: bool,
     watch: bool,
     resume: bool,
+    **fields: Unpack[ReproductionFields],
 ) -> None:
     """Repeat the paper's experiment and write a page about it.
 
@@ -73,9 +70,7 @@ def reproduce(
     from realitygap.study.store import DATABASE
     from realitygap.transfer.record import load_transfers
 
-    requested = api.reproduction(
-        out, resume, profile=profile, runs=runs, evaluations=evaluations, seed=seed, starts=starts
-    )
+    requested = api.reproduction(out, resume, **fields)
     if not resume:
         note_few(requested.evaluations)
     else:
@@ -129,11 +124,7 @@ def evolve(
     task: str,
     noise: tuple[float, ...],
     spreads: tuple[float, ...],
-    profile: str | None,
     arena: str | None,
-    seed: int | None,
-    runs: int | None,
-    evaluations: int | None,
     out: Path | None,
     config: Path | None,
     settings: tuple[str, ...],
@@ -143,6 +134,7 @@ def evolve(
     watch: bool,
     resume: bool,
     trust: bool,
+    **fields: Unpack[StudyFields],
 ) -> None:
     """Evolve controllers for TASK and make the report.
 
@@ -167,13 +159,10 @@ def evolve(
         spread=spreads,
         settings=settings,
         arena=arena,
-        profile=profile,
-        seed=seed,
-        runs=runs,
-        evaluations=evaluations,
+        **fields,
     )
     if not resume:
-        _notes(chosen, task)
+        _notes(chosen)
     else:
         note_new(folder, DATABASE)
     again = f"evolve {shlex.quote(task)}{options.unusual(engine)}"
@@ -184,22 +173,13 @@ def evolve(
     show_study(folder, study, page)
 
 
-def _notes(config: StudyConfig, task: str) -> None:
+def _notes(config: StudyConfig) -> None:
     """What is taken as it was said, though it may be a slip."""
-    from dataclasses import replace
+    from realitygap.study.folder import gather
 
-    from realitygap.tasks import load_task
-    from realitygap.world.arena import load_arena
-    from realitygap.world.robot import load_profile
-
-    loaded, profile, changes = load_task(task), load_profile(config.profile), config.task.changes()
-    if loaded.name in config.arenas:
-        changes["arena"] = load_arena(config.arenas[loaded.name])
-    loaded = replace(loaded, **changes).of(profile)
-    loaded.to_kernel(profile)  # or what the robot lacks would be told as a fault of the encoding
-    note_dark(loaded, loaded.arena)
-    population = config.evolution.make(config.encoding_for(loaded)).cells
-    note_few(config.evaluations, population)
+    task = gather(config).tasks[0]
+    note_dark(task, task.arena)
+    note_few(config.evaluations, config.evolution.make(config.encoding_for(task)).cells)
 
 
 @click.command()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import click
 
@@ -24,6 +24,26 @@ __all__ = ["experiment", "show_noise", "show_robots"]
 
 FEW = 5
 """Runs a level below which the robots' table has no scores: their means would say nothing."""
+
+
+class ExperimentSettings(TypedDict):
+    """Options that are settings of either experiment; None: the saved or the usual ones."""
+
+    levels: tuple[float, ...] | None
+    runs: int | None
+    base: str | None
+    starts: int | None
+    evaluations: int | None
+    seed: int | None
+    seconds: float | None
+
+
+class NoiseSettings(ExperimentSettings):
+    """Those of the noise experiment alone."""
+
+    twin_noise: float | None
+    tasks: tuple[str, ...] | None
+    arena: str | None
 
 
 @click.group()
@@ -71,22 +91,13 @@ def experiment() -> None:
 @options.as_json
 def noise(
     out: Path,
-    levels: tuple[float, ...] | None,
-    runs: int | None,
-    robot: str | None,
-    base: str | None,
-    units: int | None,
-    starts: int | None,
-    evaluations: int | None,
-    twin_noise: float | None,
-    seed: int | None,
-    tasks: tuple[str, ...] | None,
-    seconds: float | None,
-    arena: str | None,
     workers: Workers,
     engine: str,
     shard: Shard | None,
     resume: bool,
+    robot: str | None,
+    units: int | None,
+    **settings: Unpack[NoiseSettings],
 ) -> None:
     """Find which noise level crosses the reality gap best.
 
@@ -116,23 +127,8 @@ def noise(
         )
     if robot is not None and robot.partition(":")[0] not in ("twin", "stranger", "enki") and units is None:
         units = 1
-    config = replace(
-        begun,
-        **options.given(
-            levels=levels,
-            runs=runs,
-            robot=None if robot == "twin" else robot,
-            base=base,
-            units=units,
-            starts=starts,
-            evaluations=evaluations,
-            twin_noise=twin_noise,
-            seed=seed,
-            tasks=tasks,
-            seconds=seconds,
-            arena=arena,
-        ),
-    )
+    own = None if robot == "twin" else robot
+    config = replace(begun, **options.given(robot=own, units=units, **settings))
     if resume:
         note_new(out, config.FILE)
     again = config.resuming(out) + options.unusual(engine)
@@ -184,15 +180,9 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
 def robots(
     out: Path,
     named: tuple[str, ...],
-    base: str | None,
-    levels: tuple[float, ...] | None,
-    runs: int | None,
-    starts: int | None,
-    evaluations: int | None,
-    seed: int | None,
-    seconds: float | None,
     workers: Workers,
     resume: bool,
+    **settings: Unpack[ExperimentSettings],
 ) -> None:
     """Calibrate, evolve and transfer on several robots.
 
@@ -217,19 +207,7 @@ def robots(
             f"--robot: expected {', '.join(begun.robots)}, the robots of this experiment: programs, "
             "which run only when you name them."
         )
-    config = replace(
-        begun,
-        **options.given(
-            robots=named or None,
-            base=base,
-            levels=levels,
-            runs=runs,
-            starts=starts,
-            evaluations=evaluations,
-            seed=seed,
-            seconds=seconds,
-        ),
-    )
+    config = replace(begun, **options.given(robots=named or None, **settings))
     if resume:
         note_new(out, config.FILE)
     with resumable(out, config.resuming(out), config.FILE), ProgressLine() as progress:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import click
 from click.core import ParameterSource
@@ -307,6 +307,19 @@ def _arena(name: str) -> tuple[Arena, Pose | None]:
     return task.arena, Pose.from_degrees(task.start.x_cm, task.start.y_cm, sum(task.start.heading_deg) / 2)
 
 
+class PlanSettings(TypedDict):
+    """Options that `Plan` takes by the same names."""
+
+    kind: str
+    object: str | None
+    reflectance: float
+    repeats: int
+    bearings: int | None
+    distances_cm: tuple[float, ...] | None
+    seed: int
+    marker: str | None
+
+
 class Reflectance(click.FloatRange):
     """How much light a surface throws back; "unknown" is NaN."""
 
@@ -324,6 +337,7 @@ class Reflectance(click.FloatRange):
 )
 @click.option(
     "--plan",
+    "kind",
     type=click.Choice(["infrared", "ambient", "wheels", "all"]),
     required=True,
     help="What to record.",
@@ -366,19 +380,12 @@ class Reflectance(click.FloatRange):
 @options.as_json
 def record(
     robot: Address,
-    plan: str,
     out: str,
-    object: str | None,
-    reflectance: float,
-    repeats: int,
-    bearings: int | None,
-    distances_cm: tuple[float, ...] | None,
-    seed: int,
     twin_noise: float | None,
     baud: int | None,
     base: str | None,
-    marker: str | None,
     resume: bool,
+    **places: Unpack[PlanSettings],
 ) -> None:
     """Record a robot at known places, for a calibration.
 
@@ -401,22 +408,12 @@ def record(
         raise click.UsageError(
             f"--base: expected the rough profile of {robot}: its radius, heights, top command and speed."
         )
-    wanted = Plan(
-        kind=plan,
-        object=object,
-        reflectance=reflectance,
-        repeats=repeats,
-        seed=seed,
-        base=load_profile(base) if base is not None else None,
-        marker=marker,
-        bearings=bearings,
-        distances_cm=distances_cm,
-    )
+    wanted = Plan(base=load_profile(base) if base is not None else None, **places)
     made, facts = _recorded(robot, baud, 1.0 if twin_noise is None else twin_noise, wanted, out, resume)
     finished, fields = all(one.finished for one in made), ("kind", "places", "done", "finished", "seconds")
     recordings = [{"folder": str(one.folder), **{key: getattr(one, key) for key in fields}} for one in made]
     seconds = sum(one.seconds for one in made)
-    found = {"out": out, "plan": plan, **facts, "finished": finished, "seconds": seconds}
+    found = {"out": out, "plan": wanted.kind, **facts, "finished": finished, "seconds": seconds}
     lines = [
         f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s" for one in made
     ]

@@ -7,7 +7,7 @@ import shlex
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import click
 
@@ -37,6 +37,24 @@ SIDES = (
     "to the left (−x)", "to the lower left", "down (−y)", "to the lower right",
 )  # fmt: skip
 """Headings in words, from 0° on in steps of 45°, as the arena is drawn."""
+
+
+class TransferSettings(TypedDict):
+    """Options that `Transfer` takes by the same names."""
+
+    runs: tuple[str, ...]
+    robots: tuple[str, ...]
+    starts: int
+    individual: str
+    controller: str | None
+    film: bool
+    view: str
+    camera: str | None
+    eye: str | None
+    twin_noise: float | None
+    seed: int | None
+    seconds: float | None
+    baud: int | None
 
 
 @click.command()
@@ -76,6 +94,7 @@ SIDES = (
 @click.option("--camera", metavar="FILE", help="Calibration of the live camera (camera.json).")
 @click.option(
     "--camera-device",
+    "eye",
     metavar="DEVICE",
     help="The live camera over a real robot: its number, a video file or a stream.",
 )
@@ -89,23 +108,11 @@ SIDES = (
 @options.as_json
 def transfer(
     study: Path,
-    runs: tuple[str, ...],
-    robots: tuple[str, ...],
-    starts: int,
-    individual: str,
-    controller: str | None,
-    film: bool,
-    view: str,
     path_from: str,
-    camera: str | None,
-    camera_device: str | None,
     marker: str | None,
-    twin_noise: float | None,
-    seed: int | None,
-    seconds: float | None,
-    baud: int | None,
     workers: Workers,
     shard: Shard | None,
+    **settings: Unpack[TransferSettings],
 ) -> None:
     """Drive a robot with evolved individuals of STUDY.
 
@@ -129,25 +136,9 @@ def transfer(
     from realitygap.transfer.spec import FOLDER
 
     loaded, disk = load_trusted(study), marker is not None and marker.endswith(".toml")
-    asked = Transfer(
-        runs=runs,
-        robots=robots,
-        starts=starts,
-        individual=individual,
-        controller=controller,
-        film=film,
-        view=view,
-        watch=path_from == "camera",
-        camera=camera,
-        eye=camera_device,
-        disk=marker if disk else None,
-        marker=None if disk else marker,
-        twin_noise=twin_noise,
-        seed=seed,
-        seconds=seconds,
-        baud=baud,
-    )
-    carry = partial(_carry, seen=camera_device is not None)
+    worn = {"disk" if disk else "marker": marker}
+    asked = Transfer(watch=path_from == "camera", **worn, **settings)
+    carry = partial(_carry, seen=asked.eye is not None)
     home = place_of(loaded.folder, asked) if shard is None else shard_folder(loaded.folder, shard)
     operator = Operator(carry, _found, partial(click.echo, err=True))
     try:
