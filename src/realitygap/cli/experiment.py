@@ -121,7 +121,7 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output
     data = NoiseData.read(out)
     rows = noise_table(data)
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)
-    facts = {"study": str(out), "results": str(results), "report": str(page), **noise_summary(out), **more}
+    facts = {"study": str(out), "results": str(results), "report": str(page), **noise_summary(data), **more}
     words = f"{table(rows.head, rows.rows)}\n\nnoise-matched level: {matched}"
     tell(json_output, facts, f"{words}\n\nresults {results}\nreport  {page}")
 
@@ -197,7 +197,7 @@ def robots(
         realitygap experiment robots --only --robot enki:epuck --robot enki:thymio2 --out out/enki
     """
     from realitygap.experiments.realities import carry_out
-    from realitygap.report.experiment import build_realities_page, matrix, noise_summary
+    from realitygap.report.experiment import NoiseData, build_robots_page, matrix, noise_summary
 
     asked = _robots_config(out, resume, {**(SMALL if small else {}), **options.given(settings)})
     if resume:
@@ -206,11 +206,11 @@ def robots(
         places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
         few = asked.runs < FEW
         drawn = counts(progress.show, "making the report", "figures")
-        page = build_realities_page(out, places, few=few, on_progress=drawn)
+        page = build_robots_page(out, places, few=few, on_progress=drawn)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
     if json_output:
         made = [
-            {"robot": one.robot, "folder": str(one.folder), **noise_summary(one.folder)}
+            {"robot": one.robot, "folder": str(one.folder), **noise_summary(NoiseData.read(one.folder))}
             for one in places
             if not one.why
         ]

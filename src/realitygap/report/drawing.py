@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle, Wedge
 from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator
 
 from realitygap.errors import UsageError
 from realitygap.files import atomic_path
@@ -150,7 +151,9 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     ax.set(xlim=(-edge, right), ylim=(-edge, depth + edge), aspect="equal")
     ax.spines[:].set_visible(False)
     if labels:
-        ax.set(xlabel="x (cm)", ylabel="y (cm)", xticks=_ticks(width), yticks=_ticks(depth))
+        ax.set(xlabel="x (cm)", ylabel="y (cm)")
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     else:
         ax.set(xticks=[], yticks=[])
 
@@ -164,12 +167,6 @@ def _name_surfaces(ax: Axes, arena: Arena) -> None:
     x, y = (0.02 * arena.size).tolist()
     for value in walls:
         ax.text(x, y, f"walls ×{value:g}", ha="left", va="bottom", **words)
-
-
-def _ticks(length: float) -> list[float]:
-    """Round values from 0 to `length`, at most seven."""
-    gap = next(g for g in (1, 2, 5, 10, 20, 50, 100, 200, 500, math.inf) if length / g <= 6)
-    return [k * gap for k in range(int(length / gap) + 1)] if gap < math.inf else [0.0, length]
 
 
 def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:
