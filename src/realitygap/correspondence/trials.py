@@ -77,9 +77,9 @@ class Trial:
         turn = float(np.abs(np.diff(self.heading)).max(initial=0.0))
         if not (turn <= LARGEST_TURN and np.isfinite((self.x, self.y)).all()):
             raise TrackError(
-                f"{self.source}, start {self.start}: expected finite x and y, and a heading in rad that turns "
-                f"by at most π from row to row, got {turn:.3g}. Unwrap it: np.unwrap(np.radians(degrees)), or "
-                "np.unwrap(radians)."
+                f"{self.source}, start {self.start}: expected finite x and y, and a heading in rad that "
+                f"turns by at most π from row to row, got {turn:.3g}. Unwrap it: "
+                "np.unwrap(np.radians(degrees)), or np.unwrap(radians)."
             )
 
     def __len__(self) -> int:
