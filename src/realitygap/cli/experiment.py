@@ -121,7 +121,7 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output
     data = NoiseData.read(out)
     rows = noise_table(data)
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)
-    facts = {"study": str(out), "results": str(results), "report": str(page), **noise_summary(out), **more}
+    facts = {"study": str(out), "results": str(results), "report": str(page), **noise_summary(data), **more}
     words = f"{table(rows.head, rows.rows)}\n\nnoise-matched level: {matched}"
     tell(json_output, facts, f"{words}\n\nresults {results}\nreport  {page}")
 
@@ -209,16 +209,16 @@ def robots(
 def show_robots(out: Path, places: list[Place], *, json_output: bool) -> None:
     """Make the page of an experiment on several robots, and print its table."""
     from realitygap.experiments.robots import RobotsConfig
-    from realitygap.report.experiment import build_realities_page, matrix, noise_summary
+    from realitygap.report.experiment import NoiseData, build_robots_page, matrix, noise_summary
 
     few = RobotsConfig.from_folder(out).runs < FEW
     with ProgressLine() as progress:
         drawn = counts(progress.show, "making the report", "figures")
-        page = build_realities_page(out, places, few=few, on_progress=drawn)
+        page = build_robots_page(out, places, few=few, on_progress=drawn)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
     if json_output:
         made = [
-            {"robot": one.robot, "folder": str(one.folder), **noise_summary(one.folder)}
+            {"robot": one.robot, "folder": str(one.folder), **noise_summary(NoiseData.read(one.folder))}
             for one in places
             if not one.why
         ]
