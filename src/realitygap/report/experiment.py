@@ -83,7 +83,8 @@ def _means(values: Floats) -> Floats:
     """Means of the known values along the first axis; NaN where none is known."""
     known = np.isfinite(values).sum(axis=0)
     sums = np.nansum(values, axis=0)
-    return np.divide(sums, known, out=np.full_like(sums, np.nan), where=known > 0)
+    means: Floats = np.divide(sums, known, out=np.full_like(sums, np.nan), where=known > 0)
+    return means
 
 
 def _number(value: float, places: int) -> str:
