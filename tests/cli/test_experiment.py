@@ -16,7 +16,7 @@ ROBOT, BASE = f"{EXAMPLES / 'own_robot.py'}:FiveEyes", str(EXAMPLES / "five_eyes
 SMALL = ("--levels", "0,1", "--starts", 2, "--evaluations", 40, "--seconds", 2, "--workers", 1)
 NOISE = ("experiment", "noise", *SMALL, "--runs", 3, "--units", 1, "--tasks", "avoidance")
 ROBOTS = ("experiment", "robots", *SMALL, "--runs", 1)
-TABLE = "report/tables/realities.csv"
+TABLE = "report/tables/robots.csv"
 
 
 @pytest.fixture(scope="module")

@@ -154,7 +154,7 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)
     where = {"study": str(out), "results": str(results), "report": str(page)}
     words = f"{table(rows.head, rows.rows)}\n\nnoise-matched level: {matched}"
-    tell({**where, **noise_summary(out), **(more or {})}, f"{words}\n\nresults {results}\nreport  {page}")
+    tell({**where, **noise_summary(data), **(more or {})}, f"{words}\n\nresults {results}\nreport  {page}")
 
 
 @experiment.command()
@@ -218,15 +218,18 @@ def robots(
 def show_robots(out: Path, places: list[Place]) -> None:
     """Make the page of an experiment on several robots, and print its table."""
     from realitygap.experiments.robots import RobotsConfig
-    from realitygap.report.experiment import build_realities_page, matrix, noise_summary
+    from realitygap.report.experiment import NoiseData, build_robots_page, matrix, noise_summary
 
     few = RobotsConfig.from_folder(out).runs < FEW
     with ProgressLine() as progress:
         drawn = counts(progress.show, "making the report", "figures")
-        page = build_realities_page(out, places, few=few, on_progress=drawn)
+        page = build_robots_page(out, places, few=few, on_progress=drawn)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
     rows, made = matrix(places, few=few), [one for one in places if not one.why]
-    facts = [{"robot": one.robot, "folder": str(one.folder), **noise_summary(one.folder)} for one in made]
+    facts = [
+        {"robot": one.robot, "folder": str(one.folder), **noise_summary(NoiseData.read(one.folder))}
+        for one in made
+    ]
     left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
     found = {"folder": str(out), "report": str(page), "robots": facts, "left_out": left}
     tell(found, f"{table(rows.head, rows.rows)}\n\nreport {page}")

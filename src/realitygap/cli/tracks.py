@@ -379,7 +379,7 @@ def marks(files: tuple[str, ...], key: str) -> None:
                         f"{mark:g} here. Two judges need two names: change the column judge in one."
                     )
     made = agreement(given, _scores(Path(key)))
-    tell(made.to_dict(), *_agreement_lines(made))
+    tell(made._asdict(), *_agreement_lines(made))
 
 
 def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
@@ -414,10 +414,9 @@ def _scores(path: Path) -> dict[int, float]:
 
 
 def _agreement_lines(made: Agreement) -> Iterator[str]:
-    found = made.correlation
-    low, high = found.interval
+    low, high = made.interval
     yield f"{made.judges} judges, {made.pairs} pairs"
-    yield f"score and mean rating: r {found.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {found.rho:.2f}"
+    yield f"score and mean rating: r {made.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {made.rho:.2f}"
     yield f"ratings differ from the score by {made.difference:+.1f} on average"
     if made.between_judges is not None:
         yield f"a judge and the others' mean: r {made.between_judges:.2f}"

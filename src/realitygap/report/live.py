@@ -84,7 +84,7 @@ class LivePage:
         ends = [float(end) for _, best in curves for end in (best[0], best[-1])]
         low, most = min([0.0, *ends]), max([0.0, *ends])
         total = study.config.evaluations
-        begun = [(row.stored, row.run) for one in part.conditions for row in one.begun]
+        begun = [(row.best, row.run) for one in part.conditions for row in one.begun]
         best = max(begun, key=lambda one: one[0] or 0.0, default=(None, None))[1]
         return {
             "title": part.task.title, "unit": unit and f" {unit}", "total": total,
