@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["calibrate"]
 
 FORMS = ("paper", "individual", "extended", "measured", "lookup", "auto")
-LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
 
 
 @click.command()
@@ -31,9 +30,6 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
     type=click.Choice(FORMS),
     default="auto",
     help="Which constants are free; auto: extended or measured, whichever errs less on places held out.",
-)
-@click.option(
-    "--light", type=click.Choice(LIGHT_FORMS), help="Form for ambient light [default: that of --form]."
 )
 @click.option(
     "--object",
@@ -60,7 +56,6 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
 def calibrate(
     recordings: tuple[str, ...],
     form: str,
-    light: str | None,
     objects: tuple[str, ...],
     base: str | None,
     out: Path | None,
@@ -90,7 +85,7 @@ def calibrate(
     from realitygap import api
 
     page = None if no_report else out.with_suffix(".html")
-    made = api.calibrate(recordings, base, objects=objects, form=form, light=light, out=out, workers=workers)
+    made = api.calibrate(recordings, base, objects=objects, form=form, out=out, workers=workers)
     if page is not None:
         from realitygap.report.calibration import write_calibration_page
 

@@ -100,7 +100,7 @@ class OutFile(click.Path):
         return path
 
 
-NOISE = Parsed("LEVEL", "realitygap.world.robot:noise_level")
+NOISE = Parsed("LEVEL", "realitygap.world.robot:noise_level", "noise: ")
 ROBOT = Parsed("R", "realitygap.robots.address:Address.parse", "robot: ")
 SHARD = Parsed("I/N", "realitygap.work.shard:Shard.parse", "shard: ")
 
@@ -131,6 +131,19 @@ marker = click.option(
     help="What the robot wears: disk (the shipped one), another disk's FILE.toml, aruco:DICTIONARY:NUMBER or "
     "apriltag:FAMILY:NUMBER, optionally followed by ,size=MM,x=MM,y=MM,angle=DEGREES,height=MM "
     "[default: disk].",
+)
+
+
+def _rate(_: click.Context, __: click.Parameter, said: str) -> int | None:
+    return None if said == "any" else int(said)
+
+
+baud = click.option(
+    "--baud",
+    type=click.Choice([*map(str, BAUD_RATES), "any"]),
+    default="38400",
+    callback=_rate,
+    help="Baud rate set by the jumpers of a Khepera or a twin; any: try them all.",
 )
 
 
@@ -282,19 +295,6 @@ def twin_noise() -> Callable[[Decorator], Decorator]:
     """`--twin-noise X`; None if omitted."""
     kind, says = click.FloatRange(0, LARGEST_SCALE), "Noise scale of a twin or of Enki [default: 1]."
     return click.option("--twin-noise", type=kind, metavar="X", help=says)
-
-
-def baud(
-    says: str = "Baud rate set by the jumpers of a Khepera or a twin; any: try them all.",
-    any_rate: bool = True,
-) -> Callable[[Decorator], Decorator]:
-    """`--baud B`; with `any_rate` also "any", which is passed on as None."""
-    kind = click.Choice([*map(str, BAUD_RATES), *["any"] * any_rate])
-
-    def rate(_: click.Context, __: click.Parameter, said: str) -> int | None:
-        return None if said == "any" else int(said)
-
-    return click.option("--baud", type=kind, default="38400", callback=rate, help=says)
 
 
 def given(**options: Any) -> dict[str, Any]:

@@ -33,6 +33,8 @@ MOVE_CM_S, MOVE_S = 4.0, 0.5
 
 ROOM_CM = 60.0
 """Side of the empty room in which a robot that places itself is checked."""
+BAUD = 38400
+"""Rate of the twin's line."""
 
 SAID = {"leds": "all LEDs, on and off", "faults": "answers that had to be requested again"}
 """What a robot finds out by itself, in words."""
@@ -58,7 +60,7 @@ def robot() -> None:
     help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, "
     "or a body of your own, file.py:Class.",
 )
-@options.baud()
+@options.baud
 @options.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
 @click.option(
     "--seconds", type=click.FloatRange(0.1), default=3.0, help="Seconds for which to show the sensors."
@@ -241,12 +243,9 @@ def _movement(body: Body, units: int) -> dict[str, int | None]:
 )
 @click.option("--unit", type=click.IntRange(0), default=1, metavar="N", help="Which robot.")
 @options.twin_noise()
-@options.baud("Baud rate set by its jumper.", any_rate=False)
 @options.pose(required=False)
 @options.as_json
-def serve(
-    arena_name: str, unit: int, twin_noise: float | None, baud: int, pose: options.Numbers | None
-) -> None:
+def serve(arena_name: str, unit: int, twin_noise: float | None, pose: options.Numbers | None) -> None:
     """Serve a twin of the Khepera until Ctrl-C.
 
     The twin, a physics model, answers on a pseudo-terminal in the robot's own serial protocol.
@@ -271,18 +270,18 @@ def serve(
         body.place(start.x, start.y, start.heading)
     for number in (signal.SIGTERM, signal.SIGHUP):  # its folder is removed however it is ended
         signal.signal(number, signal.default_int_handler)
-    with Server(Firmware(body, baud=baud, name=f"twin unit {unit}")) as server:
+    with Server(Firmware(body, baud=BAUD, name=f"twin unit {unit}")) as server:
         facts = {
             "device": server.device,
             "channel": server.channel,
             "unit": unit,
             "noise": noise,
-            "baud": baud,
+            "baud": BAUD,
             "arena": arena.plain(),
             "pose": None if start is None else (start.x, start.y, start.heading),
         }
         lines = (f"device: {server.device}", f"second channel: {server.channel}")
-        tell(facts, *lines, f"{baud} baud, unit {unit}; Ctrl-C ends it")
+        tell(facts, *lines, f"{BAUD} baud, unit {unit}; Ctrl-C ends it")
         try:
             server.serve()
         except KeyboardInterrupt:
@@ -373,7 +372,7 @@ class Reflectance(click.FloatRange):
 )
 @options.seed(says=" It does not change a twin's constants: those depend on its unit alone.")
 @options.twin_noise()
-@options.baud()
+@options.baud
 @options.base
 @options.marker
 @click.option("--resume", is_flag=True, help="Continue interrupted recordings.")

@@ -52,7 +52,6 @@ class TransferSettings(TypedDict):
     camera: str | None
     eye: str | None
     twin_noise: float | None
-    seed: int | None
     seconds: float | None
     baud: int | None
 
@@ -100,9 +99,8 @@ class TransferSettings(TypedDict):
 )
 @options.marker
 @options.twin_noise()
-@options.seed(None, " [default: the study's]")
 @options.seconds
-@options.baud()
+@options.baud
 @options.workers
 @options.shard
 @options.as_json
@@ -135,9 +133,9 @@ def transfer(
     from realitygap.transfer.run import Operator, place_of, run_transfer, shard_folder
     from realitygap.transfer.spec import FOLDER
 
-    loaded, disk = load_trusted(study), marker is not None and marker.endswith(".toml")
-    worn = {"disk" if disk else "marker": marker}
-    asked = Transfer(watch=path_from == "camera", **worn, **settings)
+    loaded = load_trusted(study)
+    disk, tag = (marker, None) if (marker or "").endswith(".toml") else (None, marker)
+    asked = Transfer(watch=path_from == "camera", disk=disk, marker=tag, **settings)
     carry = partial(_carry, seen=asked.eye is not None)
     home = place_of(loaded.folder, asked) if shard is None else shard_folder(loaded.folder, shard)
     operator = Operator(carry, _found, partial(click.echo, err=True))
