@@ -19,20 +19,11 @@ def written(played, tmp_path_factory):
     """Both formats, as the command writes them: folder and what it said, by format."""
     made = {}
     for kind in KINDS:
-        folder = tmp_path_factory.mktemp(kind)
-        words = [
-            "export",
-            "tables",
-            str(played.folder),
-            "--format",
-            kind,
-            "--out",
-            str(folder / "tables"),
-            "--json",
-        ]
+        out = tmp_path_factory.mktemp(kind) / "tables"
+        words = ["export", "tables", str(played.folder), "--format", kind, "--out", str(out), "--json"]
         result = CliRunner().invoke(realitygap, words)
         assert result.exit_code == 0, result.output
-        made[kind] = (folder / "tables", json.loads(result.stdout))
+        made[kind] = (out, json.loads(result.stdout))
     return made
 
 
@@ -51,10 +42,8 @@ def test_pandas_reads_what_the_study_holds(written, played, kind):
                 texts = [None if value is None else str(value) for value in values]
                 assert [None if pandas.isna(one) else str(one) for one in column] == texts, (name, key)
             else:
-                assert np.array_equal(column.to_numpy(float), values.astype(float), equal_nan=True), (
-                    name,
-                    key,
-                )
+                same = np.array_equal(column.to_numpy(float), values.astype(float), equal_nan=True)
+                assert same, (name, key)
 
 
 def test_trials_bear_their_scores(played):
