@@ -12,19 +12,16 @@ from matplotlib.patches import Circle
 
 from realitygap.report import save_animation, save_picture, style
 from realitygap.report.drawing import (
-    PathPanel,
-    Scene,
     arena_figure,
     cast,
     frames,
-    paths_figure,
     rays_of,
     robot_figure,
     tail,
 )
 from realitygap.tasks import load_task
 from realitygap.world.robot import load_profile
-from tests.report.scenes import LEVELS, circle
+from tests.report.scenes import circle
 
 PROFILE = load_profile("paper")
 TASKS = [load_task("avoidance"), load_task("light")]
@@ -66,21 +63,15 @@ def test_a_tail_has_a_stroke_from_centre_to_leading_edge_for_every_step() -> Non
     assert np.isnan(strokes[:, 2]).all()
 
 
-def test_panels_and_sheets_hold_every_path() -> None:
-    """A panel for each path, rows of different lengths included."""
-    panels = [PathPanel(noise=level, title=name, trajectory=circle(10)) for level, name in LEVELS.items()]
-    with style.styled():
-        scene, rows = Scene.of(TASKS[1], PROFILE), [panels, panels[:2], panels[:1]]
-        assert len(paths_figure(scene, [panels]).axes) == 3
-        assert len(paths_figure(scene, rows, small=True).axes) == 6
-
-
 def test_noise_levels_keep_their_look() -> None:
-    """Zero, observed and double look the same whatever else is shown, and nothing is told by colour alone."""
+    """Zero, observed and double look the same whatever else is shown, and nothing is told by colour alone:
+    a robot has another line, width and body than its simulation."""
     shown = style.noise_styles([0, 0.5, 1, 1.5, 2])
     assert all(shown[level] == style.noise_styles([level])[level] for level in (0.0, 1.0, 2.0))
     assert len({(s.colour) for s in shown.values()}) == len({s.marker for s in shown.values()}) == 5
     assert len({str(s.line) for s in shown.values()}) == 5
+    both = zip(*(vars(look).items() for look in (style.SIMULATED, style.SITUATED)), strict=True)
+    assert all(ours != theirs for ours, theirs in both)
     many = style.noise_styles([k / 4 for k in range(11)])
     assert len({(s.marker, str(s.line)) for s in many.values()}) == 11
     assert all(sign for _, _, sign in style.noise_key(dict.fromkeys(many, "")))

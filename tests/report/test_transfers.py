@@ -9,11 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
 
-from realitygap.report import build_report, style
-from realitygap.report.drawing import PathPanel, Scene, paths_figure
+from realitygap.report import build_report
+from realitygap.report.drawing import Scene
 from realitygap.report.evolution import parts_of
 from realitygap.report.page import Figures
 from realitygap.report.transfers import (
@@ -26,13 +24,9 @@ from realitygap.report.transfers import (
     transfers_csv,
 )
 from realitygap.study.load import Study, load_study
-from realitygap.tasks import load_task
-from realitygap.track import Track
 from realitygap.transfer.spec import shown_runs
-from realitygap.world.robot import load_profile
 from tests.report.scenes import STEPS, draw_only, write_transfer
 
-PAPER = load_profile("paper")
 AVOID, LIGHT = "obstacle-avoidance", "light-seeking"
 
 
@@ -48,32 +42,6 @@ def _shown(study: Study, figures: Figures) -> list[Pair]:
     part = parts_of(study)[0]
     scene, pairs = Scene.of(part.task, study.profile), pairs_of(study, [part])[AVOID]
     return pair_figures(part, pairs, scene, "", figures)["shown"]
-
-
-def test_pairs_stand_one_above_the_other() -> None:
-    """Two rows; the noise level's colour in both, but another line, width and body: never colour alone."""
-    route = Track.from_degrees([0.0, 0.1], [20.0, 25.0], [25.0, 25.0], [0.0, 0.0])
-    rows = [
-        [PathPanel(noise=1.0, title="simulated: 1", trajectory=route)],
-        [PathPanel(noise=1.0, title="twin unit 1: 2", trajectory=route, look=style.SITUATED)],
-    ]
-    with style.styled():
-        figure = paths_figure(Scene.of(load_task("avoidance"), PAPER), rows, heads=["observed noise, #1"])
-    above, below = figure.axes
-    assert above.get_position().y0 > below.get_position().y1 and not above.get_xlabel()
-    assert [text.get_text() for text in figure.texts] == ["observed noise, #1"]
-
-    def tail(ax) -> Line2D:
-        return max(ax.lines, key=lambda line: len(line.get_xdata()))
-
-    assert tail(above).get_color() == tail(below).get_color()
-    assert tail(above).get_linewidth() < tail(below).get_linewidth()
-    assert tail(above).is_dashed() != tail(below).is_dashed()
-    bodies = [
-        {p.get_facecolor() for p in ax.patches if isinstance(p, Circle) and p.zorder == 5}
-        for ax in (above, below)
-    ]
-    assert bodies[0].isdisjoint(bodies[1])
 
 
 def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_path, monkeypatch) -> None:

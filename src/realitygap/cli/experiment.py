@@ -119,10 +119,10 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output
         drawn = counts(progress.show, "making the report", "figures")
         page = build_noise_page(out, on_progress=drawn)
     data = NoiseData.read(out)
-    rows = noise_table(data)
+    head, rows = noise_table(data)
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)
     facts = {"study": str(out), "results": str(results), "report": str(page), **noise_summary(data), **more}
-    words = f"{table(rows.head, rows.rows)}\n\nnoise-matched level: {matched}"
+    words = f"{table(head, rows)}\n\nnoise-matched level: {matched}"
     tell(json_output, facts, f"{words}\n\nresults {results}\nreport  {page}")
 
 
@@ -217,8 +217,8 @@ def robots(
         left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
         print_json({"folder": str(out), "report": str(page), "robots": made, "left_out": left})
         return
-    rows = matrix(places, few=few)
-    click.echo(f"{table(rows.head, rows.rows)}\n\nreport {page}")
+    head, rows = matrix(places, few=few)
+    click.echo(f"{table(head, rows)}\n\nreport {page}")
 
 
 def _robots_config(out: Path, resume: bool, given: dict[str, Any]) -> Realities:

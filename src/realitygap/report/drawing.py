@@ -405,11 +405,7 @@ def paths_figure(
 
 
 def checked_ending(path: str | Path, allowed: tuple[str, ...]) -> Path:
-    """The path, if its file ending is among the allowed ones.
-
-    Raises:
-        UsageError: it is not.
-    """
+    """The path, if its file ending is among the allowed ones."""
     path = Path(path)
     if path.suffix.lower() not in allowed:
         raise UsageError(
