@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from realitygap.errors import StudyError
-from realitygap.experiments.noise import NoiseConfig, NoiseExperiment
-from realitygap.experiments.noise_run import merge_noise, noise_experiment
+from realitygap.experiments.noise import NoiseConfig, NoiseExperiment, merge_noise, noise_experiment
 from realitygap.report.experiment import NoiseData, build_noise_page, noise_summary
 from realitygap.work.pool import Here
 from realitygap.work.shard import Shard, all_shards

@@ -19,7 +19,7 @@ from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.experiment import RESULTS
 from realitygap.experiments.noise import FIGURES, calibration_folder
-from realitygap.experiments.realities import ASKED, Place
+from realitygap.experiments.robots import Place, RobotsConfig
 from realitygap.files import read_table, read_toml, to_csv
 from realitygap.report import style
 from realitygap.report.calibration import REAL
@@ -77,6 +77,14 @@ class Span(NamedTuple):
         """As displayed: 8.5 (8.1 to 8.9)."""
         value, low, high = (_number(v / scale, places) for v in self)
         return value if math.isnan(self.low) else f"{value} ({low} to {high})"
+
+
+def _means(values: Floats) -> Floats:
+    """Means of the known values along the first axis; NaN where none is known."""
+    known = np.isfinite(values).sum(axis=0)
+    sums = np.nansum(values, axis=0)
+    means: Floats = np.divide(sums, known, out=np.full_like(sums, np.nan), where=known > 0)
+    return means
 
 
 def _number(value: float, places: int) -> str:
@@ -179,7 +187,7 @@ class NoiseData:
     @property
     def matched(self) -> float:
         """The noise-matched level, where mean noisiness passes zero, linear in the level's root; or NaN."""
-        curve, root = np.nanmean(self.noisiness, axis=0), np.sqrt(self.levels)
+        curve, root = _means(self.noisiness), np.sqrt(self.levels)
         below = np.flatnonzero((curve[:-1] > 0) & (curve[1:] <= 0))
         if not len(below):
             return math.nan
@@ -189,7 +197,7 @@ class NoiseData:
     @property
     def matched_text(self) -> str:
         """The same in words, also beyond the levels."""
-        curve = np.nanmean(self.noisiness, axis=0)
+        curve = _means(self.noisiness)
         if math.isfinite(self.matched):
             return _number(self.matched, 2)
         if (curve > 0).all() or (curve < 0).all():
@@ -220,7 +228,7 @@ def noise_table(data: NoiseData) -> Table:
             spans, count = _spans(part, evolved)
             score, own, *fitness = spans.values()
             judged = part.score[part.at(evolved), part.robot]
-            failed = 100 * float(np.nanmean(np.where(np.isnan(judged), np.nan, judged < FAILED)))
+            failed = 100 * float(_means(np.where(np.isnan(judged), np.nan, judged < FAILED)))
             texts = [*(one.text(1) for one in (score, own)), _number(failed, 0)]
             texts += [one.text(3, unit) for one in fitness]
             rows.append([task, f"{evolved:g}", str(count), *texts])
@@ -243,7 +251,7 @@ def map_figure(data: NoiseData) -> Figure:
     tasks, count = data.tasks, len(data.levels)
     figure = new_figure(min(PAGE, 3.4 * len(tasks)), 3.1, layout="constrained")
     parts = [data.part(task) for task in tasks]
-    every = [np.array([np.nanmean(p.score[p.at(level)], axis=0) for level in p.levels]) for p in parts]
+    every = [np.array([_means(p.score[p.at(level)]) for level in p.levels]) for p in parts]
     low = np.floor(np.nanmin(every))
     high = max(np.ceil(np.nanmax(every)), low + 1)
     labels, ticks = [f"{level:g}" for level in data.levels], np.arange(count) + 0.5
@@ -446,7 +454,7 @@ def noise_summary(data: NoiseData) -> dict[str, Any]:
         rows = []
         for level in part.levels.tolist():
             spans, count = _spans(part, level)
-            means = np.nanmean(part.score[part.at(level)], axis=0).tolist()
+            means = _means(part.score[part.at(level)]).tolist()
             by_level = {f"{k:g}": v for k, v in zip(part.levels, means, strict=True)}
             known = {key: span._asdict() for key, span in spans.items()}
             rows.append({"evolved_level": level, "runs": count, **known, "score_by_level": by_level})
@@ -542,7 +550,8 @@ def build_robots_page(
         "head": head, "rows": rows, "few": few,
         "robots": {_named(one): one.folder.name for one in places if not one.why},
         "left_out": [place for place in places if place.why], "cards": figures,
-        "key": _key(next(iter(robots.values()))), "text": (Path(folder) / ASKED).read_text("utf-8"),
+        "key": _key(next(iter(robots.values()))),
+        "text": (Path(folder) / RobotsConfig.FILE).read_text("utf-8"),
     }  # fmt: skip
     target = report_folder(Path(folder)) / "index.html"
     tables = {"robots": to_csv([head, *rows])}

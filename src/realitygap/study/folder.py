@@ -53,7 +53,7 @@ LOOSE = ("title", "checkpoint_every")
 
 EXPERIMENTS = {
     "noise-study.toml": "experiment noise",
-    "realities.toml": "experiment robots",
+    "robots.toml": "experiment robots",
     "reproduce.toml": "reproduce",
 }
 """Settings of what is no study itself, or not yet, and the command that made them."""
