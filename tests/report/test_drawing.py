@@ -70,8 +70,7 @@ def test_noise_levels_keep_their_look() -> None:
     assert all(shown[level] == style.noise_styles([level])[level] for level in (0.0, 1.0, 2.0))
     assert len({(s.colour) for s in shown.values()}) == len({s.marker for s in shown.values()}) == 5
     assert len({str(s.line) for s in shown.values()}) == 5
-    both = zip(*(vars(look).items() for look in (style.SIMULATED, style.SITUATED)), strict=True)
-    assert all(ours != theirs for ours, theirs in both)
+    assert all(ours != theirs for ours, theirs in zip(style.SIMULATED, style.SITUATED, strict=True))
     many = style.noise_styles([k / 4 for k in range(11)])
     assert len({(s.marker, str(s.line)) for s in many.values()}) == 11
     assert all(sign for _, _, sign in style.noise_key(dict.fromkeys(many, "")))
