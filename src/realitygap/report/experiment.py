@@ -1,7 +1,7 @@
 """The page of a noise experiment, and the one that puts several robots side by side: figures and a table."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -424,7 +424,7 @@ def build_noise_page(out: str | Path, *, on_progress: OnProgress | None = None) 
         "data": data, "settings": data.settings, "cards": figures, "key": _key(data), "head": head,
         "rows": rows, "failed": FAILED,
         "matched": [(_titled(task), data.part(task).matched_text) for task in data.tasks],
-        "misfits": list(_misfits(data)), "real": REAL, "who": who,
+        "misfits": _misfits(data), "real": REAL, "who": who,
         "text": (Path(out) / RESULTS / "study.toml").read_text("utf-8"),
     }  # fmt: skip
     tables = {"levels": to_csv([head, *rows])}
@@ -437,13 +437,16 @@ def _key(data: NoiseData) -> list[tuple[str, str, str]]:
     return noise_key({v: n if n == f"{v:g}" else f"{n} ({v:g})" for v, n in names.items()})
 
 
-def _misfits(data: NoiseData) -> Iterable[tuple[str, float, int, int, float]]:
-    """Of each channel: its name, median of model error over noise, units beyond the limit, units, limit."""
-    for channel, ratios in data.ratios.items():
-        if len(ratios):
-            limit = LIMITS[channel]
-            beyond = int((ratios > limit).sum())
-            yield CHANNELS[channel], float(np.median(ratios)), beyond, len(ratios), limit
+def _misfits(data: NoiseData) -> list[dict[str, Any]]:
+    """Of each channel the median of model error over noise, and how many units are beyond the limit."""
+    return [
+        {
+            "channel": CHANNELS[channel], "median": float(np.median(ratios)),
+            "units_beyond_limit": int((ratios > LIMITS[channel]).sum()), "units": len(ratios),
+            "limit": LIMITS[channel],
+        }
+        for channel, ratios in data.ratios.items() if len(ratios)
+    ]  # fmt: skip
 
 
 def noise_summary(data: NoiseData) -> dict[str, Any]:
@@ -459,12 +462,8 @@ def noise_summary(data: NoiseData) -> dict[str, Any]:
             known = {key: span._asdict() for key, span in spans.items()}
             rows.append({"evolved_level": level, "runs": count, **known, "score_by_level": by_level})
         found[task] = {"levels": rows, "noise_matched_level": part.matched}
-    misfits = [
-        {"channel": name, "median": median, "units_beyond_limit": beyond, "units": units, "limit": limit}
-        for name, median, beyond, units, limit in _misfits(data)
-    ]
     return {"robot_level": float(data.levels[data.robot]), "settings": dict(data.settings), "tasks": found,
-            "model_error_over_noise": misfits}  # fmt: skip
+            "model_error_over_noise": _misfits(data)}  # fmt: skip
 
 
 # Several robots
