@@ -37,8 +37,8 @@ __all__ = [
 
 PER_CONDITION = 5
 """Runs of a condition whose paths, networks and table rows a page shows at most."""
-WHO = ("fittest", "champion")
-"""The best individual during evolution, as in the paper, and the retested champion."""
+WHO = {"fittest": "best during evolution", "champion": "champion"}
+"""The individuals of a run, and what a page calls them; the paper's is the first."""
 
 
 # Means and their uncertainty

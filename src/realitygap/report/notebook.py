@@ -20,7 +20,7 @@ from realitygap.files import atomic_write
 from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
 from realitygap.report.drawing import draw_arena, robot_figure, steepness
-from realitygap.report.evolution import Paths, parts_of
+from realitygap.report.evolution import WHO, Paths, parts_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, rendered
 from realitygap.report.player import player_data, player_json, replay_data
@@ -146,7 +146,7 @@ def run_html(run: Run) -> str:
     facts = [
         ("task", run.task), ("noise", run.noise_name), ("evaluations", run.evaluations),
         ("best fitness", _short(run.best_fitness)), ("champion, retested", _short(run.champion_fitness)),
-        *((f"{'best' if who == 'fittest' else who}, test trials at noise {noise:g}", _short(scores.mean()))
+        *((f"{WHO[who]}, test trials at noise {noise:g}", _short(scores.mean()))
           for (who, noise), scores in run.tests.items()),
     ]  # fmt: skip
     if genes is None:
