@@ -430,7 +430,7 @@ def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profi
                 )
     if odometry is not None:
         _refuse_lengths(recording, odometry, base)
-    elif enough_pictures(recording, base.wheels.track_cm):
+    elif enough_pictures(recording):
         raise CalibrationError(
             f"{recording.source}: the camera's poses fit no wheels with these counters or commands. Are x_cm "
             "and y_cm in cm, heading_deg in degrees, and commands in units of --base? Without these three "
