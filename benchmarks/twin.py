@@ -58,7 +58,7 @@ def parts(task: str, pose: Pose, folder: Path) -> None:
             before = spent()
             rig.trial(driver, stream, pose, 20.0, sealed=sealed)
             driven = spent()
-            rig.watcher.track(rig.truth(sealed, 20.0), stream)
+            rig.tracker.track(rig.truth(sealed, 20.0), stream)
             least = [min(pair) for pair in zip(least, (driven - before, spent() - driven), strict=True)]
     print(
         f"{task}: a watched trial of 20 s: {sum(least):.2f} s of processor time (driver and twin "

@@ -90,12 +90,12 @@ def track() -> list[Any]:
     """The tracker's view of drawn frames (OpenCV's filters)."""
     from realitygap.film.disk import load_disk
     from realitygap.tasks import load_task
-    from realitygap.transfer.film import Watcher
+    from realitygap.transfer.camera import OverheadTracker
 
     load_disk()
     with tempfile.TemporaryDirectory() as name:
         arena = load_task("obstacle-avoidance").arena
-        camera = Watcher(Path(name) / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.75).camera
+        camera = OverheadTracker(Path(name) / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.75).camera
     return [repr(camera.to_dict()).encode()]
 
 

@@ -31,9 +31,9 @@ from realitygap.track import Track as Track
 from realitygap.track import Trajectory as Trajectory
 from realitygap.transfer.drive import drive as drive
 from realitygap.transfer.options import Transfer as Transfer
-from realitygap.transfer.run import load_transfers as load_transfers
+from realitygap.transfer.record import load_transfers as load_transfers
 from realitygap.transfer.run import run_transfer as run_transfer
-from realitygap.transfer.score_rows import marks_of as marks_of
+from realitygap.transfer.scores import marks_of as marks_of
 from realitygap.values import Command as Command
 from realitygap.values import Pose as Pose
 from realitygap.values import Readings as Readings

@@ -282,7 +282,7 @@ def report(
         workers, on_progress: as of `evolve`.
     """
     from realitygap.report.build import build_report
-    from realitygap.transfer.score_rows import marks_of
+    from realitygap.transfer.scores import marks_of
 
     with _resumable(folder), _shown(on_progress) as tell:
         marks_of(study, workers=workers, on_progress=counts(tell, "scoring behaviour", "runs"))

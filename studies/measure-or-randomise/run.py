@@ -303,7 +303,7 @@ class Bench:
                 self._rig.close()
             self._rig = Rig(config.task, truth, robot=address, twin_noise=config.twin_noise,
                             folder_for_camera=self._cameras)  # fmt: skip
-            _ = self._rig.watcher  # before the profile is replaced
+            _ = self._rig.tracker  # before the profile is replaced
         return self._rig
 
     def close(self) -> None:

@@ -30,7 +30,7 @@ from realitygap.simulation.simulation import batch_streams
 from realitygap.streams import named_stream
 from realitygap.study.plan import named
 from realitygap.track import Track
-from realitygap.transfer.apart import DISTANCES, distances
+from realitygap.transfer.scores import DISTANCES, distances
 from realitygap.values import Pose, fed
 
 PLAN = tomllib.loads(Path(__file__).with_name("arms.toml").read_text("utf-8"))

@@ -257,7 +257,7 @@ def test_an_array_job_is_the_study(study, call, json_of, refused, monkeypatch, t
     assert [run.best_fitness for run in whole.runs] == [run["best_fitness"] for run in merged["runs"]]
     assert merged["runs"] == study[1]["runs"] and merged["tables"] == study[1]["tables"]
     assert "many exists already" in refused("merge", "many-shard-1-of-2", "many-shard-2-of-2")
-    monkeypatch.setattr("realitygap.transfer.score_rows.marks_of", stopped)
+    monkeypatch.setattr("realitygap.transfer.scores.marks_of", stopped)
     again = call("merge", "many-shard-1-of-2", "many-shard-2-of-2", "--out", "again")
     assert again.exit_code == 130 and "in again; resume with `realitygap report again`" in again.stderr
 

@@ -17,6 +17,7 @@ from realitygap import Genotype, load_study, load_transfers, marks_of
 from realitygap.cli.transfer import _found as found
 from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.runner import run_study
+from realitygap.transfer.record import trial_content
 from realitygap.values import Pose
 
 SHORT = ("--seconds", 0.5, "--workers", 1)
@@ -69,7 +70,7 @@ def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of,
         folder = study / "controllers" / "champion" / "transfer" / "twin-1"
         assert Path(mine["folder"]).parents[1] == folder and mine["pose"] == theirs["pose"]
         for name in ("simulated.csv", "situated.csv"):
-            assert Path(mine["folder"], name).read_bytes() == Path(theirs["folder"], name).read_bytes()
+            assert trial_content(Path(mine["folder"]), name) == trial_content(Path(theirs["folder"]), name)
     turned = json_of(*words, "--controller", f"{own}:Turn")["transfers"]
     assert [(one["run"], one["individual"]) for one in turned] == [(1, "own-Turn"), (2, "own-Turn")]
     assert len(load_transfers(study)) == 1 and turned[0]["fitness_situated"] < 0.5

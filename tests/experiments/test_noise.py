@@ -7,21 +7,18 @@ import json
 import math
 import shutil
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from realitygap.errors import ConfigError, LineError, StudyBusyError, StudyError, StudyInterruptedError
-from realitygap.experiments.experiment import Seconds
-from realitygap.experiments.noise import NoiseConfig, NoiseExperiment, levels_of, tasks_of
+from realitygap.errors import LineError, StudyBusyError, StudyError, StudyInterruptedError
+from realitygap.experiments.noise import NoiseConfig, NoiseExperiment
 from realitygap.experiments.noise_run import noise_experiment
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import load_study
 from realitygap.study.provenance import project_commit
 from realitygap.work.folder import lock
-from realitygap.work.progress import Reporter
 from tests.experiments.noise_parts import SimulatedRig, quick_units, tables, tiny, unit_profile, wearing
 
 COMPARING = "comparing with the simulations"
@@ -112,14 +109,6 @@ def test_a_controller_keeps_its_bands_on_every_robot(done):
     assert worn.infrared.bands == design.profile(1).infrared.bands != design.profile(2).infrared.bands
 
 
-def test_home_seeds_differ(done):
-    """No two studies of evolution begin alike: each has a seed and a profile of its own."""
-    made = [load_study(done / "evolved" / f"unit-{unit}") for unit in (1, 2)]
-    assert made[0].config.seed != made[1].config.seed
-    assert [study.profile.name for study in made] == ["unit 1", "unit 2"]
-    assert not np.array_equal(made[0].genotypes(1)[0], made[1].genotypes(1)[0])
-
-
 @pytest.mark.parametrize("home", [1, 2])
 def test_every_unit_is_compared_with_its_own_simulation(copy, home):
     """Paths of units that are their simulations score 10 without noise; those of one unit alone do not."""
@@ -138,17 +127,6 @@ def test_every_unit_is_compared_with_its_own_simulation(copy, home):
         np.savez(design.driven_file(one), poses=poses)
         scores.append(design.compare(one, lambda _: None)["cells"][0]["score"])
     assert scores[0] == 10.0 > scores[1]
-
-
-def test_levels_of_comparison_differ_in_loudness_alone(copy):
-    """At two levels that are as good as equal, a controller's simulated trials are the same to the bit."""
-    alike = NoiseExperiment(copy, replace(tiny(), levels=(1.0, 1.0 + 1e-12, 2.0)))
-    one = next(one for one in NoiseExperiment(copy, tiny()).controllers() if one.level == 1.0)
-    alike.studies[one.study] = [one]
-    found = alike.compare(one, lambda _: None)["cells"]
-    same, next_to, loud = (cell["fitness_simulated"] for cell in found)
-    assert same == pytest.approx(next_to, rel=1e-9)
-    assert loud != pytest.approx(same, rel=1e-9)
 
 
 def test_an_experiment_that_is_stopped_in_every_phase_comes_to_the_same_bits(done, units, tmp_path):
@@ -171,13 +149,6 @@ def test_an_experiment_that_is_stopped_in_every_phase_comes_to_the_same_bits(don
     NoiseExperiment(folder, tiny()).driven_file(last).with_suffix(".99.part").write_bytes(b"half a")
     results = noise_experiment(folder, None, workers=1, resume=True)
     assert tables(results) == tables(done / "results")
-
-
-def test_a_finished_experiment_is_only_gathered_again(done, units, copy):
-    """Resumed when all is done, nothing is made again, and the tables are the same."""
-    times = {path: path.stat().st_mtime_ns for path in copy.rglob("*.npz")}
-    assert tables(noise_experiment(copy, tiny(), resume=True)) == tables(done / "results")
-    assert {path: path.stat().st_mtime_ns for path in copy.rglob("*.npz")} == times
 
 
 def test_trials_that_the_camera_lost_are_left_out_and_counted(units, copy):
@@ -220,46 +191,6 @@ def test_a_line_that_is_lost_is_taken_up_again(units, copy):
     assert first.read_bytes() == before
 
 
-def test_progress_ends_with_nothing_left(units, tmp_path, monkeypatch):
-    """Each phase tells how far it is, and at the end no time is left; its time is kept as it goes."""
-    heard, kept = [], {}
-    monkeypatch.setattr("realitygap.experiments.experiment.KEEP_S", 0.0)
-    monkeypatch.setattr("realitygap.work.progress.EVERY_S", 0.0)
-
-    def hear(event):
-        heard.append(event)
-        if event.done < event.total:  # as a kill would leave it
-            kept[event.phase] = list(Seconds(tmp_path / "study").read())
-
-    small = tiny(tasks=("obstacle-avoidance",))
-    noise_experiment(tmp_path / "study", small, workers=1, on_progress=hear)
-    for phase, name in (("evolving", "evolve"), ("on the twin", "situated"), (COMPARING, "simulated")):
-        assert kept[phase][-1] == name
-    phases = list(dict.fromkeys(event.phase for event in heard))
-    assert phases == ["calibrating to the units", "evolving", "on the twin", COMPARING]
-    for phase in phases:
-        of_phase = [event for event in heard if event.phase == phase]
-        assert of_phase[-1].done == of_phase[-1].total
-        assert [event.done for event in of_phase] == sorted(event.done for event in of_phase)
-    assert heard[-1].seconds_left in (None, 0.0)
-
-
-def test_work_found_done_does_not_shorten_the_time_left(monkeypatch):
-    """Only what this session did tells the pace: 3 s of 100 s of work took 6 s, so 97 s take 194 s."""
-    now = [0.0]
-    monkeypatch.setattr("realitygap.work.progress.time.monotonic", lambda: now[0])
-    heard = []
-    reporter = Reporter(heard.append, {"evolving": 500.0, "on the twin": 100.0}, patience_s=2.0)
-    reporter.phase("evolving", done=0, total=10, what="runs")
-    reporter.found(10, 0.0)
-    reporter.end()
-    reporter.phase("on the twin", done=0, total=100, what="controllers")
-    now[0] = 6.0
-    reporter.add(3.0, done=3)
-    assert heard[1].done == 10 and heard[1].seconds_left is None
-    assert heard[-1].seconds_left == pytest.approx(194.0)
-
-
 def test_other_settings_and_folders_are_refused(done, tmp_path):
     """An experiment goes on only with its own settings, in its own folder, and in one process at a time."""
     with pytest.raises(StudyError, match=r"made with starts = 3, not 4\. Leave it as it was"):
@@ -273,35 +204,6 @@ def test_other_settings_and_folders_are_refused(done, tmp_path):
         noise_experiment(tmp_path, tiny())
     with lock(done), pytest.raises(StudyBusyError, match="working on this study"):
         noise_experiment(done, tiny(), resume=True)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ({"levels": (1, 1)}, "levels: expected two or more, all different"),
-        ({"starts": 1}, "starts: expected a whole number from 2"),
-        ({"tasks": ()}, "tasks: expected different ones of obstacle-avoidance, light-seeking"),
-        ({"seconds": 1.0}, r"seconds: expected a multiple of 0\.1 from 2 on, got 1\.0"),
-        ({"robot": "enki:epuck:2"}, "expected enki:epuck, got 'enki:epuck:2'. Its units are those from 1"),
-        ({"robot": "khepera:/dev/null"}, "expected twin, .*enki:MODEL, or a robot of your own"),
-    ],
-)
-def test_wrong_settings_are_refused_by_name(wrong, says):
-    """A setting that makes no sense is refused: what was expected, and what came."""
-    with pytest.raises(ConfigError, match=says):
-        tiny(**wrong)
-
-
-def test_levels_tasks_and_robots_are_read_as_they_are_typed():
-    """Levels by name or number, sorted; tasks by a word; units of a model; the command says all of it."""
-    assert levels_of("0, observed,0.25") == (0.0, 1.0, 0.25)
-    assert NoiseConfig(levels=levels_of("4,zero")).levels == (0.0, 4.0)
-    assert tasks_of("both") == ("obstacle-avoidance", "light-seeking")
-    assert tasks_of("light") == ("light-seeking",)
-    config = NoiseConfig(robot="enki:epuck", units=2, twin_noise=2.0, tasks=("obstacle-avoidance",))
-    assert [config.address(unit) for unit in (1, 3)] == ["enki:epuck:1", "enki:epuck:3"]
-    assert NoiseConfig().address(2) == "twin:2" and NoiseConfig(robot="twin") == NoiseConfig()
-    assert "--robot enki:epuck" in config.command and "--units 2" in config.command
 
 
 def test_edited_settings_and_calibrations_are_refused(copy):

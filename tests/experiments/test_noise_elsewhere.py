@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from realitygap.errors import StudyError, UsageError
-from realitygap.experiments.experiment import open_folder
+from realitygap.errors import StudyError
 from realitygap.experiments.noise import NoiseConfig, NoiseExperiment
-from realitygap.experiments.noise_run import WORK, check_robot, merge_noise, noise_experiment
+from realitygap.experiments.noise_run import merge_noise, noise_experiment
 from realitygap.report.experiment import build_noise_page, noise_summary
 from realitygap.work.pool import Here
-from realitygap.work.shard import Mark, Shard, all_shards, read_mark
+from realitygap.work.shard import Shard, all_shards
 from realitygap.world.robot import load_profile
 from tests.experiments.noise_parts import quick_units, tables, tiny
 
@@ -70,23 +68,6 @@ def test_what_does_not_belong_together_is_not_merged(made, tmp_path):
     assert not [*tmp_path.iterdir()]
 
 
-def test_a_shard_that_is_refused_is_left_as_it_is(tmp_path):
-    """Among other files no mark is left; begun once more without `resume`, a finished one stays finished."""
-    design, shard = tiny(tasks=("obstacle-avoidance",), units=1), Shard(1, 2)
-    (tmp_path / "thesis.txt").touch()
-    with pytest.raises(StudyError, match=r"other files \(thesis\.txt\)"):
-        noise_experiment(tmp_path, design, workers=1, shard=shard)
-    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
-    folder = tmp_path / "finished"
-    folder.mkdir()
-    open_folder(folder, NoiseConfig, design, resume=False)
-    Mark(shard=shard, work=WORK).write(folder, finished=True)
-    with pytest.raises(StudyError, match=r"Resume it \(--resume\)"):
-        noise_experiment(folder, design, workers=1, shard=shard)
-    mark = read_mark(folder)
-    assert mark is not None and mark.finished
-
-
 def test_the_number_of_workers_changes_no_bit(tmp_path):
     """Two processes with twins of their own come to the bits of one; the camera sees every trial whole."""
     small = tiny(tasks=("obstacle-avoidance",), units=1, runs=1, starts=2, seconds=2.0)
@@ -111,7 +92,7 @@ def own(tmp_path: Path) -> NoiseConfig:
     """An experiment with the example's robot, at another period of control than the paper's."""
     robot, base = tmp_path / "own_robot.py", tmp_path / "five_eyes.toml"
     text = (EXAMPLES / robot.name).read_text("utf-8")
-    robot.write_text(text.replace("counts_turns = 0.1", f"counts_turns = {PERIOD_S}"), "utf-8")
+    robot.write_text(text.replace("(Body):", f"(Body):\n    period_s = {PERIOD_S}"), "utf-8")
     faster = (EXAMPLES / base.name).read_text("utf-8").replace("[0.75, 0.75]", "[1.25, 1.25]")
     base.write_text(f"period_s = {PERIOD_S}\n{faster}", "utf-8")
     return NoiseConfig(
@@ -151,13 +132,3 @@ def test_a_robot_of_ones_own_takes_the_twins_place(tmp_path, own, monkeypatch):
         shutil.rmtree(folder / place)
     assert tables(noise_experiment(folder, workers=1, resume=True)) == before
     assert f"--robot {own.robot} --base {own.base}" in own.command and "--units" not in own.command
-
-
-def test_a_period_that_does_not_fit_is_refused(own):
-    """Before any work: a base whose step is not the robot's, a trial of no whole steps."""
-    with pytest.raises(UsageError, match=r"seconds: expected whole steps of 0.06 s, .* got 2\.$"):
-        check_robot(replace(own, seconds=2.0))
-    with pytest.raises(
-        UsageError, match=r"expected a period of 0.1 s, as the base 'five-eyes' has; .*0.06 s"
-    ):
-        check_robot(replace(own, base=str(EXAMPLES / "five_eyes.toml")))

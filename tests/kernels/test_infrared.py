@@ -108,6 +108,19 @@ def test_exactly_zero_beyond_reach(beyond):
     assert (got == 0).all()
 
 
+@pytest.mark.parametrize("share", [0.92, 0.98])
+def test_cylinders_all_round_within_reach_are_seen(share):
+    """One cylinder that far off is outweighed by the rays that miss it; one on every ray is not."""
+    radius = 0.9
+    turned = BETAS + 0.4
+    sensor = np.array([50.0, 50.0]) + 2.45 * np.array([math.cos(0.4), math.sin(0.4)])
+    sensor += 0.55 * np.array([-math.sin(0.4), math.cos(0.4)])
+    centres = sensor + (share * REACH + radius) * np.stack([np.cos(turned), np.sin(turned)], 1)
+    ring = tuple(Cylinder(x_cm=float(x), y_cm=float(y), radius_cm=radius) for x, y in centres)
+    got, _ = readings(PAPER, replace(EMPTY, cylinders=ring), (50, 50, 0.4))
+    assert got[2] == pytest.approx(law(np.full(10, share * REACH)), rel=1e-5) and got[2] > 10
+
+
 def test_rays_that_miss_count():
     """The sum is literal: rays that meet nothing take b·cos β each from a thin pole's reading."""
     arena = replace(EMPTY, cylinders=(Cylinder(x_cm=50 + 4 + 0.7, y_cm=50, radius_cm=0.7),))

@@ -24,7 +24,6 @@ from realitygap.report.drawing import (
     sheet_figure,
     tail,
 )
-from realitygap.report.evolution import Curves, curves_figure
 from realitygap.tasks import load_task
 from realitygap.world.robot import load_profile
 from tests.report.scenes import LEVELS, circle
@@ -87,19 +86,6 @@ def test_noise_levels_keep_their_look() -> None:
     many = style.noise_styles([k / 4 for k in range(11)])
     assert len({(s.marker, str(s.line)) for s in many.values()}) == 11
     assert all(sign for _, _, sign in style.noise_key(dict.fromkeys(many, "")))
-
-
-def test_a_level_looks_the_same_in_all_figures_of_a_page() -> None:
-    """Also where only some levels have runs, or drove a robot."""
-    look = style.noise_styles([0.5, 1.5])[1.5]
-    assert look != style.noise_styles([1.5])[1.5]
-    path = PathPanel(noise=1.5, title="", trajectory=circle())
-    with style.styled():
-        paths = panels_figure(Scene.of(TASKS[0], PROFILE)._replace(levels=(0.5, 1.5)), [path])
-        curves = curves_figure(Curves(runs={1.5: [np.linspace(0, 1, 20)]}, names={0.5: "", 1.5: "1.5 noise"}))
-    assert curves.axes[0].lines[0].get_color() == look.colour
-    assert curves.axes[0].lines[0].get_marker() == look.marker
-    assert look.colour in {line.get_color() for line in paths.axes[0].lines}
 
 
 def test_a_figure_is_written_to_the_same_bytes(tmp_path: Path) -> None:

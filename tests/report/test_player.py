@@ -7,7 +7,6 @@ import json
 import re
 from dataclasses import replace
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,12 @@ import pytest
 
 from realitygap.export import logs as trial
 from realitygap.report import player
-from realitygap.report.evolution import Paths, individual, parts_of
+from realitygap.report.evolution import individual, parts_of
 from realitygap.report.player import LOST, activity, pack
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.drive import Recording
 from realitygap.study.load import Study
 from tests.report.scenes import random_genotype
-from tests.report.situations import STEPS, write_transfer
 
 AVOID, LIGHT = 0, 1
 
@@ -70,8 +68,8 @@ def test_commands_in_a_robots_own_units_are_shown_as_the_networks(played: Study)
     other = replace(played.profile, wheels=replace(played.profile.wheels, top_command=30.0))
     shown, logged = [], []
     for profile, recorded in ((played.profile, kept), (other, replace(kept, commands=3 * kept.commands))):
-        cast = player._Cast(task=task, genotype=genotype, slots=range(10), profile=profile)
-        shown.append(cast.drive("a robot", "0.5", pair.situated, recorded, genotype))
+        side = player._Side(task=task, genotype=genotype, slots=range(10), profile=profile)
+        shown.append(side.drive("a robot", "0.5", pair.situated, recorded, genotype))
         side = trial._side("situated", pair.situated, recorded, (genotype, [*range(10)]), (task, profile))
         logged.append({name: values.tolist() for name, values in side.inside.items()})
     assert shown[0] == shown[1] and shown[1]["outputs"] is not None
@@ -111,22 +109,6 @@ def test_a_run_without_a_transfer_is_simulated_alone(played: Study) -> None:
     both = _run(played, AVOID, 0)["trials"]
     assert [trial["name"] for trial in both] == ["twin unit 1, start 1", "twin unit 1, start 2"]
     assert all(trial["simulated"]["outputs"] and trial["situated"] for trial in both)
-
-
-def test_what_was_not_kept_is_not_made_up(played: Study, tmp_path: Path) -> None:
-    """A transfer that says neither its seed nor its readings shows its two paths, nothing more."""
-    study, parts = played, parts_of(played)
-    row = parts[LIGHT].conditions[0].rows[0]
-    copy = Study(study.folder)
-    copy.folder = tmp_path
-    write_transfer(copy, row.run, film=False)
-    pairs = {part.task.name: [] for part in parts} | pairs_of(copy, parts)
-    data = player.player_data(study, parts, pairs, Paths(study))
-    assert data is not None
-    trial = data["tasks"][LIGHT]["noises"][0]["runs"][0]["trials"][0]
-    for who in ("simulated", "situated"):
-        assert trial[who]["steps"] == STEPS
-        assert [trial[who][key] for key in ("readings", "commands", "outputs")] == [None] * 3
 
 
 def test_nothing_in_the_data_ends_its_script() -> None:

@@ -30,7 +30,7 @@ from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
 from realitygap.track import Track
-from realitygap.transfer.chosen import shown_runs
+from realitygap.transfer.spec import shown_runs
 from realitygap.world.robot import load_profile
 from tests.report.scenes import draw_only
 from tests.report.situations import STEPS, write_transfer
@@ -89,14 +89,6 @@ def test_pairs_stand_one_above_the_other() -> None:
         for ax in (above, below)
     ]
     assert bodies[0].isdisjoint(bodies[1])
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_page_without_transfers_is_as_before(study: Study) -> None:
-    """No word of situated robots, no picture, no table."""
-    text = re.sub(r"<script.*?</script>", "", _built(study), flags=re.DOTALL)
-    assert "ituated" not in text and "<img" not in text and "the simulated half of" in text
-    assert not list((study.folder / "report").rglob("*transfers*"))
 
 
 def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_path, monkeypatch) -> None:

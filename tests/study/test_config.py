@@ -12,8 +12,6 @@ from hypothesis import strategies as st
 from realitygap.control.encoding import Variation
 from realitygap.errors import ConfigError
 from realitygap.study.config import Condition, Evolution, StudyConfig
-from realitygap.study.folder import gather
-from realitygap.world.robot import load_profile
 
 TASKS = ("obstacle-avoidance", "light-seeking")
 PAPER = StudyConfig.reproduction()
@@ -90,12 +88,6 @@ def test_wrong_settings_are_refused_by_key(setting, words):
         PAPER.with_settings([setting])
 
 
-def test_the_same_condition_twice_is_refused():
-    """Two equal conditions would be the same runs: refused."""
-    with pytest.raises(ConfigError, match="different ones, got light, noise 1, twice"):
-        StudyConfig(conditions=(Condition(task="light"), Condition(task="light")))
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -122,14 +114,3 @@ def test_files_are_found_beside_the_file_that_names_them(tmp_path):
     path.write_text('profile = "robot.toml"\n[[conditions]]\ntask = "light"\n')
     config = StudyConfig.from_toml(path)
     assert config.profile == str((tmp_path / "robot.toml").resolve()) and config.conditions[0].task == "light"
-
-
-def test_what_a_file_names_is_not_looked_for_elsewhere(tmp_path, monkeypatch):
-    """A robot that a configuration names lies beside it, not where the user happens to stand."""
-    path = tmp_path / "there" / "study.toml"
-    path.parent.mkdir()
-    path.write_text('profile = "robot.toml"\nconditions = [{task = "light"}]\n')
-    (tmp_path / "robot.toml").write_text(load_profile("khepera").to_toml())
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(ConfigError, match=r"there/robot.toml: no such file"):
-        gather(StudyConfig.from_toml(path))

@@ -6,10 +6,9 @@ import threading
 
 import pytest
 
-from realitygap.control.encoding import Variation
 from realitygap.errors import StudyInterruptedError
 from realitygap.simulation import simulation
-from realitygap.study import fleet, jobs
+from realitygap.study import jobs
 from realitygap.study.folder import gather, open_folder
 from realitygap.study.jobs import Advanced, Job, Workshop
 from realitygap.study.run import Bench
@@ -46,14 +45,6 @@ def test_a_run_has_the_same_bits_in_a_fleet(algorithm):
     expected[2], expected[3] = expected[2][2:], expected[3][-1:]
     assert told == expected
     assert [len(told[run]) for run in (1, 2, 3)] == [6, 4, 1]
-
-
-def test_only_what_is_shipped_goes_as_arrays():
-    """A subclass may do anything else."""
-    bench = Bench(gather(small()), 0)
-    assert fleet.fits(bench)
-    bench.encoding = type("Own", (Variation,), {})()
-    assert not fleet.fits(bench)
 
 
 def test_interrupted_side_by_side_it_goes_on(tmp_path, monkeypatch):

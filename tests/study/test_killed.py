@@ -105,21 +105,6 @@ def test_ctrl_c_ends_workers_at_once(requested):
     assert gone(workers)
 
 
-def test_ctrl_c_while_workers_start(requested):
-    """Ctrl-C to processes that have hardly begun still ends in one line, and leaves none running."""
-    process = start(requested, "--workers", "2")
-    wait_for(process, "evolving")
-    while len(workers := children(process.pid)) < 2:
-        time.sleep(0.001)
-    time.sleep(0.25)  # they are importing what they need
-    for pid in [process.pid, *workers]:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGINT)
-    code, said = end(process)
-    assert code == 130 and said.startswith("StudyInterruptedError: stopped.") and len(said.splitlines()) == 1
-    assert gone(workers)
-
-
 def test_workers_die_with_the_parent(requested):
     """Killing the parent leaves no process behind."""
     process = start(requested, "--workers", "2")

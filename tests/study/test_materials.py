@@ -12,7 +12,6 @@ from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.folder import gather, own
 from realitygap.study.plan import plans, run_stream, trial_streams
 from realitygap.world.arena import load_arena
-from realitygap.world.robot import load_profile
 
 TASK = """
 from realitygap import Start, Task
@@ -108,10 +107,3 @@ def test_trial_streams_do_not_depend_on_where_a_chunk_begins():
     whole = trial_streams(stream, 0, 10, 3)
     assert (trial_streams(alone, 4, 6, 3) == whole[4:]).all()
     assert len(set(whole.ravel().tolist())) == 30
-
-
-def test_profiles_are_kept_whole(tmp_path):
-    """The study's profile.toml reads back to the profile that it was made with."""
-    _, files = gather(StudyConfig.single("light")).copies()
-    put(files, tmp_path)
-    assert load_profile(tmp_path / "profile.toml") == load_profile("paper")

@@ -27,12 +27,6 @@ def test_all_comes_and_in_order():
     assert list(merged([])) == []
 
 
-def test_sources_go_on_side_by_side():
-    """Each waits for the other."""
-    meeting = threading.Barrier(2, timeout=20)
-    assert sum(map(len, merged([([meeting.wait()] for _ in range(3)) for _ in range(2)]))) == 6
-
-
 def test_an_error_ends_all():
     """What came before it comes; the other source, which never ends, does."""
 

@@ -6,18 +6,14 @@ import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from realitygap.errors import RealityGapError, StudyError, UsageError
+from realitygap.errors import RealityGapError, StudyError
 from realitygap.evolution import Population
 from realitygap.study import folder as sources
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import gather
 from realitygap.study.load import load_study
-from realitygap.study.run import Asked, Bench
 from realitygap.study.runner import run_study
 from realitygap.study.store import DATABASE
 
@@ -90,47 +86,6 @@ def test_another_algorithm_does_not_resume(theirs, tmp_path):
         changed = own(tmp_path, **{"0.98_*": "0.9 *"})
         requested = changed.from_dict({**changed.to_dict(), "runs": 2})
         run_study(theirs, requested, resume=True, workers=1)
-
-
-def test_decoding_changes_no_gene_that_is_kept(monkeypatch):
-    """An encoding that works on its argument leaves what the algorithm is told and the store keeps."""
-    monkeypatch.setattr("realitygap.study.run.check_networks", lambda networks, inputs: None)
-    bench = Bench(gather(config()), 0)
-    bench.encoding = SimpleNamespace(decode=lambda genes: np.negative(genes, out=genes))
-    bench._simulations[1.0] = SimpleNamespace(scores=lambda networks, streams: networks)
-    asked = Asked(1.0, np.ones((1, 3)), np.zeros((1, 2), np.uint64))
-    assert (bench.scores(asked) == -1).all() and (asked.genes == 1).all()
-
-
-def test_random_search_needs_no_breeding_of_an_encoding(tmp_path):
-    """It draws and keeps the best: what an encoding of one's own is compared with."""
-    own(tmp_path)
-    requested = config(f"encoding.kind={tmp_path / 'e.py'}:Weights", "evolution.algorithm=random")
-    study = run_study(tmp_path / "study", requested, workers=1)
-    assert study.runs[0].finished and (study.evaluations()["cell"] >= 0).all()
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        (["evolution.algorithm={a}:Nobody"], "algorithm: .*a.py: expected 'Nobody' in it. It has OnePlusOne"),
-        (["evolution.algorithm={a}x.py:OnePlusOne"], "algorithm: .*no such file"),
-        (
-            ["evolution.algorithm={a}:OnePlusOne", "evolution.rows=3"],
-            r"OnePlusOne\(\) fails with TypeError: .*'rows'",
-        ),
-        (["evolution.algorithm={e}:Weights", "encoding.kind={e}:Weights"], r"Weights\(\) fails .*'encoding'"),
-        (["encoding.kind={e}:Weights", "encoding.slots=3"], r"Weights\(\) fails with TypeError: .*'slots'"),
-        (["encoding.kind={e}:Weights"], "'torus' expected one with random, crosses, offspring"),
-        (["encoding.kind=dense"], 'encoding.kind: expected "slots" or FILE.py:NAME, got .dense.'),
-        (["evolution.own=3"], "evolution"),
-    ],
-)
-def test_wrong_parts_are_refused(tmp_path, settings, message):
-    """A file, name or setting that there is not ends in one message before anything is evolved."""
-    own(tmp_path)
-    with pytest.raises(UsageError, match=message):
-        gather(config(*(one.format(a=tmp_path / "a.py", e=tmp_path / "e.py") for one in settings)))
 
 
 @pytest.mark.parametrize(

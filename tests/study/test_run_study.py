@@ -40,22 +40,6 @@ def test_every_evaluation_is_kept(finished):
     }
 
 
-def test_a_study_stays_its_own_wherever_the_process_goes(finished, tmp_path, monkeypatch):
-    """A relative path is taken once."""
-    monkeypatch.chdir(finished.folder.parent)
-    study = load_study(finished.folder.name)
-    monkeypatch.chdir(tmp_path)
-    assert (study.evaluations(1)["fitness"] == finished.evaluations(1)["fitness"]).all()
-
-
-def test_tables_make_data_frames(finished):
-    """Tables are columns of equal length, as pandas takes them."""
-    pandas = pytest.importorskip("pandas")
-    frame = pandas.DataFrame(finished.tests())
-    assert frame.groupby(["run", "who", "noise"]).score.count().tolist() == [3] * 12
-    assert len(pandas.DataFrame(finished.retests(1))) == 64 * 2
-
-
 def test_a_stored_individual_lives_again(finished):
     """An evaluation's scores come out again, bit for bit, from its genotype and its streams' names."""
     run = finished.runs[1]
@@ -140,15 +124,6 @@ def test_a_run_is_the_same_in_another_study(finished, folder):
     assert all((alone[key] == again[key]).all() for key in alone if key != "run")
 
 
-def test_a_finished_study_is_left_as_it_is(finished):
-    """Resuming a finished study says so and does nothing."""
-    before, events = (finished.folder / "study.db").read_bytes(), []
-    run_study(finished.folder, small(), resume=True, on_progress=events.append)
-    run_study(finished.folder, resume=True)
-    assert [event.phase for event in events] == ["finished already"]
-    assert (finished.folder / "study.db").read_bytes() == before
-
-
 def test_an_existing_study_is_not_touched_unasked(finished):
     """Without resume a folder that holds a study is refused, with the cure."""
     with pytest.raises(StudyError, match=r"already holds a study. Resume it \(--resume\)"):
@@ -217,16 +192,6 @@ def test_a_moved_study_goes_on(finished, folder):
     assert content(moved) == content(finished.folder)
 
 
-def test_progress_is_told(folder):
-    """Events begin with compiling, count evaluations up, and end with everything done."""
-    events = []
-    run_study(folder, small(), workers=1, on_progress=events.append)
-    assert events[0].phase == "compiling (once)" and events[0].total == 180
-    assert [e.done for e in events] == sorted(e.done for e in events)
-    last = events[-1]
-    assert (last.done, last.runs_done, last.runs_total) == (180, 2, 2) and last.evaluations_per_second > 0
-
-
 def test_ctrl_c_keeps_what_was_saved(finished, folder):
     """Ctrl-C in this process ends in one message, is a KeyboardInterrupt too, and loses nothing saved."""
 
@@ -240,19 +205,6 @@ def test_ctrl_c_keeps_what_was_saved(finished, folder):
     assert sum(run.evaluations for run in load_study(folder).runs) >= 20
     run_study(folder, resume=True, workers=1)
     assert content(folder) == content(finished.folder)
-
-
-def test_a_score_that_is_no_number_is_refused(folder, tmp_path):
-    """A user's score that gives nan stops the study and names the task."""
-    path = tmp_path / "nothing.py"
-    path.write_text(
-        "from realitygap import Start, Task\n"
-        "def score(path, room):\n    return path.x[0] * 0.0 / (path.x[0] * 0.0)\n"
-        "task = Task(name='nothing', arena='light-seeking', feeds='ambient',\n"
-        "            start=Start(x_cm=20, y_cm=35), score=score)\n"
-    )
-    with pytest.raises(TaskError, match=r"'nothing'.* finite number, got nan"):
-        run_study(folder, small(conditions=(Condition(task=str(path)),)), workers=1)
 
 
 class Faulty(Here):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 import shutil
 import sqlite3
 from contextlib import closing
@@ -49,34 +48,12 @@ def test_what_is_no_shard_is_refused(text):
         Shard.parse(text)
 
 
-@pytest.mark.parametrize("pair", [(4, 3), (0, 3), (-1, 3)])
-def test_what_is_no_shard_is_refused_in_python(pair):
-    """Its share would be that of another, or none."""
-    with pytest.raises(ConfigError, match=r"shard: expected I/N, .*, got '-?\d/3'"):
-        Shard(*pair)
-
-
-@pytest.mark.parametrize("shard", [2, "2", (1, 2)])
-def test_what_is_no_shard_leaves_no_study(shard, tmp_path):
-    """It is refused before anything is made."""
-    with pytest.raises(ConfigError, match="shard: expected I/N"):
-        run_study(tmp_path / "study", small(), shard=shard, workers=1)
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_study_that_fails_to_start_is_taken_back(tmp_path, monkeypatch):
     """Whatever the error, before anything was saved."""
     monkeypatch.setattr(runner.Workshop, "compile", lambda self: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         run_study(tmp_path / "study", small(), shard="1/2", workers=1)
     assert not list(tmp_path.iterdir())
-
-
-def test_shards_share_everything_once():
-    """Whatever their number."""
-    for of in (1, 2, 3, 7, 12):
-        parts = [Shard.parse(f"{k}/{of}").own(range(10)) for k in range(1, of + 1)]
-        assert sorted(x for part in parts for x in part) == list(range(10))
 
 
 def test_shards_merged_are_the_study_in_one_piece(shards, finished, tmp_path):
@@ -170,18 +147,6 @@ def test_one_process_merges_into_a_folder(shards, tmp_path):
     assert (tmp_path / "whole" / "theirs").exists()
     with pytest.raises(StudyError, match=r"exists already, and is not overwritten"):
         merge_runs(all_shards(shards), Path())
-
-
-def test_a_full_disk_is_the_merged_studys(shards, tmp_path):
-    """Its folder is named, not a shard's, which may be on another disk; nothing is left."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, before[1]))
-    try:
-        with pytest.raises(StudyError, match=rf"^{tmp_path}/\.whole\.half.*is the disk full"):
-            merge_runs(all_shards(shards), tmp_path / "whole")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert not [*tmp_path.iterdir()]
 
 
 def test_shards_that_cannot_be_written_are_merged(shards, finished, tmp_path, monkeypatch):

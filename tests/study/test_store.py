@@ -122,21 +122,6 @@ def test_no_study(tmp_path, kind):
         load_study(tmp_path)
 
 
-def test_a_place_that_cannot_be_written(copy, tmp_path, monkeypatch):
-    """Ends in one message with the path; a study that cannot be locked can still be read."""
-    (tmp_path / "file").write_text("")
-    with pytest.raises(StudyError, match=r"file.*Check the path and its rights"):
-        run_study(tmp_path / "file" / "study", small())
-
-    def refuse(*_, **__):
-        raise PermissionError(13, "Permission denied", str(copy / "study.lock"))
-
-    monkeypatch.setattr("filelock.FileLock.acquire", refuse)
-    with pytest.raises(StudyError, match=r"study.lock: Permission denied. Check the path"):
-        run_study(copy, resume=True)
-    assert load_study(copy).runs[0].finished
-
-
 def test_a_full_disk(finished, folder, tmp_path):
     """By SQLite's own word, and to a process whose files may not grow: what was saved resumes to the same
     bits."""

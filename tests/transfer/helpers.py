@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from realitygap.study.load import Study
-from realitygap.transfer.load import Transferred
-from realitygap.transfer.run import Attendant, Transfer, run_transfer
+from realitygap.transfer.record import TransferredTrial
+from realitygap.transfer.run import Operator, Transfer, run_transfer
 
 __all__ = ["transfer"]
 
@@ -21,8 +21,8 @@ def transfer(
     found: Any = None,
     on_progress: Any = None,
     **options: Any,
-) -> list[Transferred]:
+) -> list[TransferredTrial]:
     """A transfer of these runs."""
-    person = None if carry is None else Attendant(carry, found)
+    person = None if carry is None else Operator(carry, found)
     wished = Transfer(runs=runs, **options)
-    return run_transfer(study, wished, workers=workers, attendant=person, on_progress=on_progress)
+    return run_transfer(study, wished, workers=workers, operator=person, on_progress=on_progress)

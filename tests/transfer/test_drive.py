@@ -6,7 +6,6 @@ import json
 import math
 from itertools import cycle
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -99,18 +98,6 @@ def test_a_simulated_robot_of_any_kind_is_driven_as_in_its_simulation(name):
         drive(body, Bends(), task="avoidance")
 
 
-def test_a_drive_without_a_place_is_refused(simulation):
-    """A body that does not know its place needs a start."""
-
-    class Blind(SimulatedBody):
-        pose = None
-
-    with pytest.raises(UsageError, match="start: expected a Pose"):
-        drive(Blind(simulation), NETWORK, task="avoidance")
-    with pytest.raises(UsageError, match=r"body: expected a subclass of realitygap\.robots\.Body"):
-        drive(SimpleNamespace(reset=print, sense=print, act=print), NETWORK, task="avoidance")
-
-
 def test_a_robot_that_loses_its_place_in_a_drive_is_refused(simulation):
     """What it did there is not known; nor of one that has neither a place, counters nor speeds."""
 
@@ -128,45 +115,6 @@ def test_a_robot_that_loses_its_place_in_a_drive_is_refused(simulation):
         drive(Blind(simulation), NETWORK, task="avoidance", start=start, seconds=1)
 
 
-@pytest.mark.parametrize("given", [(True, False), {6, 5}, {5: 1, 6: 2}])
-def test_what_has_no_order_is_no_command(simulation, given):
-    """Nor are truths speeds."""
-    with pytest.raises(UsageError, match="decide: expected"):
-        drive(SimulatedBody(simulation), lambda inputs: given, task="avoidance")
-
-
-@pytest.mark.parametrize("given", [7, NETWORK.genotype.networks(), NETWORK.genotype, Path("own.py:x")])
-def test_what_decides_nothing_is_no_controller(simulation, given):
-    """Both drives say so in a line, however large the value is."""
-    for drives in (
-        lambda: drive(SimulatedBody(simulation), given, task="avoidance"),
-        lambda: drive_simulated(simulation, given),
-    ):
-        with pytest.raises(UsageError, match=r"^controller: expected a function decide.*, got [^\n]{,20}\.$"):
-            drives()
-
-
-def test_a_function_drives_both_alike(simulation):
-    """`drive_simulated` takes the function that `drive` takes."""
-    lived, _ = drive_simulated(simulation, lambda inputs: (6, 5), stream=4, seconds=2)
-    made = drive(SimulatedBody(simulation, stream=4), lambda inputs: (6, 5), task="avoidance", seconds=2)
-    assert (made.recording.commands == lived.commands).all() and (made.track.x[1:-1] == lived.x[1:]).all()
-
-
-class Odd:
-    """Decides what it was made with, and spoils its inputs."""
-
-    def __init__(self, command):
-        self.command = command
-
-    def reset(self):
-        pass
-
-    def decide(self, inputs):
-        inputs[:] = [7] * 8
-        return self.command
-
-
 def drives_of(simulation):
     """Both drives of a controller: what was fed and commanded."""
 
@@ -179,15 +127,6 @@ def drives_of(simulation):
         return lived.inputs.tolist(), lived.commands.tolist()
 
     return body, simulated
-
-
-def test_an_object_is_checked_as_a_function_is(simulation):
-    """Two numbers will do; speeds beyond the ten are refused; what it writes is nobody's."""
-    steady = [drives(lambda inputs: (5, 5)) for drives in drives_of(simulation)]
-    assert [drives(Odd((5, 5))) for drives in drives_of(simulation)] == steady
-    for drives in drives_of(simulation):
-        with pytest.raises(UsageError, match=r"test_drive.py: decide: expected \(left, right\), whole"):
-            drives(Odd(Command(left=100, right=100)))
 
 
 def test_a_changed_controller_drives_as_it_decides(simulation):
@@ -253,29 +192,6 @@ def test_a_pose_that_cannot_be_is_refused(scale, jump, says):
 
     with pytest.raises(UsageError, match=f"^robot: pose: expected {says}"):
         drive(Odd([0.0]), NETWORK, task="avoidance", start=Pose(x=25, y=1, heading=0), seconds=2)
-
-
-@pytest.mark.parametrize("body", [None, SimulatedBody, Simulation("avoidance", "paper")])
-def test_what_is_no_body_is_refused_as_such(body):
-    """Not as a body that does not know its place."""
-    with pytest.raises(UsageError, match=r"^body: expected a subclass of realitygap\.robots\.Body, such as"):
-        drive(body, NETWORK, task="avoidance")
-
-
-@pytest.mark.parametrize("seconds", ["2", math.nan, math.inf, [2]])
-def test_a_length_that_is_no_number_is_refused(simulation, seconds):
-    """A trial's length is a number of whole steps."""
-    with pytest.raises(UsageError, match=r"^a trial must last whole steps of 0\.1 s"):
-        drive(SimulatedBody(simulation), NETWORK, task="avoidance", seconds=seconds)
-    made = drive(SimulatedBody(simulation), NETWORK, task="avoidance", seconds=np.float32(2))
-    assert len(made.recording.commands) == 20
-
-
-@pytest.mark.parametrize("kinds", ["proximity", 3, (3,), (["proximity"],), ()])
-def test_kinds_of_sensors_are_a_tuple_of_names(simulation, kinds):
-    """One name alone is not read letter by letter."""
-    with pytest.raises(UsageError, match=r"^kinds: expected a tuple of proximity, ambient or both, got "):
-        SimulatedBody(simulation, kinds=kinds)
 
 
 def test_a_hand_made_network_drives_the_twin(tmp_path):

@@ -88,20 +88,10 @@ def test_a_twin_that_wears_a_tag_is_tracked_by_it(tmp_path: Path) -> None:
         one.marker = tag
         one.trial(DRIVER, 9, POSE, 1.0, sealed=tmp_path / "sealed.csv")
         truth = one.truth(tmp_path / "sealed.csv", 1.0)
-        track = one.watcher.track(truth, 9)
+        track = one.tracker.track(truth, 9)
     assert track.lost == 0
     rows = np.searchsorted(truth.t, truth.t[0] + track.t + 1e-6, side="right") - 1
     assert np.hypot(track.x - truth.x[rows], track.y - truth.y[rows]).max() < 0.03
-
-
-def test_each_stand_has_a_camera_of_its_own(folder: Path) -> None:
-    """Its calibration's name tells task, unit and noise scale."""
-    files = [rig(folder, **how).camera_file.name for how in ({}, {"robot": "twin:2"}, {"twin_noise": 2.0})]
-    assert files == [
-        f"camera-{TASK.name}-twin-1.json",
-        f"camera-{TASK.name}-twin-2.json",
-        f"camera-{TASK.name}-twin-1-noise-2.json",
-    ]
 
 
 @pytest.mark.parametrize("told", [Pose(x=250.0, y=250.0, heading=0.5), Pose(x=25.0, y=25.0, heading=28.6)])

@@ -6,26 +6,19 @@ import json
 import math
 import pickle
 import shutil
-from contextlib import nullcontext
 from pathlib import Path
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from realitygap.cli import realitygap
-from realitygap.errors import TrackError
 from realitygap.files import to_toml
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
-from realitygap.tasks import load_task
-from realitygap.track import Track
-from realitygap.transfer import score_row as module
-from realitygap.transfer.packed import Packed
-from realitygap.transfer.score_rows import MARKS, marks_of
+from realitygap.transfer import scores as module
+from realitygap.transfer.record import archive
+from realitygap.transfer.scores import MARKS, marks_of
 from realitygap.work.pool import messages_of
-from realitygap.world.robot import load_profile
 from tests.study.helpers import small
 
 SECONDS, STARTS = 8, 3
@@ -100,15 +93,6 @@ def test_the_same_paths_correspond_and_others_do_not(study: Study) -> None:
     assert (other.type, other.behaviour) == (same.type, same.behaviour)
 
 
-def test_units_count_together_and_kinds_apart(study: Study) -> None:
-    """Two units of the twin make one mark."""
-    drive(study, AVOIDER)
-    drive(study, AVOIDER, robot="twin-2")
-    mark, other = marks_of(study)
-    assert (mark.starts, mark.units) == (STARTS, 2) and mark.kind == "twin"
-    assert other.run == SEEKER and "no transfer" in other.why
-
-
 def test_a_trial_in_which_the_robot_was_lost_is_left_out_and_said(study: Study) -> None:
     """The others are scored; the reason names robot and start."""
     drive(study, AVOIDER, lose=True)
@@ -117,27 +101,13 @@ def test_a_trial_in_which_the_robot_was_lost_is_left_out_and_said(study: Study) 
     assert "twin-1, start 1" in mark.why and "lost" in mark.why
 
 
-@pytest.mark.parametrize(("x", "fits"), [(25.0, True), (21.5, True), (20.0, False)])
-def test_a_body_with_an_outline_may_stand_with_its_side_at_an_obstacle(x: float, fits: bool) -> None:
-    """A Thymio's middle comes 3 cm near with its back, not only 8, the radius about it, and no nearer."""
-    study = SimpleNamespace(profile=load_profile("thymio"))
-    controller = SimpleNamespace(bench=SimpleNamespace(study=study, task=load_task("avoidance")))
-    t = np.arange(0.0, 5.0, 0.1)
-    track = Track(t=t, x=np.full_like(t, x), y=np.full_like(t, 15.0), heading=0.01 * t, seen_by="camera")
-    with (
-        nullcontext() if fits else pytest.raises(TrackError, match="its path leaves the room or goes through")
-    ):
-        made = module.Job._trial(controller, track, SimpleNamespace(start=1), "enki-thymio2-1")
-        assert made.radius_cm == study.profile.body.radius_cm
-
-
 def test_marks_are_computed_once(study: Study, monkeypatch) -> None:
     """What is kept is read; a transfer that comes to be is marked, and a broken file is done without."""
     drive(study, AVOIDER)
     before = marks_of(study)
     made = []
-    original = module.Job.mark
-    monkeypatch.setattr(module.Job, "mark", lambda job: made.append(job.run.id) or original(job))
+    original = module.ScoreJob.mark
+    monkeypatch.setattr(module.ScoreJob, "mark", lambda job: made.append(job.run.id) or original(job))
     assert marks_of(load_study(study.folder)) == before and made == []
     drive(study, SEEKER)
     marks_of(study)
@@ -146,30 +116,14 @@ def test_marks_are_computed_once(study: Study, monkeypatch) -> None:
     assert marks_of(study)[0] == before[0] and made == [SEEKER, AVOIDER, SEEKER]
 
 
-@pytest.mark.parametrize("spoilt", [lambda kept: dict.fromkeys(kept, 7), lambda kept: [*kept]])
-def test_marks_of_another_content_are_made_anew(finished, tmp_path, spoilt):
-    """What is no row in marks.json is not stumbled over."""
-    study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
-    before, file = marks_of(study), study.folder / MARKS
-    file.write_text(json.dumps(spoilt(json.loads(file.read_text()))))
-    assert marks_of(study) == before
-
-
 def test_rows_of_another_version_are_made_anew(finished, tmp_path, monkeypatch):
     """The version is part of a row's key: a kernel that changed leaves no old row."""
     study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
     marks_of(study)
     before = set(json.loads((study.folder / MARKS).read_text()))
-    monkeypatch.setattr("realitygap.transfer.score_row._version", lambda: ("0", "another"))
+    monkeypatch.setattr("realitygap.transfer.scores._version", lambda: ("0", "another"))
     marks_of(study)
     assert not before & set(json.loads((study.folder / MARKS).read_text()))
-
-
-def test_trials_too_short_to_be_named_are_said_to_be(finished: Study, tmp_path: Path) -> None:
-    """Half a second shows no behaviour; its score is known all the same."""
-    study = load_study(shutil.copytree(finished.folder, tmp_path / "study"))
-    for mark in marks_of(study):
-        assert mark.type is None and "no type" in mark.why and mark.behaviour is not None
 
 
 class Posted:
@@ -190,7 +144,7 @@ def test_rows_are_the_same_whoever_makes_them(study: Study, monkeypatch) -> None
     here, file = marks_of(study), study.folder / MARKS
     kept = file.read_bytes()
     file.unlink()
-    monkeypatch.setattr("realitygap.transfer.score_rows.FEW", 0)
+    monkeypatch.setattr("realitygap.transfer.scores.FEW", 0)
     assert marks_of(study, workers=Posted()) == here and file.read_bytes() == kept
 
 
@@ -200,17 +154,12 @@ def test_packed_trials_are_scored_as_folders_are(study: Study) -> None:
     home = study.folder / "transfer"
     places = [study.folder, home, home / "twin-1", next(home.glob("*/*"))]
     before = [scored(place) for place in places]
-    with Packed(home) as archive:
-        for trial in sorted(home.glob("*/*/start-[23]")):
-            files = {file.name: file.read_bytes() for file in trial.iterdir()}
-            archive.keep(trial.relative_to(home).as_posix(), files)
-            shutil.rmtree(trial)
+    track = next(home.glob("*/*")) / "start-1" / "situated.csv"
+    named = CliRunner().invoke(realitygap, ["classify", str(track), "--json"]).stdout
+    archive(track.parents[1])
+    assert not [*home.glob("*/*/start-*")]
     assert [scored(place) for place in places] == before
-    (start,) = home.glob("*/*/start-1")
-    with Packed(home) as archive:
-        archive.keep(start.relative_to(home).as_posix(), {f.name: f.read_bytes() for f in start.iterdir()})
-    shutil.rmtree(home / "twin-1")
-    assert [scored(place) for place in places] == before
+    assert CliRunner().invoke(realitygap, ["classify", str(track), "--json"]).stdout == named != ""
 
 
 def scored(place: Path) -> dict:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import resource
 import shutil
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
+from shutil import ignore_patterns
+from zipfile import ZipFile
 
 import pytest
 
@@ -16,14 +14,11 @@ from realitygap.errors import StudyError
 from realitygap.files import to_toml
 from realitygap.robots.address import Address
 from realitygap.study.load import load_study
-from realitygap.transfer.load import load_transfers
-from realitygap.transfer.merge import _copy_cameras, merge_trials
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.packed import HOME, PACKED, Packed, unpacked
-from realitygap.transfer.packed import content as content_of
+from realitygap.transfer.record import archive, load_transfers, merge_trials, trial_content, unpacked
 from realitygap.transfer.replay import Replays
-from realitygap.transfer.run import WORK, _facts, run_transfer
-from realitygap.transfer.score_rows import jobs_of
+from realitygap.transfer.run import WORK, run_transfer
+from realitygap.transfer.scores import jobs_of
 from realitygap.values import Pose
 from realitygap.work.shard import Mark, Shard, all_shards
 
@@ -60,7 +55,8 @@ def test_shards_of_a_transfer_are_the_whole(finished, whole, tmp_path):
     )
     for trial in trials:
         for name in ("simulated.csv", "situated.csv"):
-            assert (trial / name).read_bytes() == (parts / trial.relative_to(whole) / name).read_bytes()
+            assert trial_content(trial, name) == trial_content(parts / trial.relative_to(whole), name)
+    made[0].folder.mkdir(parents=True)
     (made[0].folder / "situated.csv").write_text("another")
     with pytest.raises(StudyError, match=r": a trial other than .* is there, and is not overwritten"):
         merge_trials(all_shards(folders), parts)
@@ -78,6 +74,10 @@ def test_a_shard_without_all_of_its_trials_is_not_merged(finished, tmp_path):
         drive(study, shard=shard, starts=1)
         trials = drive(study, shard=shard)
     folders = [tmp_path / f"study-transfer-shard-{number}-of-2" for number in (1, 2)]
+    with unpacked(folders[1]) as loose:
+        shutil.copytree(loose / "transfer", tmp_path / "loose")
+    shutil.rmtree(folders[1] / "transfer")
+    (tmp_path / "loose").rename(folders[1] / "transfer")
     for gone in (trials[0] / "situated.csv", trials[0], folders[1] / "transfer"):
         gone.rename(tmp_path / "gone")
         with pytest.raises(
@@ -126,79 +126,39 @@ def test_a_trial_of_two_shards_is_taken_once(finished, tmp_path):
     assert (half.with_name("start-1.stopped-1") / "steps.csv").read_text() == "recorded"
 
 
-def test_single_films_are_facts_of_a_shard():
-    """Runs and single trials, in whatever order they were named."""
-    study = SimpleNamespace(digest=str)
-    told = [_facts(study, Transfer(film=some), [])["film"] for some in ([2, (3, 1)], [(3, 1), 2])]
-    assert told[0] == told[1] == [(3, 1), 2]
-
-
-def test_a_camera_is_copied_whole_or_not_at_all(tmp_path):
-    """What a full disk or a kill leaves is not taken for it the next time."""
-    there, here = tmp_path / "there", tmp_path / "here"
-    there.mkdir()
-    (there / "camera-light.json").write_bytes(bytes(10_000))
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (5_000, before[1]))
-    try:
-        with pytest.raises(OSError, match=r"camera-light\.json"):
-            _copy_cameras(there, here)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert not [*here.iterdir()]
-    _copy_cameras(there, here)
-    assert (here / "camera-light.json").read_bytes() == bytes(10_000)
-
-
-@pytest.mark.parametrize("name", ["../../../evil/start-1/transfer.toml", "/etc/evil", "a/b/transfer.toml"])
+@pytest.mark.parametrize("name", ["../../evil/transfer.toml", "/etc/evil", "start-1/../evil", "x.toml"])
 def test_an_archive_of_others_writes_nowhere_else(tmp_path, name):
     """A name that leads out of its place is refused, whoever would unpack it."""
-    with Packed(tmp_path) as archive:
-        archive._database.execute("INSERT INTO sqlar VALUES (?, 0, 0, 1, x'00')", (name,))
-    with pytest.raises(StudyError, match=rf"trials\.sqlar: .*{name}.* Restore the file"), unpacked(tmp_path):
+    (tmp_path / "transfer" / "twin-1").mkdir(parents=True)
+    with ZipFile(tmp_path / "transfer" / "twin-1" / "run.zip", "w") as packed:
+        packed.writestr(name, "evil")
+    with pytest.raises(StudyError, match=r"run\.zip: .* is not a trial's file"), unpacked(tmp_path):
         pass
+    with pytest.raises(StudyError, match=r"is not a trial's file"):
+        load_transfers(tmp_path)
 
 
-def test_an_archive_that_was_just_opened_holds_nothing(tmp_path):
-    """Whoever reads while a transfer begins is not told that it is broken; without its table it is."""
-    file = tmp_path / HOME / PACKED
-    file.parent.mkdir()
-    file.touch()
-    assert content_of(file.parent / "twin-1" / "run" / "start-1" / "transfer.toml") is None
-    with closing(sqlite3.connect(file)) as other:
-        other.execute("CREATE TABLE others(name TEXT)")
-    with pytest.raises(StudyError, match="no such table: sqlar"):
-        content_of(file.parent / "twin-1" / "run" / "start-1" / "transfer.toml")
-
-
-def test_packed_trials_are_the_same(finished, whole, tmp_path):
-    """In one file: tracks, recordings, replays and score rows as of folders; resumed, merged, damaged."""
-    loose, packed = load_study(whole), load_study(shutil.copytree(finished.folder, tmp_path / "packed"))
-    options = Transfer(robots=("twin:1",), starts=2, seconds=0.5, watch=False)
-    one = load_transfers(whole)
-    shards = [Shard(number, 2) for number in (1, 2)]
-    for shard in shards:
-        run_transfer(packed, replace(options, pack=True), workers=1, shard=shard)
-    folders = [tmp_path / f"packed-transfer-shard-{number}-of-2" for number in (1, 2)]
-    assert len([*folders[0].rglob("*.*")]) == 3  # its mark, its lock and its archive
-    merge_trials(all_shards(folders), packed.folder)
-    other = run_transfer(packed, replace(options, pack=True), workers=1)
-    files = [path.name for path in (packed.folder / "transfer").rglob("*") if path.is_file()]
-    assert files == [PACKED] and len(one) == len(other) == len(load_transfers(packed.folder)) == 4
+def test_archived_trials_are_those_of_folders(whole, tmp_path):
+    """Tracks, recordings, replays and score rows; a filmed trial and a real robot's keep their folders."""
+    packed, home = load_study(whole), tmp_path / "loose" / "transfer"
+    with unpacked(whole) as there:
+        loose = load_study(shutil.copytree(whole, tmp_path / "loose", ignore=ignore_patterns("transfer")))
+        shutil.copytree(there / "transfer", home)
+    one, other = load_transfers(loose.folder), load_transfers(whole)
+    assert len(one) == len(other) == 4
     for here, there in zip(one, other, strict=True):
-        assert replace(here, folder=there.folder) == there and not there.folder.exists()
-        assert all(
-            (getattr(here.situated, key) == getattr(there.situated, key)).all() for key in ("t", "x", "y")
-        )
-        for file in here.folder.iterdir():
-            assert content_of(there.folder / file.name) == file.read_bytes() or file.suffix == ".toml"
+        assert replace(here, folder=there.folder) == there and here.folder.is_dir() != there.folder.is_dir()
+        for key in ("t", "x", "y"):
+            assert (getattr(here.situated, key) == getattr(there.situated, key)).all()
         replays = [Replays(study).of(trial.folder) for study, trial in ((loose, here), (packed, there))]
         assert replays[0].situated.ended == replays[1].situated.ended == "finished"
         assert (replays[0].simulated.track.x == replays[1].simulated.track.x).all()
     keys = [[job.key for job in jobs_of(study)] for study in (loose, packed)]
     assert keys[0] == keys[1]
-    data = bytearray((packed.folder / "transfer" / PACKED).read_bytes())
-    data[4096:] = bytes(len(data) - 4096)
-    (packed.folder / "transfer" / PACKED).write_bytes(data)
-    with pytest.raises(StudyError, match=PACKED):
-        load_transfers(packed.folder)
+    filmed = one[0].folder
+    text = (filmed / "transfer.toml").read_text()
+    (filmed / "transfer.toml").write_text(text.replace("film = false", "film = true"))
+    archive(filmed.parent)
+    assert [path.name for path in filmed.parent.iterdir()] == [filmed.name] and len(
+        load_transfers(loose.folder)
+    ) == 4

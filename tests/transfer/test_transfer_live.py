@@ -20,7 +20,7 @@ from realitygap.film.tag import load_marker
 from realitygap.film.video import FilmReader, FilmWriter
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
-from realitygap.transfer.film import Watcher
+from realitygap.transfer.camera import OverheadTracker
 from realitygap.transfer.run import load_transfers
 from realitygap.twin import camera as twin_camera
 from realitygap.twin.camera import OverheadCamera
@@ -52,14 +52,14 @@ def arena(finished):
 def camera(arena, tmp_path_factory) -> CameraModel:
     """The camera's calibration."""
     file = tmp_path_factory.mktemp("eye") / "camera.json"
-    return Watcher(file, arena, unit=1, noise=1.0, radius_cm=2.9).camera
+    return OverheadTracker(file, arena, unit=1, noise=1.0, radius_cm=2.9).camera
 
 
 @pytest.fixture(scope="module")
 def tag_camera(arena, tmp_path_factory) -> CameraModel:
     """Its calibration by a robot that wears a tag."""
     file, tag = tmp_path_factory.mktemp("eye") / "camera.json", load_marker("apriltag:16h5:4")
-    return Watcher(file, arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag).camera
+    return OverheadTracker(file, arena, unit=1, noise=1.0, radius_cm=2.9, marker=tag).camera
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +158,8 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
         assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0) and one.lost_steps == 0
         assert np.hypot(one.situated.x - STANDS.x, one.situated.y - STANDS.y).max() < 0.1
     assert load_disk(one.folder / "disk.toml") == load_disk(mine)
-    assert transfer(study, [1], disk=mine, **settings)[0] == one  # it is there already
+    again = transfer(study, [1], disk=mine, **settings)[0]  # it is there already
+    assert str(again.to_dict()) == str(one.to_dict())
     with pytest.raises(StudyError, match=r"made with disk\.centre_radius_cm = 0\.45, not 0\.7"):
         transfer(study, [1], **settings)
 
@@ -181,20 +182,6 @@ def test_a_robot_may_wear_a_tag(study, robot, tag_camera, arena, tmp_path):
         transfer(study, [1], **settings)
 
 
-def test_why_a_robot_was_lost_is_passed_on(study, robot, tag_camera, arena, tmp_path):
-    """Another tag in its place in the middle of the film: the gap's reason, the tracker's, is the trial's."""
-    tag, other = load_marker("apriltag:16h5:4"), load_marker("apriltag:16h5:9")
-    video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag), nobody=0, then=plate_of(other))
-    port, carry = robot
-    settings = {"robots": (port,), "seconds": 2.0, "carry": carry, "camera": tag_camera, "eye": str(video)}
-    with pytest.raises(FilmError, match=r"is not seen .* number 4 of 16h5: give the robot"):
-        transfer(study, [1], marker=other, **settings)
-    (one,) = transfer(study, [1], marker=tag, **settings)
-    why = "What is seen is number 9 of 16h5: give the robot's number."
-    assert one.lost_steps > 3 and one.trouble == why
-    assert tomllib.loads((one.folder / "transfer.toml").read_text())["trouble"] == why
-
-
 def test_a_start_that_is_not_seen_may_be_taken_on_a_persons_word(study, robot, camera, video):
     """With a person's word from the requested pose; with nobody to ask it is refused."""
     port, carry = robot
@@ -204,17 +191,6 @@ def test_a_start_that_is_not_seen_may_be_taken_on_a_persons_word(study, robot, c
     one = transfer(study, [1], eye=str(video), watch=False, found=lambda *_: True, **settings)[0]
     facts = tomllib.loads((one.folder / "transfer.toml").read_text())
     assert facts["wished"] == facts["pose"]
-
-
-def test_a_film_that_ends_too_soon_leaves_a_gap(study, robot, camera, video):
-    """What the camera did not see is a gap; the trial says why, and has no score."""
-    port, carry = robot
-    settings = {"robots": (port,), "seconds": 4.0, "carry": carry, "camera": camera}
-    settings["found"] = lambda one, requested, seen: seen is not None
-    one = transfer(study, [1], eye=str(video), film=True, **settings)[0]
-    assert 5 <= one.lost_steps <= 15 and math.isnan(one.fitness_situated)
-    assert np.isnan(one.situated.x[-5:]).all() and np.isfinite(one.situated.x[:25]).all()
-    assert "no more pictures" in tomllib.loads((one.folder / "transfer.toml").read_text())["trouble"]
 
 
 def test_an_eye_that_cannot_be_used_is_refused(study, camera, video, tmp_path):

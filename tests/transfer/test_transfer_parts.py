@@ -8,36 +8,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from realitygap.control.genotype import Genotype
-from realitygap.errors import StudyError
-from realitygap.kernels.trial import scale_input
-from realitygap.report.evolution import chosen, parts_of
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.track import Track, read_track
-from realitygap.transfer import film
-from realitygap.transfer.chosen import shown_runs
-from realitygap.transfer.film import Watcher, known_poses
-from realitygap.transfer.options import Transfer
+from realitygap.transfer.camera import known_poses
 from realitygap.transfer.paths import of_counters, of_track, score
-from realitygap.transfer.work import _in_order
+from realitygap.transfer.run import _in_order
 from realitygap.values import Pose
-from realitygap.work.folder import locked
 from realitygap.world.arena import load_arena
 from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
-
-
-@given(st.integers(0, 1023), st.sampled_from(["proximity", "ambient"]))
-def test_inputs_are_the_kernels(reading, feeds):
-    """Every reading becomes the input that the kernel makes of it."""
-    low, high = (PAPER.infrared if feeds == "proximity" else PAPER.ambient).bands
-    made = PAPER.inputs([0, reading, *[0] * 6], feeds, (1,))
-    assert made == [scale_input(float(low), float(high), float(reading))]
 
 
 @pytest.mark.parametrize("name", ["obstacle-avoidance", "light-seeking"])
@@ -129,16 +112,6 @@ def test_gaps_are_written_as_gaps_and_scored_if_short(tmp_path):
         assert math.isnan(score(of_track(track_of(t, quality), 40), task, PAPER))
 
 
-def test_a_path_reads_back(tmp_path):
-    """A written path is read as it was, to a hundred nanometres."""
-    counters = np.cumsum(np.random.default_rng(1).integers(0, 99, (20, 2)), 0).astype(float)
-    table = of_counters(counters, Pose(x=1, y=2, heading=3), cm_per_pulse=(1 / 120, 1 / 120), axle_cm=5.3)
-    table.write_csv(tmp_path / "path.csv")
-    back = read_track(tmp_path / "path.csv")
-    for name, column in table.to_dict().items():
-        assert back.to_dict()[name] == pytest.approx(column, abs=1e-6)
-
-
 @pytest.mark.parametrize("name", ["obstacle-avoidance", "light-seeking"])
 def test_a_camera_is_calibrated_all_over_the_floor(name):
     """Sixteen known poses or more, free of everything, to the corners, no two headings alike."""
@@ -148,13 +121,6 @@ def test_a_camera_is_calibrated_all_over_the_floor(name):
     assert all(arena.obstacle_at(pose.x, pose.y, 2.9) is None for pose in poses)
     assert max(pose.x for pose in poses) > arena.size_cm[0] - 4 and min(pose.y for pose in poses) < 4
     assert len({round(pose.heading_deg, 3) for pose in poses}) == len(poses)
-
-
-def test_films_are_of_the_runs_that_the_figures_show(finished):
-    """Whom `reproduce` films is whom the report shows, one of each task and noise level."""
-    shown = {chosen(c).run.id for part in parts_of(finished) for c in part.conditions}
-    assert {run.id for run in shown_runs(finished)} == shown
-    assert len(shown) == 2
 
 
 def test_films_stand_among_the_other_trials() -> None:
@@ -168,21 +134,3 @@ def test_films_stand_among_the_other_trials() -> None:
     films = [k for k, one in enumerate(order) if one.film]
     assert films[0] == 0 and films[-1] < len(order) / 2 and min(np.diff(films)) > 1
     assert [one.film for one in _in_order(todo[:3])] == [True] * 3
-
-
-def test_single_trials_are_filmed() -> None:
-    """A run's id names all its trials, a run with a start that one."""
-    some = Transfer(film=[2, (3, 1)])
-    filmed = [(run, start) for run in (1, 2, 3) for start in (1, 2) if some.films(run, start)]
-    assert filmed == [(2, 1), (2, 2), (3, 1)]
-
-
-def test_no_camera_is_waited_for_without_end(tmp_path, monkeypatch):
-    """Who calibrates it may hang: one message says so."""
-    monkeypatch.setattr(film, "WAIT_S", 0.05)
-    arena = load_arena("obstacle-avoidance")
-    with (
-        locked(tmp_path / ".camera.lock"),
-        pytest.raises(StudyError, match=r"camera\.json: another process .* for 0\.05 s\. End it"),
-    ):
-        Watcher(tmp_path / "camera.json", arena, unit=1, noise=1.0, radius_cm=2.9)

@@ -11,17 +11,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.errors import UsageError
-from realitygap.robots.body import Body, Channel
+from realitygap.robots.body import Body
 from realitygap.robots.enki import EnkiBody
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study
 from realitygap.study.runner import run_study
-from realitygap.transfer.driven import driven
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.plan import check_body, situations
-from realitygap.transfer.run import run_transfer
-from realitygap.transfer.trial import Stage
+from realitygap.transfer.rig import driven
+from realitygap.transfer.run import TransferContext, run_transfer
+from realitygap.transfer.spec import trial_specs
 from realitygap.values import Command, Pose
 from tests.robots.aseba import Node, at_a_node
 
@@ -72,9 +70,9 @@ def test_it_drives_enkis_thymio(study: Study) -> None:
 @needs_enki
 def test_its_path_is_reckoned_from_the_speeds_that_its_motors_measure(study: Study) -> None:
     """Over the line a Thymio tells no pose and counts no turns: by speeds its path ends near Enki's."""
-    (one,) = situations(study, Transfer(robots=("thymio:somewhere:33333",)))
+    (one,) = trial_specs(study, Transfer(robots=("thymio:somewhere:33333",)))
     assert one.source == "speeds"
-    pose, task = Stage(study).simulation(one.task, one.noise).start(one.stream), study.task(TASK)
+    pose, task = TransferContext(study).simulation(one.task, one.noise).start(one.stream), study.task(TASK)
     controller = study.controller(TASK, study.genotype(one.run, one.evaluation))
     profile = replace(
         study.profile, wheels=replace(study.profile.wheels, speed_per_unit_cm_s=(0.0332, 0.0332))
@@ -86,18 +84,3 @@ def test_its_path_is_reckoned_from_the_speeds_that_its_motors_measure(study: Stu
     gone = np.hypot(there.x - pose.x, there.y - pose.y)
     assert gone > 2.0 and np.hypot(path.x[-1] - there.x, path.y[-1] - there.y) < 0.15 * gone
     assert made.recording.missed_steps == 0 and np.isfinite(made.recording.speeds).all()
-
-
-@pytest.mark.parametrize(("high", "fits"), [(4500, True), (4505, True), (4095, False)])
-def test_full_scales_a_hundredth_apart_are_one(study: Study, high: int, fits: bool) -> None:
-    """A Thymio's counts end at 4500 or 4505, by source; a robot of 12 bits is another."""
-
-    class Seven(Body):
-        channels = (Channel(name="proximity", sensors=7, high=high),)
-        reset = sense = act = stop = lambda self, *_: None
-
-    if fits:
-        check_body(study, TASK, Seven())  # type: ignore[arg-type]
-        return
-    with pytest.raises(UsageError, match=r"counts up to 4500 .* this robot's go up to 4095"):
-        check_body(study, TASK, Seven())  # type: ignore[arg-type]

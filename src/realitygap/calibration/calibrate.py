@@ -330,13 +330,18 @@ HINTS = {
     "exponent": "bearings far from the sensors' directions", "matt": "a cylinder beside a wall",
     "aperture_deg": "bearings far from the sensors' directions",
     "share": "bearings far from the sensors' directions", "curve": "distances at which it reads that much",
-    "reflectance": "a surface of known reflectance; or state it", "turn": "bearings all round",
+    "reflectance": "a surface of known reflectance beside it", "turn": "bearings all round",
     "background": "the same places under each light", "shift": "more distances below 3 cm",
     "log_gain": "that sensor towards the lamp", "lobe": "the lamp at all bearings",
     "facing": "the lamp at all bearings", "lamp_height_cm": "places beside the lamp",
     "lamp_proud_cm": "places beside the lamp", "near_cm": "places beside a wall",
     "forward_cm": "the robot's own shadow's edge", "left_cm": "the robot's own shadow's edge",
     "floor": "places in bright light", "dark": "places in the dark",
+    "kp": "steps between many speeds", "ki": "steps between many speeds", "kd": "steps between many speeds",
+    "lag": "steps between many speeds", "play_cm": "turning round on the spot and back",
+    "friction_cm_s2": "standing starts at low speeds", "speed": "a camera over the floor",
+    "cm": "a camera over the floor", "track": "a camera over the floor",
+    "noise.wheel": "a camera that sees each step",
 }  # fmt: skip
 """Which readings would determine a constant, by the beginning of its key."""
 
@@ -648,16 +653,19 @@ def _undetermined(made: ChannelFit) -> list[str]:
     vague = [c.key for c in live if not c.told and c.key not in ended]
     at = [f"{c.key} ({c.value:.4g})" for c in live if c.key in ended]
     said = [f"{made.kind}: ended at a bound: {', '.join(at)}"] if at else []
-    if vague:
-        hints: dict[str, list[str]] = {}
-        for key in vague:
-            start = key.partition("[")[0]
-            kinds = (start, start.rstrip("0123456789_"), start.partition("_")[0])
-            hint = next((HINTS[one] for one in kinds if one in HINTS), "more places")
-            hints.setdefault(hint, []).append(key)
-        named = "; ".join(f"{', '.join(keys)} ({hint} would tell)" for hint, keys in hints.items())
-        said.append(f"{made.kind}: not identifiable from these recordings: {named}")
-    return said
+    told = f"{made.kind}: not identifiable from these recordings: {with_hints(vague)}"
+    return [*said, told] if vague else said
+
+
+def with_hints(keys: Sequence[str]) -> str:
+    """Constants that the recordings do not determine, by name, with the readings that would."""
+    hints: dict[str, list[str]] = {}
+    for key in keys:
+        start = key.partition("[")[0]
+        kinds = (start, start.rstrip("0123456789_"), start.partition("_")[0])
+        hint = next((HINTS[one] for one in kinds if one in HINTS), "more places")
+        hints.setdefault(hint, []).append(key)
+    return "; ".join(f"{', '.join(some)} ({hint} would tell)" for hint, some in hints.items())
 
 
 def _with_one_noise(profile: Profile, kind: str) -> Profile:

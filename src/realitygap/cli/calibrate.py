@@ -142,6 +142,8 @@ def _facts(made: Calibration) -> dict[str, object]:
 
 
 def _tell(made: Calibration, target: Path, page: Path | None) -> None:
+    from realitygap.calibration.calibrate import with_hints
+
     for fit in made.channels:
         forms = ", ".join(f"{name} {value:.1f}" for name, value in fit.by_form.items())
         click.echo(f"{fit.kind}: RMSE by form, counts: {forms}")
@@ -167,7 +169,7 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
             f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm"
         )
         if vague := [c.key for c in made.wheels.constants if not c.told]:
-            click.echo(f"  not identifiable from these recordings: {', '.join(vague)}")
+            click.echo(f"  not identifiable from these recordings: {with_hints(vague)}")
         _tell_alike(made.wheels.alike)
     for said in (*made.surfaces, f"profile {target}", *([f"report {page}"] if page else ())):
         click.echo(said)

@@ -68,7 +68,7 @@ def reproduce(
     from realitygap import api
     from realitygap.experiments.reproduction import ASKED
     from realitygap.study.store import DATABASE
-    from realitygap.transfer.load import load_transfers
+    from realitygap.transfer.record import load_transfers
 
     requested = api.reproduction(out, resume, settings)
     if not resume:
@@ -202,7 +202,7 @@ def merge(
     from realitygap.study.load import load_study
     from realitygap.study.runner import merge_runs
     from realitygap.study.store import DATABASE
-    from realitygap.transfer.plan import FOLDER as TRANSFERS
+    from realitygap.transfer.spec import FOLDER as TRANSFERS
     from realitygap.work.shard import all_shards, read_mark, whole_of
 
     found = all_shards(shards)
@@ -234,12 +234,10 @@ def merge(
 
 def _merge_transfer(shards: Mapping[Shard, Path], study: Path, *, json_output: bool) -> None:
     """Put the trials of shards into the folder of the study that drove, and print them."""
-    from realitygap.transfer.load import read_trial
-    from realitygap.transfer.merge import merge_trials
-    from realitygap.transfer.trial import TRIAL
+    from realitygap.transfer.record import merge_trials, read_trial
 
     made = merge_trials(shards, study)
-    tables = (read_trial(one.folder / TRIAL).get("versions", {}) for one in made)
+    tables = (read_trial(one.folder).get("versions", {}) for one in made)
     _note_versions({name: [value] for name, value in table.items()} for table in tables)
     facts = {"study": str(study), "transfers": [one.to_dict() for one in made]}
     tell(json_output, facts, *transfer_lines(made), f"\ntransfers {study / 'transfer'}")

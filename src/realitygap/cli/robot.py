@@ -78,7 +78,7 @@ def check(
         realitygap robot check --robot my_robot.py:MyRobot --profile my_robot.toml
     """
     from realitygap.robots.drive import StopOnSignal
-    from realitygap.transfer.plan import check_fit
+    from realitygap.transfer.spec import check_fit
     from realitygap.values import Pose
     from realitygap.world.robot import load_profile
 

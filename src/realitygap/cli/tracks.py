@@ -216,7 +216,7 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
     A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
     a column start separates several trials and a column unit several robots; or what `realitygap camera
     track` or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
-    transfer`, its trials packed or not, needs no B: its simulated trials are compared with its situated
+    transfer`, needs no B: its simulated trials are compared with its situated
     ones. 10 means as alike as the same robot twice, 0 a different behaviour; the output says what these ends
     were measured on.
 
@@ -229,7 +229,7 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
     from realitygap.correspondence.setting import setting_of
     from realitygap.correspondence.trials import doubts_of, read_transfer, read_trials
     from realitygap.tasks.load import load_task
-    from realitygap.transfer.packed import unpacked
+    from realitygap.transfer.record import unpacked
 
     whose = None
 
@@ -304,8 +304,10 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
     from realitygap.correspondence.setting import setting_of
     from realitygap.correspondence.trials import doubts_of, read_trials
     from realitygap.tasks.load import load_task
+    from realitygap.transfer.record import unpacked
 
-    trials = read_trials(tracks)
+    with unpacked(Path(tracks)) as there:
+        trials = read_trials(there)
     setting = setting_of(trials, load_task(task) if task else None)
     warnings = doubts_of(trials)
     named = namer(setting, trials[0].radius_cm).name(trials, setting)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from realitygap.robots.address import Address
-    from realitygap.transfer.plan import Situation
-    from realitygap.transfer.run import Transferred
+    from realitygap.transfer.run import TransferredTrial
+    from realitygap.transfer.spec import TrialSpec
     from realitygap.values import Pose
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
@@ -82,12 +82,6 @@ SIDES = (
 )
 @options.marker
 @options.disk
-@click.option(
-    "--pack/--no-pack",
-    default=None,
-    help="Keep unfilmed trials on a twin in one file, transfer/trials.sqlar, instead of a folder each "
-    "[default: from 1000 trials on].",
-)
 @options.twin_noise()
 @options.seed(None, " [default: the study's]")
 @options.seconds
@@ -125,19 +119,19 @@ def transfer(
     """
     from realitygap.study.load import load_study
     from realitygap.transfer.options import Transfer
-    from realitygap.transfer.plan import FOLDER
-    from realitygap.transfer.run import Attendant, place_of, run_transfer, shard_folder
+    from realitygap.transfer.run import Operator, place_of, run_transfer, shard_folder
+    from realitygap.transfer.spec import FOLDER
 
     ask_trust(study, trust)
     loaded = load_study(study)
     asked = Transfer(watch=path_from == "camera", **settings)
     carry = partial(_carry, seen=asked.eye is not None)
     home = place_of(loaded.folder, asked) if shard is None else shard_folder(loaded.folder, shard)
-    attendant = Attendant(carry, _found, partial(click.echo, err=True))
+    operator = Operator(carry, _found, partial(click.echo, err=True))
     try:
         with ProgressLine() as line:
             made = run_transfer(
-                loaded, asked, workers=workers, attendant=attendant, shard=shard, on_progress=line.show
+                loaded, asked, workers=workers, operator=operator, shard=shard, on_progress=line.show
             )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
         raise StoppedError(_stopped(stop, home / FOLDER)) from None
@@ -149,7 +143,7 @@ def transfer(
     tell(json_output, {"study": str(study), **facts}, *lines, *where)
 
 
-def transfer_lines(made: list[Transferred]) -> Iterator[str]:
+def transfer_lines(made: list[TransferredTrial]) -> Iterator[str]:
     """A table with a line per trial, then what went wrong."""
     rows = []
     for one in made:
@@ -166,7 +160,7 @@ def transfer_lines(made: list[Transferred]) -> Iterator[str]:
             yield f"{one.robot}, {one.name}, start {one.start}: {one.trouble}"
 
 
-def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:
+def _carry(one: TrialSpec, pose: Pose, *, seen: bool) -> None:
     """Ask a person to put the robot at its start."""
     side = SIDES[round(pose.heading_deg / 45.0) % len(SIDES)]
     click.echo(
@@ -178,7 +172,7 @@ def _carry(one: Situation, pose: Pose, *, seen: bool) -> None:
     _answer("Press Enter when it is in place and your hand is away" if seen else "Press Enter to start it")
 
 
-def _found(one: Situation, requested: Pose, seen: Pose | None) -> bool:
+def _found(one: TrialSpec, requested: Pose, seen: Pose | None) -> bool:
     """Tell a person where the camera sees the robot; ask where it is not seen, or far from its start."""
     if seen is None:
         click.echo("The camera does not see the robot.", err=True)

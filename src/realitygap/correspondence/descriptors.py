@@ -93,8 +93,8 @@ evenly it keeps its distance, and how much of its turning is due to a wall."""
 
 def chosen(arena: Arena | None) -> tuple[Descriptor, ...]:
     """The descriptors that are defined in an arena; without one those of motion alone."""
-    told = {"motion"} | ({"walls"} if arena else set()) | ({"light"} if arena and arena.lamps else set())
-    return tuple(d for d in DESCRIPTORS if d.needs in told)
+    needs = {"motion"} | ({"walls"} if arena else set()) | ({"light"} if arena and arena.lamps else set())
+    return tuple(d for d in DESCRIPTORS if d.needs in needs)
 
 
 def mirrored(descriptors: Sequence[Descriptor]) -> Floats:
@@ -112,9 +112,9 @@ NEAR_CM, TOUCH_CM, FEEL_CM = 2.5, 0.3, 6.0
 """Clearances: near a surface, touching it, within range of infrared."""
 
 
-def in_units(told: dict[str, Floats], descriptors: Sequence[Descriptor]) -> Floats:
+def in_units(described: dict[str, Floats], descriptors: Sequence[Descriptor]) -> Floats:
     """Descriptors of trials, as by `describe_all`, in just-noticeable amounts: [n, d], a row a trial."""
-    return np.stack([told[d.name] / d.noticeable for d in descriptors], axis=1)
+    return np.stack([described[d.name] / d.noticeable for d in descriptors], axis=1)
 
 
 def describe_all(trials: Sequence[Trial], arena: Arena | None) -> dict[str, Floats]:
@@ -159,8 +159,8 @@ def describe(
     rows = (np.reshape(one, (-1, steps)) for one in made)
     t, radius_cm = np.arange(steps, dtype=np.float64) * profile.period_s, profile.body.radius_cm
     tracks = (Track(t=t, x=x, y=y, heading=h, seen_by="simulation") for x, y, h in zip(*rows, strict=True))
-    told = describe_all([resampled(track, radius_cm=radius_cm) for track in tracks], task.arena)
-    return {name: values.reshape(x.shape[:-1]) for name, values in told.items()}
+    described = describe_all([resampled(track, radius_cm=radius_cm) for track in tracks], task.arena)
+    return {name: values.reshape(x.shape[:-1]) for name, values in described.items()}
 
 
 def _of_one_length(
@@ -171,12 +171,12 @@ def _of_one_length(
     middle = (heading[:, :-1] + heading[:, 1:]) / 2
     dx, dy = np.diff(x) / STEP_S, np.diff(y) / STEP_S
     forward = dx * np.cos(middle) + dy * np.sin(middle)
-    told = {**_movement(forward, turn), **_turning(forward, turn), **_ground(x, y)}
+    described = {**_movement(forward, turn), **_turning(forward, turn), **_ground(x, y)}
     if arena is not None:
         every = np.broadcast_to(radius, turn.shape).ravel()
         flat = around(arena, x[:, :-1].ravel(), y[:, :-1].ravel(), heading[:, :-1].ravel(), every)
-        told |= _surroundings(flat, turn, forward)
-    return told
+        described |= _surroundings(flat, turn, forward)
+    return described
 
 
 def jitter(turn: Floats) -> Floats:
@@ -266,7 +266,7 @@ def _surroundings(flat: Around, turn: Floats, forward: Floats) -> dict[str, Floa
     aside = np.abs(np.sin(surface))
     ahead = (clearance < FEEL_CM) & (np.cos(surface - going) > 0.3)
     turning = ahead & (np.abs(_smooth(turn)) > TURN_DEG_S)
-    told = {
+    described = {
         "clearance": clearance.mean(axis=1),
         "near": near.mean(axis=1),
         "touching": (clearance < TOUCH_CM).mean(axis=1),
@@ -278,13 +278,13 @@ def _surroundings(flat: Around, turn: Floats, forward: Floats) -> dict[str, Floa
         lamp, distance = flat.lamp.reshape(turn.shape), flat.lamp_distance.reshape(turn.shape)
         off = np.abs(lamp) > np.radians(20)
         toward = _smooth(turn) * np.sign(lamp) * off
-        told |= {
+        described |= {
             "light distance": distance.mean(axis=1),
             "light reached": distance[:, -10:].mean(axis=1),
             "light bearing": np.degrees(np.abs(lamp)).mean(axis=1),
             "light response": toward.sum(axis=1) / (off.sum(axis=1) + 3.0),
         }
-    return told
+    return described
 
 
 def _for_names(clearance: Floats, surface: Floats, turn: Floats, pace: Floats) -> dict[str, Floats]:

@@ -126,9 +126,9 @@ def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
         table.refuse(pairs < 1, "pair", "a pair's number", pairs)
         table.refuse((given < 0) | (given > 10), "mark", "a mark from 0 to 10", given)
         for pair, judge, mark in zip(pairs.tolist(), table.texts("judge"), given.tolist(), strict=True):
-            if (told := marks[pair].setdefault(judge or "judge", mark)) != mark:
+            if (earlier := marks[pair].setdefault(judge or "judge", mark)) != mark:
                 raise TrackError(
-                    f"{file}: pair {pair}: judge {judge!r} gives it {told:g} and {mark:g}. Leave one out."
+                    f"{file}: pair {pair}: judge {judge!r} gives it {earlier:g} and {mark:g}. Leave one out."
                 )
     if not marks:
         raise TrackError(f"{path}: expected ratings, columns {', '.join(MARKS)}; got none.")

@@ -132,8 +132,8 @@ class Namer:
         if self._large and setting.arena is not None:
             held = [tells(trial, setting.arena) for trial in trials]
             best = [self.kinds[k] for k in found.argmax(axis=1)]
-            told = [each.get(kind, any(each.values())) for each, kind in zip(held, best, strict=True)]
-            found *= np.where(told, 1.0, UNTOLD)[:, None]
+            shown = [each.get(kind, any(each.values())) for each, kind in zip(held, best, strict=True)]
+            found *= np.where(shown, 1.0, UNTOLD)[:, None]
         return [
             Name(trial.start, self.kinds[share.argmax()], round(float(share.max()), 3), trial.unit)
             for trial, share in zip(trials, found, strict=True)
@@ -182,14 +182,14 @@ def descriptors_of(arena: Arena | None, large: bool = False) -> tuple[Descriptor
 
 def rows_of(trials: Sequence[Trial], arena: Arena | None, *, large: bool = False) -> Floats:
     """Descriptors of trials in just-noticeable amounts, [n, d]; of large robots as if they were small."""
-    told = descriptors_of(arena, large)
+    descriptors = descriptors_of(arena, large)
     if not large or arena is None:
-        return in_units(describe_all(trials, arena), told)
-    return np.vstack([in_units(describe_all(*_shrunk(trial, arena)), told) for trial in trials])
+        return in_units(describe_all(trials, arena), descriptors)
+    return np.vstack([in_units(describe_all(*_shrunk(trial, arena)), descriptors) for trial in trials])
 
 
 def _shrunk(trial: Trial, arena: Arena) -> tuple[list[Trial], Arena]:
-    """A trial and its room, scaled so that its body has the small exemplars' radius."""
+    """A trial and its arena, scaled so that its body has the small exemplars' radius."""
     by = RADIUS_CM / trial.radius_cm
     small = replace(trial, x=trial.x * by, y=trial.y * by, radius_cm=RADIUS_CM)
     cylinders = tuple(

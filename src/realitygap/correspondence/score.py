@@ -71,7 +71,7 @@ class Distances:
     jitter: bool = True
 
     @cached_property
-    def told(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    def described(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
         """Descriptors by name of a's and of b's trials, in their own units."""
         return describe_all(self.a, self.arena), describe_all(self.b, self.arena)
 
@@ -79,7 +79,7 @@ class Distances:
     def rows(self) -> Floats:
         """Descriptors of both sets' trials, [n, d]: a's, then b's."""
         kept = [d for d in chosen(self.arena) if self.jitter or d.name != "jitter"]
-        return np.vstack([in_units(told, kept) for told in self.told])
+        return np.vstack([in_units(one, kept) for one in self.described])
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
@@ -135,8 +135,8 @@ class Distances:
             density.append(made / mass[..., np.newaxis] + ANYWHERE_PER_CM2)
         both = density[0] + density[1]
         gain = [np.log2(2 * own / both).mean(axis=-1) for own in density]
-        told = np.vecdot(wa, gain[0]) / wa.sum(axis=-1) + np.vecdot(wb, gain[1]) / wb.sum(axis=-1)
-        return np.minimum(1.0, _root(told / 2))
+        gained = np.vecdot(wa, gain[0]) / wa.sum(axis=-1) + np.vecdot(wb, gain[1]) / wb.sum(axis=-1)
+        return np.minimum(1.0, _root(gained / 2))
 
     def _weights(self, wa: Floats | None, wb: Floats | None) -> tuple[Floats, Floats]:
         return self.sides[0] if wa is None else wa, self.sides[1] if wb is None else wb
@@ -510,7 +510,7 @@ def compare(
     far = {name: float(getattr(between, name)()) for name in PARTS}
     score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
     notes += [] if lone else _few(_starts(ours, theirs))
-    noisy, response, loops = signed(*(between.told[::-1] if swapped else between.told))
+    noisy, response, loops = signed(*(between.described[::-1] if swapped else between.described))
     return Comparison(
         behaviour=behaviour, layout=ends.part("layout", far["layout"]), score=score, matched=between.matched,
         interval=_interval(between, ends, 0 if lone else resamples), noisiness=noisy, looping=loops,

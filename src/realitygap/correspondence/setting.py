@@ -86,7 +86,7 @@ class Around(NamedTuple):
     surface: Floats
     """Direction of that surface."""
     lamp_distance: Floats | None
-    """To the nearest lamp's centre, cm; None in a room without one."""
+    """To the nearest lamp's centre, cm; None in an arena without one."""
     lamp: Floats | None
     """Direction of the lamp."""
 
@@ -95,7 +95,7 @@ def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Float
     """The surroundings of a robot.
 
     Args:
-        arena: the room.
+        arena: where it is.
         x, y, heading: the poses [n], cm and rad.
         radius_cm: of the body, one or [n].
     """
@@ -123,7 +123,7 @@ def _told(radius_cm: Floats | float) -> Floats:
 
 
 def _nearest_surface(arena: Arena, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-    """Direction (dx, dy) and distance of the surface nearest to a centre; negative outside the room."""
+    """Direction (dx, dy) and distance of the surface nearest to a centre; negative outside the arena."""
     zero = np.zeros_like(x)
     width, depth = arena.size_cm
     found = [

@@ -339,8 +339,8 @@ def _radius_cm(folder: Path) -> float:
 def _is_track(path: Path) -> bool:
     """Whether a file is meant to be a track; a broken one is refused when it is read."""
     if path.suffix.lower() == ".json":
-        told = _json(path)
-        return told is None or (isinstance(told, dict) and all(name in told for name in COLUMNS))
+        found = _json(path)
+        return found is None or (isinstance(found, dict) and all(name in found for name in COLUMNS))
     head = _head(path)
     return not head or sum(name in head for name in COLUMNS) >= 2
 
@@ -393,12 +393,12 @@ def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
         TrackError: the heading contradicts the movement, and another reading of it does not.
     """
     as_is, best, cure = heading_agreement(trials)
-    told = f"{trials[0].source}: heading_deg contradicts the way from row to row"
+    found = f"{trials[0].source}: heading_deg contradicts the way from row to row"
     if best > EXPLAINS and best > as_is + BETTER:
-        raise TrackError(f"{told}: {cure}.")
+        raise TrackError(f"{found}: {cure}.")
     if as_is >= CONTRADICTS:
         return list(trials)
-    return [replace(trial, doubt=f"{told}: is it the robot's, in degrees?") for trial in trials]
+    return [replace(trial, doubt=f"{found}: is it the robot's, in degrees?") for trial in trials]
 
 
 def _agreement(trials: Sequence[Trial], read: Callable[[Floats], Floats]) -> tuple[float, float]:

@@ -31,9 +31,9 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track
-from realitygap.transfer.driven import turned
 from realitygap.transfer.paths import of_counters, of_poses, score
-from realitygap.transfer.plan import check_fit
+from realitygap.transfer.rig import turned
+from realitygap.transfer.spec import check_fit
 from realitygap.values import Command, Pose, as_stream, fed
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.robot import Profile

@@ -304,7 +304,7 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
     tables.
 
     Args:
-        shards: their folders, as `study.merge.all_shards` has them.
+        shards: their folders, as from `work.shard.all_shards`.
         out: the experiment's folder, created complete or not at all.
 
     Raises:
@@ -328,8 +328,7 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
                 )
     with new_folder(out, first.config.resuming(out)) as half:
         merged = NoiseExperiment(half, first.config)
-        for name in (CONFIG, f".{CONFIG}"):
-            shutil.copyfile(first.folder / name, half / name)
+        shutil.copyfile(first.folder / CONFIG, half / CONFIG)
         shutil.copytree(first.folder / "calibration", half / "calibration")
         for study in first.studies:
             pieces = {shard: part.evolved_folder(study) for shard, part in parts.items()}

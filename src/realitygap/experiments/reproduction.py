@@ -15,10 +15,10 @@ from realitygap.study.folder import exists, gather, open_to_begin, own_config
 from realitygap.study.load import Study
 from realitygap.study.run import Bench
 from realitygap.tasks import load_task
-from realitygap.transfer.chosen import shown_runs
-from realitygap.transfer.load import Transferred, load_transfers
 from realitygap.transfer.options import Transfer
+from realitygap.transfer.record import TransferredTrial, load_transfers
 from realitygap.transfer.run import run_transfer
+from realitygap.transfer.spec import shown_runs
 from realitygap.work.folder import RunFolder, lock, settings_in
 from realitygap.work.pool import Workers, near
 from realitygap.work.progress import OnProgress
@@ -136,7 +136,7 @@ def configured(
 
 def transferred(
     study: Study, *, starts: int, workers: Workers, on_progress: OnProgress | None
-) -> list[Transferred]:
+) -> list[TransferredTrial]:
     """Every champion on the unit from each start; the first trials of those in figures are filmed.
 
     Args:

@@ -21,10 +21,15 @@ from realitygap.robots.drive import Recording
 from realitygap.study.load import Run
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory, read_track
-from realitygap.transfer.load import Transferred, load_transfers, read_trial
-from realitygap.transfer.packed import placed
+from realitygap.transfer.record import (
+    SIMULATED,
+    SITUATED,
+    TransferredTrial,
+    load_transfers,
+    read_trial,
+    trial_files,
+)
 from realitygap.transfer.replay import Replays
-from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
 from realitygap.values import Floats
 from realitygap.world.arena import Arena
 from realitygap.world.robot import Profile
@@ -61,7 +66,7 @@ class TrialLog(NamedTuple):
         film: its file; lead_s: how long before the trial it begins.
     """
 
-    trial: Transferred
+    trial: TransferredTrial
     task: Task
     outlines: tuple[Floats, Floats]
     network: Mapping[str, Any] | None
@@ -107,7 +112,7 @@ def trial_log(
     replay = Replays(run.study).of(trial.folder)
     drove = replay.genotype
     drawing, slots = (None, []) if drove is None else network_drawing(drove, task, profile)
-    with placed(trial.folder) as here:
+    with trial_files(trial.folder) as here:
         paths = [read_track(here / name) for name in (SIMULATED, SITUATED)]
     if replay.simulated is not None:
         paths[0] = replay.simulated.track
@@ -118,7 +123,7 @@ def trial_log(
     return TrialLog(
         trial=trial, task=task, outlines=_outlines(profile), network=drawing, sides=(sides[0], sides[1]),
         film=trial.folder / "film.mp4" if trial.filmed else None,
-        lead_s=float(read_trial(trial.folder / TRIAL).get("film_lead_s", 0.0)),
+        lead_s=float(read_trial(trial.folder).get("film_lead_s", 0.0)),
     )  # fmt: skip
 
 

@@ -14,8 +14,8 @@ from realitygap.files import as_path, atomic_path, atomic_write, to_csv
 from realitygap.lazy import needed
 from realitygap.study.load import Study, as_study
 from realitygap.study.store import Table
-from realitygap.transfer.load import load_transfers
-from realitygap.transfer.score_rows import ScoreRow, kind_of, marks_of
+from realitygap.transfer.record import load_transfers
+from realitygap.transfer.scores import ScoreRow, kind_of, marks_of
 
 __all__ = ["TABLES", "frame", "table", "write_tables"]
 

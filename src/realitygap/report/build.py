@@ -50,7 +50,7 @@ from realitygap.report.transfers import Group, Pair, Situated, pairs_of, situate
 from realitygap.study.config import Encoding, Evolution
 from realitygap.study.load import Run, Study, load_study
 from realitygap.tasks import load_task
-from realitygap.transfer.score_rows import ScoreRow, marks_of
+from realitygap.transfer.scores import ScoreRow, marks_of
 from realitygap.world.robot import NOISE_LEVELS, Profile, load_profile
 
 __all__ = ["build_report", "figures_of"]

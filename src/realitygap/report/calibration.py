@@ -306,11 +306,11 @@ def _live(fit: ChannelFit) -> list[int]:
 
 def look_of(fit: ChannelFit) -> Literal["bearing", "distance", "poses"]:
     """What readings are drawn over: bearings, if the same were recorded at each of a few distances; distance,
-    if each sensor has one bearing in each recording; or nothing (poses all over a room)."""
+    if each sensor has one bearing in each recording; or nothing (poses all over an arena)."""
     if not np.isfinite(fit.bearing_deg).all():
         return "poses"
-    told, parts = np.isfinite(fit.counts), _by_recording(fit).values()
-    if all(len(np.unique(fit.bearing_deg[told[:, k] & rows])) <= 1 for k in _live(fit) for rows in parts):
+    known, parts = np.isfinite(fit.counts), _by_recording(fit).values()
+    if all(len(np.unique(fit.bearing_deg[known[:, k] & rows])) <= 1 for k in _live(fit) for rows in parts):
         return "distance"
     places = len(np.unique(np.stack([fit.distance_cm, fit.bearing_deg], 1), axis=0))
     distances, bearings = len(np.unique(fit.distance_cm)), len(np.unique(fit.bearing_deg))
@@ -323,9 +323,9 @@ def _by_recording(fit: ChannelFit) -> dict[str, NDArray[np.bool_]]:
 
 
 def _curves_over_bearing(fit: ChannelFit, k: int, axes: Axes) -> None:
-    told = np.isfinite(fit.counts[:, k])
-    distances = np.unique(fit.distance_cm[told])
-    lively = [d for d in distances if np.ptp(fit.counts[told & (fit.distance_cm == d), k]) > 60]
+    known = np.isfinite(fit.counts[:, k])
+    distances = np.unique(fit.distance_cm[known])
+    lively = [d for d in distances if np.ptp(fit.counts[known & (fit.distance_cm == d), k]) > 60]
     lively = lively or list(distances)
     picked = [lively[i] for i in np.unique(np.linspace(0, len(lively) - 1, SHOWN).round().astype(int))]
     answer = fit.model[:, k] if fit.kind == "infrared" else fit.model[:, k].max() - fit.model[:, k]
@@ -345,8 +345,8 @@ def _curves_over_bearing(fit: ChannelFit, k: int, axes: Axes) -> None:
 def _over_distance(fit: ChannelFit, k: int, axes: Axes, *, left: bool) -> None:
     """Readings and the model's curve, or the residuals if `left`, of each recording with information from a
     sensor."""
-    told = np.isfinite(fit.counts[:, k])
-    some = {name: rows & told for name, rows in _by_recording(fit).items() if (rows & told).any()}
+    known = np.isfinite(fit.counts[:, k])
+    some = {name: rows & known for name, rows in _by_recording(fit).items() if (rows & known).any()}
     for (name, rows), colour, mark in zip(some.items(), cycle(COLOURS), cycle(MARKS)):
         distance, counts, model = fit.distance_cm[rows], fit.counts[rows, k], fit.model[rows, k]
         _dots(axes, distance, model - counts if left else counts, mark, colour, _named(name))

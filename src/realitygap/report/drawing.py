@@ -513,39 +513,39 @@ def frames(task: Task, profile: Profile, trajectory: Trajectory, title: str = ""
     """Pictures [height, width, 3] of 8 bits, one a step, both even; arguments as of `save_animation`."""
     arena, robot = task.arena.to_kernel(), profile.to_kernel()
     with styled():
-        figure, room, bars, text = _stage(task, profile, trajectory, title)
+        figure, axes, bars, text = _stage(task, profile, trajectory, title)
         canvas = FigureCanvasAgg(figure)
         strokes = tail(trajectory, front(robot)).reshape(-1, 3, 2)
-        draw_arena(room, arena)
+        draw_arena(axes, arena)
         canvas.draw()
-        stroke = room.plot([], [], color=style.INK, linewidth=0.9, animated=True, zorder=3)[0]
+        stroke = axes.plot([], [], color=style.INK, linewidth=0.9, animated=True, zorder=3)[0]
         kept = canvas.copy_from_bbox(figure.bbox)
         for step in range(len(trajectory.t)):
             canvas.restore_region(kept)
             stroke.set_data(*strokes[step, :2].T)
-            room.draw_artist(stroke)
+            axes.draw_artist(stroke)
             kept = canvas.copy_from_bbox(figure.bbox)  # every stroke stays: "failing to erase" (§6)
             pose = (trajectory.x[step], trajectory.y[step], trajectory.heading[step])
-            for artist in draw_robot(room, robot, pose):
-                room.draw_artist(artist)
+            for artist in draw_robot(axes, robot, pose):
+                axes.draw_artist(artist)
                 artist.remove()
             _draw_bars(bars, trajectory, task.feeds, step)
             text.set_text(f"{trajectory.t[step]:5.1f} s" + ("   touches" if trajectory.contact[step] else ""))
-            room.draw_artist(text)
+            axes.draw_artist(text)
             yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
 
 def _stage(
     task: Task, profile: Profile, trajectory: Trajectory, title: str
 ) -> tuple[Figure, Axes, list[Rectangle], Text]:
-    """The empty picture: a room for the path, axes with bars for readings and commands, a clock."""
+    """The empty picture: axes for the path, axes with bars for readings and commands, a clock."""
     width, depth = task.arena.size_cm
     tall = 4.0
     wide = max(1.8, min(7.0, (tall - 0.9) * width / depth + 0.8))
     figure = new_figure(round(wide + 2.4, 1), tall, dpi=DPI)
     total = float(figure.get_size_inches()[0])
-    room = figure.add_axes((0.6 / total, 0.13, (wide - 0.8) / total, 0.75))
-    room.set_title(title, loc="left")
+    axes = figure.add_axes((0.6 / total, 0.13, (wide - 0.8) / total, 0.75))
+    axes.set_title(title, loc="left")
     readings = fed(trajectory, task.feeds)
     top = max(
         {"proximity": profile.infrared.top, "ambient": profile.ambient.dark}[kind] for kind in task.kinds
@@ -564,8 +564,8 @@ def _stage(
         *upper.bar(range(readings.shape[1]), 0, color=style.RAY, animated=True),
         *lower.bar([0, 1], 0, width=0.5, color=style.INK, animated=True),
     ]
-    text = room.text(1.0, 1.03, "", ha="right", va="bottom", transform=room.transAxes, animated=True)
-    return figure, room, bars, text
+    text = axes.text(1.0, 1.03, "", ha="right", va="bottom", transform=axes.transAxes, animated=True)
+    return figure, axes, bars, text
 
 
 def _draw_bars(bars: list[Rectangle], trajectory: Trajectory, feeds: str, step: int) -> None:

@@ -24,7 +24,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.streams import PICTURES
 from realitygap.study.load import Run, Study
 from realitygap.tasks.task import Task
-from realitygap.transfer.chosen import median_run
+from realitygap.transfer.spec import median_run
 from realitygap.world.robot import NOISE_LEVELS, noise_level, noise_name
 
 __all__ = [
@@ -200,8 +200,8 @@ def table_csv(table: TaskPart) -> str:
     for one in table.conditions:
         for row in one.rows:
             run = row.run
-            told = [run.index, run.id, run.name, run.evaluations, int(run.finished), _exact(row.stored)]
-            lines.append([table.task.name, one.name, *told, *_cells(table, row)])
+            facts = [run.index, run.id, run.name, run.evaluations, int(run.finished), _exact(row.stored)]
+            lines.append([table.task.name, one.name, *facts, *_cells(table, row)])
         stored = mean_of(one.stored())
         average = _exact(None if stored is None else stored.value)
         lines.append([table.task.name, one.name, "average", "", "", "", "", average, *_cells(table, one)])

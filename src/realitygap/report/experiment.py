@@ -16,7 +16,6 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from realitygap.calibration.noise import LIMITS
 from realitygap.calibration.unit import PROFILE
@@ -27,9 +26,10 @@ from realitygap.experiments.realities import ASKED, Place
 from realitygap.files import read_table, read_toml, to_csv
 from realitygap.report import style
 from realitygap.report.calibration import REAL
+from realitygap.report.evolution import mean_of
 from realitygap.report.page import Figures, OnProgress, report_folder, write_page
 from realitygap.report.scores import PAPER_ROWS
-from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_key, noise_styles
+from realitygap.report.style import INK, MUTED, PAGE, new_figure, noise_key, noise_styles, number
 from realitygap.robots.address import Address
 from realitygap.tasks import load_task
 from realitygap.values import Floats
@@ -67,11 +67,10 @@ class Span(NamedTuple):
     def of(cls, values: Floats) -> Self:
         """Of the known ones of some values."""
         known = values[np.isfinite(values)]
-        if len(known) < FEWEST:
-            return cls(float(known.mean()) if len(known) else math.nan)
-        mean, half = float(known.mean()), float(known.std(ddof=1) / math.sqrt(len(known)))
-        half *= float(student.ppf(0.975, len(known) - 1))
-        return cls(mean, mean - half, mean + half)
+        mean = mean_of(known)
+        if mean is None or len(known) < FEWEST:
+            return cls(math.nan if mean is None else mean.value)
+        return cls(mean.value, mean.value - mean.half, mean.value + mean.half)
 
     def within(self, low: float, high: float) -> Self:
         """The interval cut at a scale's ends."""
@@ -84,7 +83,7 @@ class Span(NamedTuple):
 
 
 def _number(value: float, places: int) -> str:
-    return "–" if math.isnan(value) else f"{value:.{places}f}".replace("-", "−")
+    return "–" if math.isnan(value) else number(value, places)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

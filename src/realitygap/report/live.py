@@ -98,8 +98,8 @@ class LivePage:
         study = run.study
         kept = self._simulations.setdefault(run.name, Simulation(task, study.profile, run.noise))
         assert run.fittest is not None
-        lived, score = kept.trajectory(study.networks(run.task, run.fittest), stream=1)
-        track, depth = lived.track, task.arena.size_cm[1]
+        trajectory, score = kept.trajectory(study.networks(run.task, run.fittest), stream=1)
+        track, depth = trajectory.track, task.arena.size_cm[1]
         places = [f"{x:.2f} {depth - y:.2f}" for x, y in zip(track.x, track.y, strict=True)]
         return {
             "name": run.name, "score": f"{score / task.fitness_scale:.3g}", "arena": task.arena,

@@ -184,11 +184,11 @@ def bend_links(
             curves.append(_loop(places[link.source], sizes[link.source], turn))
             continue
         others = np.array([p for n, p in places.items() if n not in (link.source, link.target)])
-        room = np.array([sizes[n] for n in places if n not in (link.source, link.target)])
+        radii = np.array([sizes[n] for n in places if n not in (link.source, link.target)])
         ends = (places[link.source], places[link.target], rim(link.source), rim(link.target))
         tries = [_bow(*ends, bend) for bend in (0.08, -0.08, 0.2, -0.2, 0.33, -0.33, 0.5, -0.5)]
         costs = [
-            _crowding(c, others, room, curves, unit)
+            _crowding(c, others, radii, curves, unit)
             + 3.0 / unit * float(np.maximum(np.hypot(*c.T) - outside, 0).sum())
             + 0.05 * i
             for i, c in enumerate(tries)
@@ -224,11 +224,11 @@ def _loop(place: Floats, size: float, turn: int) -> Floats:
     return np.asarray(middle + 0.72 * size * np.stack([np.cos(t), np.sin(t)], axis=1))
 
 
-def _crowding(curve: Floats, others: Floats, room: Floats, earlier: list[Floats], unit: float) -> float:
+def _crowding(curve: Floats, others: Floats, radii: Floats, earlier: list[Floats], unit: float) -> float:
     """A penalty for a curve's overlap with neurons and earlier curves."""
     cost = 0.0
     if len(others):
-        gaps = _distances(curve, others) - room - 0.1 * unit
+        gaps = _distances(curve, others) - radii - 0.1 * unit
         cost += 6.0 / unit * float(np.maximum(-gaps, 0).sum())
     if earlier:
         points = np.concatenate([e[3:-3] for e in earlier])

@@ -128,9 +128,9 @@ def replayed(
     robot, level = profile or run.study.profile, run.noise if noise is None else noise
     simulation = Simulation(run.study.task(run.task), robot, level)
     networks = run.study.networks(run.task, genes)
-    lived = simulation.trajectory(networks, stream=seed, pose=pose, seconds=seconds)
+    driven = simulation.trajectory(networks, stream=seed, pose=pose, seconds=seconds)
     title = f"{run.name}, {name}"
-    return _player(replay_data(simulation, run.study.slots(run.task, genes), lived, title), title, 1150)
+    return _player(replay_data(simulation, run.study.slots(run.task, genes), driven, title), title, 1150)
 
 
 def shown_calibration(made: Calibration, height: int) -> Shown:

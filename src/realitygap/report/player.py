@@ -8,17 +8,17 @@ little-endian int16 or int8 in base64: a tenth of the size of JSON.
 import base64
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from functools import partial
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.control.genotype import Genotype
-from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, front
-from realitygap.report.evolution import PER_CONDITION, NoiseClass, Paths, Row, TaskPart, chosen, individual
+from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, PathPanel, front
+from realitygap.report.evolution import PER_CONDITION, Paths, Row, TaskPart, chosen, individual
 from realitygap.report.network import network_drawing
 from realitygap.report.page import rendered
 from realitygap.report.style import noise_styles
@@ -66,22 +66,38 @@ def player_data(
     study: Study, parts: Sequence[TaskPart], pairs: Mapping[str, Sequence[Pair]], paths: Paths
 ) -> Json | None:
     """The player's data, with transfers by task; None if no run has started."""
-    gather = _Gather(study, paths, {c.level for part in parts for c in part.conditions})
-    tasks = [
-        gather.task(part, pairs[part.task.name]) for part in parts if any(c.begun for c in part.conditions)
-    ]
+    styles = noise_styles({c.level for part in parts for c in part.conditions})
+    replays, tasks = Replays(study), []
+    for part in parts:
+        noises = []
+        for condition in part.conditions:
+            if not condition.begun:
+                continue
+            shown, rows = chosen(condition), list(condition.begun[:MOST_RUNS])
+            if shown is not None and shown not in rows:
+                rows.append(shown)
+            runs = []
+            for row in rows:
+                driven = [pair for pair in pairs[part.task.name] if pair.run == row.run.id]
+                runs.append(_run(part, row, driven, replays, partial(paths.panel, part, condition, row)))
+            noises.append({
+                "name": part.names[condition.level], "colour": styles[condition.level].colour,
+                "shown": 0 if shown is None else rows.index(shown), "runs": runs,
+            })  # fmt: skip
+        if noises:
+            tasks.append({**_scene(part.task, study.profile), "noises": noises})
     return _document(study.profile, tasks) if tasks else None
 
 
 def replay_data(
-    simulation: Simulation, genotype: Genotype, lived: tuple[Trajectory, float], name: str
+    simulation: Simulation, genotype: Genotype, driven: tuple[Trajectory, float], name: str
 ) -> Json:
     """The player's data of one simulated trial: whose network drove, the trial and its score, and a name."""
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genotype, task, profile)
-    cast = _Cast(task=task, genotype=genotype, slots=slots, profile=profile)
-    one, score = lived
-    drive = cast.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genotype)
+    side = _Side(task=task, genotype=genotype, slots=slots, profile=profile)
+    one, score = driven
+    drive = side.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genotype)
     trial = {"name": "simulated", "link": "simulated", "simulated": drive, "situated": None}
     run = {"name": name, "link": name, "network": drawing, "trials": [trial]}
     colour = noise_styles([noise])[noise].colour
@@ -107,13 +123,12 @@ def _scene(task: Task, profile: Profile) -> Json:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Cast:
-    """Whose drives are shown: a run's individual."""
+class _Side:
+    """A run's individual, whose drives are shown; `slots` are neurons in the order of packed outputs."""
 
     task: Task
     genotype: Genotype
     slots: Sequence[int]
-    """Neurons of the network, in the order of their packed outputs."""
     profile: Profile
 
     def drive(
@@ -130,67 +145,39 @@ class _Cast:
         return track(who, score, poses_of(path), unit, readings=readings, commands=commands, outputs=outputs)
 
 
-class _Gather:
-    """Collects runs and transfers of one study for a page."""
+def _run(
+    part: TaskPart, row: Row, pairs: Sequence[Pair], replays: Replays, panel: Callable[[str], PathPanel]
+) -> Json:
+    """A run: its network and its trials; without transfers the simulated one in the figures of paths."""
+    run, genotype, task = row.run, individual(row.run), part.task
+    drawing, slots = network_drawing(genotype, task, run.study.profile)
+    side = _Side(task=task, genotype=genotype, slots=slots, profile=run.study.profile)
+    order = {robot: i for i, robot in enumerate(robots_of(pairs))}
+    there = sorted(pairs, key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start))
+    shown = [pair for pair in there if pair.seen][:MOST_TRIALS]
+    trials = [_transfer(part, pair, side, replays) for pair in shown]
+    if not trials:
+        alone = panel("{score}")
+        one = alone.trajectory
+        assert isinstance(one, Trajectory)
+        simulated = side.drive("simulated", alone.title, one.track, one, genotype)
+        trials = [{"name": "simulated only", "link": "simulated", "simulated": simulated, "situated": None}]
+    name = f"#{run.index}" + ("" if run.finished else ", unfinished")
+    return {"name": name, "link": run.name, "network": drawing, "trials": trials}
 
-    def __init__(self, study: Study, paths: Paths, levels: set[float]) -> None:
-        self.study, self.paths = study, paths
-        self.styles = noise_styles(levels)
-        self.replays = Replays(study)
 
-    def task(self, part: TaskPart, pairs: Sequence[Pair]) -> Json:
-        """A task with its noise levels."""
-        noises = [self.noise(part, c, pairs) for c in part.conditions if c.begun]
-        return {**_scene(part.task, self.study.profile), "noises": noises}
-
-    def noise(self, part: TaskPart, condition: NoiseClass, pairs: Sequence[Pair]) -> Json:
-        """A noise level's runs; `shown` is the one in the figures."""
-        shown, runs = chosen(condition), list(condition.begun[:MOST_RUNS])
-        if shown is not None and shown not in runs:
-            runs.append(shown)
-        return {
-            "name": part.names[condition.level],
-            "colour": self.styles[condition.level].colour,
-            "shown": 0 if shown is None else runs.index(shown),
-            "runs": [
-                self.run(part, condition, row, [p for p in pairs if p.run == row.run.id]) for row in runs
-            ],
-        }
-
-    def run(self, part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair]) -> Json:
-        """A run: its network and its trials, transferred ones if there are any."""
-        run, genotype, task = row.run, individual(row.run), part.task
-        drawing, slots = network_drawing(genotype, task, self.study.profile)
-        cast = _Cast(task=task, genotype=genotype, slots=slots, profile=self.study.profile)
-        order = {robot: i for i, robot in enumerate(robots_of(pairs))}
-        there = sorted(
-            pairs, key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start)
-        )
-        shown = islice((pair for pair in there if pair.seen), MOST_TRIALS)
-        trials = [self.transfer(part, pair, cast) for pair in shown]
-        name = f"#{run.index}" + ("" if run.finished else ", unfinished")
-        trials = trials or [self.alone(part, condition, row, cast)]
-        return {"name": name, "link": run.name, "network": drawing, "trials": trials}
-
-    def alone(self, part: TaskPart, condition: NoiseClass, row: Row, cast: _Cast) -> Json:
-        """A run that drove no robot: its simulated trial, as in the figures of paths."""
-        panel = self.paths.panel(part, condition, row, "{score}")
-        assert isinstance(panel.trajectory, Trajectory)
-        one = panel.trajectory
-        simulated = cast.drive("simulated", panel.title, one.track, one, cast.genotype)
-        return {"name": "simulated only", "link": "simulated", "simulated": simulated, "situated": None}
-
-    def transfer(self, part: TaskPart, pair: Pair, cast: _Cast) -> Json:
-        """One transfer: both drives, as far as they are known."""
-        replay = self.replays.of(pair.folder)
-        scores = [part.text(value) for value in pair.fitness]
-        known = replay.simulated
-        path = pair.simulated if known is None else known.track
-        simulated = cast.drive("simulated", scores[0], path, known, replay.genotype)
-        situated = cast.drive(pair.where, scores[1], pair.situated, replay.situated, replay.genotype)
-        who = "" if pair.individual == "champion" else f"{pair.individual}/"
-        name, link = f"{pair.where}, start {pair.start}", f"{pair.robot}/{who}start-{pair.start}"
-        return {"name": name, "link": link, "simulated": simulated, "situated": situated}
+def _transfer(part: TaskPart, pair: Pair, side: _Side, replays: Replays) -> Json:
+    """One transfer: both drives, as far as they are known."""
+    replay = replays.of(pair.folder)
+    scores = [part.text(value) for value in pair.fitness]
+    known = replay.simulated
+    path = pair.simulated if known is None else known.track
+    who = "" if pair.individual == "champion" else f"{pair.individual}/"
+    return {
+        "name": f"{pair.where}, start {pair.start}", "link": f"{pair.robot}/{who}start-{pair.start}",
+        "simulated": side.drive("simulated", scores[0], path, known, replay.genotype),
+        "situated": side.drive(pair.where, scores[1], pair.situated, replay.situated, replay.genotype),
+    }  # fmt: skip
 
 
 def _unit_cm(task: Task) -> float:

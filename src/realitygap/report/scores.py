@@ -12,7 +12,7 @@ from realitygap.files import to_csv
 from realitygap.report.evolution import Mean, mean_of
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
-from realitygap.transfer.score_rows import ScoreRow, marks_of
+from realitygap.transfer.scores import ScoreRow, marks_of
 from realitygap.world.robot import noise_level, noise_name
 
 __all__ = [
@@ -196,8 +196,8 @@ def scores_csv(tables: Sequence[ScoreTable]) -> str:
 def _class_rows(table: ScoreTable, one: ScoreClass) -> Iterator[dict[str, object]]:
     facts = {"task": table.task, "noise": one.name, "source": "here"}
     for mark in one.marks:
-        told = {key: value for key, value in mark.to_dict().items() if value is not None}
-        yield {**told, **facts, "row": mark.index}
+        own = {key: value for key, value in mark.to_dict().items() if value is not None}
+        yield {**own, **facts, "row": mark.index}
     if one.marks:
         mean = one.mean("correspondence")
         ends = {"low": mean.value - mean.half, "high": mean.value + mean.half} if mean else {}

@@ -26,7 +26,7 @@ from realitygap.robots.address import ROBOT, StandIn
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track
-from realitygap.transfer.load import Transferred, load_transfers
+from realitygap.transfer.record import TransferredTrial, load_transfers
 
 __all__ = [
     "Group", "Pair", "Situated", "groups_of", "kinds_of", "pairs_of", "robots_of", "shown_pair",
@@ -45,7 +45,7 @@ MAKES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pair(Transferred):
+class Pair(TransferredTrial):
     """One transfer of a run, which is number `index` among those evolved at its noise level."""
 
     level: float
@@ -180,9 +180,9 @@ def transfers_csv(task: Task, groups: Sequence[Group], study: Path) -> str:
     rows: list[list[object]] = [[*head.split()]]
     for group in groups:
         for p in group.pairs:
-            told = [repr(v) if math.isfinite(v) else "" for v in (*p.fitness, p.drop)]
+            scores = [repr(v) if math.isfinite(v) else "" for v in (*p.fitness, p.drop)]
             who = [p.run, p.name, p.individual, p.robot, p.start, p.situated_from]
-            rows.append([task.name, group.name, *who, *told, p.folder.relative_to(study).as_posix()])
+            rows.append([task.name, group.name, *who, *scores, p.folder.relative_to(study).as_posix()])
     return to_csv(rows, end="\r\n")
 
 

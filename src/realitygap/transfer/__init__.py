@@ -3,10 +3,10 @@
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
-    "drive": "Drove drive",
-    "load": "Transferred load_transfers",
+    "drive": "DriveResult drive",
     "options": "Transfer",
+    "record": "TransferredTrial load_transfers",
     "rig": "Rig",
-    "run": "Attendant run_transfer",
-    "score_rows": "marks_of",
+    "run": "Operator run_transfer",
+    "scores": "marks_of",
 })  # fmt: skip

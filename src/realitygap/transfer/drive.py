@@ -19,19 +19,18 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track
-from realitygap.transfer.driven import driven
 from realitygap.transfer.paths import score
-from realitygap.transfer.plan import check_fit
-from realitygap.transfer.rig import Rig
-from realitygap.transfer.trial import SIMULATED, SITUATED, TRIAL
+from realitygap.transfer.record import SIMULATED, SITUATED, TRIAL
+from realitygap.transfer.rig import Rig, driven
+from realitygap.transfer.spec import check_fit
 from realitygap.values import Pose, as_stream, shown
 from realitygap.world.robot import Profile, load_profile
 
-__all__ = ["Drove", "Pair", "drive", "pairs"]
+__all__ = ["DriveResult", "Pair", "drive", "pairs"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drove:
+class DriveResult:
     """The results of a drive.
 
     Attributes:
@@ -53,7 +52,7 @@ def drive(
     profile: Profile | str | PathLike[str] | None = None,
     start: Pose | None = None,
     seconds: float | None = None,
-) -> Drove:
+) -> DriveResult:
     """Drive a body at a task with a controller, and score its track.
 
     Args:
@@ -92,7 +91,7 @@ def drive(
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
     track = made.known(task, profile) if made.poses else made.counted(start, profile)
-    return Drove(track=track, score=score(track, task, profile), recording=made.recording)
+    return DriveResult(track=track, score=score(track, task, profile), recording=made.recording)
 
 
 @dataclass(frozen=True, kw_only=True)

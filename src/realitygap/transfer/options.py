@@ -5,11 +5,9 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Integral
 from pathlib import Path
 
 from realitygap.errors import UsageError
-from realitygap.files import must_be
 from realitygap.film.camera import CameraModel
 from realitygap.film.disk import Disk
 from realitygap.film.tag import Marker, load_marker
@@ -18,12 +16,6 @@ from realitygap.robots.address import Address, as_scale
 from realitygap.study.config import LARGEST, whole
 
 __all__ = ["Named", "Transfer"]
-
-
-def _films(one: object) -> bool:
-    """Whether this is a run's id, or an id and a start."""
-    pair = one if isinstance(one, tuple) and len(one) == 2 else (one,)
-    return all(isinstance(number, int) and not isinstance(number, bool) for number in pair)
 
 
 @dataclass(frozen=True)
@@ -81,7 +73,6 @@ class Transfer:
         eye: the live camera over a real robot: a camera's number, a video file, a stream.
         disk: a real robot's disk, or its file; the shipped one if None.
         marker: what the robots wear instead: a tag, or its text for `Tag.parse`.
-        pack: keep unfilmed trials on a twin in one file instead of a folder each; from a thousand on if None.
 
     Raises:
         UsageError: invalid values, or invalid combinations.
@@ -103,38 +94,53 @@ class Transfer:
     eye: str | int | None = None
     disk: Disk | str | Path | None = None
     marker: Marker | str | None = None
-    pack: bool | None = None
 
     def __post_init__(self) -> None:
         for name, given in {"runs": self.runs, "robots": self.robots}.items():
             if isinstance(given, str) or not isinstance(given, Iterable):
                 raise UsageError(f"{name}: expected a list, got {given!r}. Write [{given!r}].")
             object.__setattr__(self, name, tuple(given))
-        for run in self.runs:
-            if isinstance(run, bool) or not isinstance(run, Integral | str):
-                raise UsageError(f"runs: expected their ids (whole numbers) or names, got {run!r}.")
-        self._check_values()
-        if self.controller is not None and self.individual != "champion":
-            raise UsageError("individual: expected none with a controller of your own. Leave it out.")
-        real = any(robot.unit is None for robot in self.bodies)
-        twins = any(robot.unit is not None for robot in self.bodies)
-        if self.twin_noise is not None and not twins:
-            raise UsageError(
-                "--twin-noise scales a twin's noise, or Enki's; a robot has its own noise. Leave it out."
-            )
-        self._check_eye(real)
-        self._check_view(twins)
-        if self.marker is not None and not twins and self.eye is None:
-            raise UsageError(
-                "marker: expected eye too: the camera that looks down on the robot (--camera-device)."
-            )
+        whole("starts", self.starts, 1, 10**6)
+        if self.seed is not None:
+            whole("seed", self.seed, 0, LARGEST)
+        if self.twin_noise is not None:
+            as_scale(self.twin_noise, "twin_noise")
         if self.marker is not None:
             self.worn  # noqa: B018 - one that is none is refused now
-        if real and self.film and self.eye is None:
-            raise UsageError(
-                "film: expected the live camera that films a robot, and its calibration "
-                "(--camera-device DEVICE, --camera FILE). A film of your own: `realitygap camera track FILM`."
-            )
+        real = any(robot.unit is None for robot in self.bodies)
+        twins = any(robot.unit is not None for robot in self.bodies)
+        disk, eye, marker, camera = (
+            given is not None for given in (self.disk, self.eye, self.marker, self.camera)
+        )
+        above = "the camera above the robot, and its calibration (--camera-device DEVICE, --camera FILE)"
+        wrong = {
+            "individual: expected none with a controller of your own. Leave it out.": (
+                self.controller is not None and self.individual != "champion"
+            ),
+            "--twin-noise scales a twin's noise, or Enki's; a robot has its own noise. Leave it out.": (
+                self.twin_noise is not None and not twins
+            ),
+            "disk: expected a robot that wears it; a twin has a disk of its own.": disk and not real,
+            "eye: expected camera too: its camera.json, as `realitygap camera calibrate` makes it (--camera "
+            "FILE).": eye and not camera,
+            f"camera: expected eye too: {above}.": camera and not eye,
+            f"disk: expected eye too: {above}.": disk and not eye,
+            "eye: expected a robot under it; a twin has a camera of its own.": eye and not real,
+            f"marker: expected eye too: {above}.": marker and not twins and not eye,
+            f"film: expected {above}. A film of your own: `realitygap camera track FILM`.": (
+                real and bool(self.film) and not eye
+            ),
+            f"view: expected drawn or mujoco, got {self.view!r}.": self.view not in ("drawn", "mujoco"),
+            "view: expected a filmed twin with mujoco (--robot twin:1 --film).": (
+                self.view == "mujoco" and not (twins and self.film)
+            ),
+            "view: expected drawn with a marker; MuJoCo's renderer shows a twin's disk.": (
+                self.view == "mujoco" and marker
+            ),
+        }
+        for says, found in wrong.items():
+            if found:
+                raise UsageError(says)
 
     @cached_property
     def bodies(self) -> tuple[Address, ...]:
@@ -167,49 +173,3 @@ class Transfer:
     def films(self, run: int, start: int) -> bool:
         """Whether the trial of the run with this id from this start is filmed."""
         return self.film if isinstance(self.film, bool) else run in self.film or (run, start) in self.film
-
-    def _check_values(self) -> None:
-        """Refuse what is no number, switch, marker or list of what to film."""
-        whole("starts", self.starts, 1, 10**6)
-        if self.seed is not None:
-            whole("seed", self.seed, 0, LARGEST)
-        if self.twin_noise is not None:
-            as_scale(self.twin_noise, "twin_noise")
-        must_be(self.seconds, float | int | None, "seconds", "Give a number, or None for the task's own.")
-        must_be(self.baud, int | None, "baud", "Give a number, or None to try all.")
-        must_be(self.marker, Marker | str | None, "marker", 'Give its text, such as "aruco:4x4_50:7".')
-        must_be(self.watch, bool, "watch", "Give True or False.")
-        must_be(self.pack, bool | None, "pack", "Give True, False or None.")
-        film: object = self.film
-        listed = isinstance(film, Collection) and not isinstance(film, str | bytes)
-        if not isinstance(film, bool) and not (listed and all(map(_films, film))):  # type: ignore[call-overload]
-            expected = "True, False, or a list of ids of runs and of pairs (id, start)"
-            raise UsageError(f"film: expected {expected}, got {film!r}.")
-
-    def _check_view(self, twins: bool) -> None:
-        """Refuse an unknown renderer, one with nothing to film, or one that cannot show the marker."""
-        if self.view == "drawn":
-            return
-        if self.view != "mujoco":
-            raise UsageError(f"view: expected drawn or mujoco, got {self.view!r}.")
-        if not (twins and self.film):
-            raise UsageError("view: expected a filmed twin with mujoco (--robot twin:1 --film).")
-        if self.marker is not None:
-            raise UsageError("view: expected drawn with a marker; MuJoCo's renderer shows a twin's disk.")
-
-    def _check_eye(self, real: bool) -> None:
-        """Refuse a live camera without its calibration, and a calibration or a disk without a camera."""
-        if self.disk is not None and not real:
-            raise UsageError("disk: expected a robot that wears it; a twin has a disk of its own.")
-        if self.camera is None and self.eye is not None:
-            cure = "its camera.json, as `realitygap camera calibrate` makes it (--camera FILE)"
-            raise UsageError(f"eye: expected camera too: {cure}.")
-        if self.camera is not None and self.eye is None:
-            raise UsageError(
-                "camera: expected eye too: the camera that looks down on the robot (--camera-device DEVICE)."
-            )
-        if self.disk is not None and self.eye is None:
-            cure = "the camera above the robot, and its calibration (--camera-device DEVICE, --camera FILE)"
-            raise UsageError(f"disk: expected eye too: {cure}.")
-        if self.eye is not None and not real:
-            raise UsageError("eye: expected a robot under it; a twin has a camera of its own.")

@@ -13,10 +13,8 @@ from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.track import Trajectory
-from realitygap.transfer.load import load_transfer, read_trial
-from realitygap.transfer.packed import placed
-from realitygap.transfer.plan import transfer_stream
-from realitygap.transfer.trial import TRIAL
+from realitygap.transfer.record import load_transfer, read_trial, trial_files
+from realitygap.transfer.spec import transfer_stream
 
 __all__ = ["Replay", "Replays"]
 
@@ -46,7 +44,7 @@ class Replays:
         A trial of another version whose path would differ today is not presented as the stored one: its
             readings are None.
         """
-        table = read_trial(folder / TRIAL)
+        table = read_trial(folder)
         situated = _recording(folder)
         if not {"evaluation", "seed"} <= table.keys():
             return Replay(None, None, situated)
@@ -79,7 +77,7 @@ class Replays:
 
 def _recording(folder: Path) -> Recording | None:
     try:
-        with placed(folder) as here:
+        with trial_files(folder) as here:
             return Recording.from_folder(here)
     except UsageError:
         return None

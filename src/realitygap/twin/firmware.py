@@ -5,18 +5,23 @@ a wire of its own; a command is carried out when its line end has arrived, its a
 when the answer's last character has gone. Between events the body's physics runs on.
 """
 
+from __future__ import annotations
+
 import math
 from collections import deque
 from collections.abc import Iterable
 from pathlib import Path
-from typing import IO, NamedTuple, Protocol
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 from realitygap.files import naming_errors
 from realitygap.robots.khepera import KHEPERA
 from realitygap.robots.line import RefusedError, answer
 from realitygap.values import Pose
 
-__all__ = ["BIOS", "PROTOCOL", "Firmware", "RobotBody"]
+if TYPE_CHECKING:
+    from realitygap.twin.body import TwinBody
+
+__all__ = ["BIOS", "PROTOCOL", "Firmware"]
 
 BIOS, PROTOCOL = "5.02", "5.01"
 """As khepera.md's example of command B."""
@@ -32,25 +37,6 @@ FILM_MS = 20
 
 NEVER = 1 << 62
 MS = 1_000_000
-
-
-class RobotBody(Protocol):
-    """The robot's mechanics and sensors, in whole milliseconds; Khepera units, pulses, counts.
-
-    And the members that `DRIVES` and `PLAIN` name.
-    """
-
-    leds: list[int]
-    time_ms: int
-
-    def advance(self, milliseconds: int) -> None: ...
-    def proximity(self) -> list[int]: ...
-    def ambient(self) -> list[int]: ...
-    def pulses(self) -> tuple[int, int]: ...
-    def speeds(self) -> tuple[int, int]: ...
-    def on_target(self) -> tuple[bool, bool]: ...
-    def place(self, x_cm: float, y_cm: float, heading: float) -> None: ...
-    def truth(self) -> tuple[float, float, float]: ...
 
 
 class _Sent(NamedTuple):
@@ -69,7 +55,7 @@ class Firmware:
         name: what the first of the two lines after a reset says of it.
     """
 
-    def __init__(self, body: RobotBody, *, baud: int, name: str) -> None:
+    def __init__(self, body: TwinBody, *, baud: int, name: str) -> None:
         self.body = body
         self.baud = baud
         self.now = body.time_ms * MS
@@ -220,4 +206,4 @@ PLAIN = {
     "N": "proximity",
     "O": "ambient",
 }
-"""What carries out a command: members of the body."""
+"""What carries out a command: members of the body, in Khepera units, pulses and counts."""

@@ -51,11 +51,11 @@ class Wheels:
     """Both wheels' encoders, targets and controllers, by the robot's commands: always left and right.
 
     Attributes:
-        state: [2, NUMBERS].
+        state: [2, NUMBERS]; at_rest: whether both are only told to stand.
     """
 
     def __init__(self, volt: float) -> None:
-        self.state = np.zeros((2, NUMBERS))
+        self.state, self.at_rest = np.zeros((2, NUMBERS)), True
         self.set_volt(volt)
         self.set_profile(*PROFILE, *PROFILE)
         self.set_speed_gains(*SPEED_GAINS)
@@ -83,16 +83,18 @@ class Wheels:
         self.state[self.state[:, MODE] != SPEED, ERROR_SUM] = 0.0
         self.state[:, MODE] = SPEED
         self.state[:, WANTED] = np.clip((left, right), -MAX_SPEED, MAX_SPEED)
+        self.at_rest = left == right == 0
 
     def set_position(self, left: int, right: int) -> None:
         """Drive the counters to these values (pulses) and hold them, by the profile."""
-        new = self.state[:, MODE] != POSITION
+        self.at_rest, new = False, self.state[:, MODE] != POSITION
         self.state[new, ERROR_SUM] = 0.0
         self.state[new, REFERENCE], self.state[new, PACE] = self._pulses()[new], self._speeds()[new]
         self.state[:, MODE], self.state[:, TARGET] = POSITION, (left, right)
 
     def set_pwm(self, left: int, right: int) -> None:
         """Share of the voltage for each motor, −255 to 255, uncontrolled."""
+        self.at_rest = False
         self.state[:, MODE], self.state[:, PWM_SHARE] = PWM, np.clip((left, right), -MAX_PWM, MAX_PWM)
 
     def pulses(self) -> tuple[int, int]:
@@ -115,11 +117,6 @@ class Wheels:
         fast = np.abs(self.state[:, WANTED] - speed) <= 1
         left, right = np.where(mode == POSITION, there, (mode == PWM) | fast).tolist()
         return left, right
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether both are only told to stand."""
-        return not self.state[:, [MODE, WANTED]].any()  # SPEED is 0
 
     def _pulses(self) -> NDArray[np.float64]:
         return self.state[:, RAW] + self.state[:, OFFSET]

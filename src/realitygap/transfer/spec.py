@@ -1,5 +1,6 @@
-"""The trials of a transfer: who drives which robot from where, and the folder of each."""
+"""The trials of a transfer: which individuals drive which robot from where, and how each is seen."""
 
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ import numpy as np
 
 from realitygap.control.controllers import OwnController, named_controller
 from realitygap.control.genotype import NetworkController
-from realitygap.errors import UsageError
+from realitygap.errors import StudyError, UsageError
 from realitygap.film.disk import Disk
 from realitygap.film.tag import Marker, Tag
 from realitygap.kernels.rng import substream
@@ -18,14 +19,13 @@ from realitygap.robots.body import Body
 from realitygap.streams import TRANSFER
 from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
-from realitygap.study.run import WHO
-from realitygap.transfer.chosen import chosen_runs, number_of
+from realitygap.study.store import WHO
 from realitygap.transfer.options import Named, Transfer
 from realitygap.world.robot import Profile
 
 __all__ = [
-    "FOLDER", "SOURCES", "WHEELS", "Known", "Situation", "check_body", "check_fit", "controller_for",
-    "situations", "transfer_stream",
+    "FOLDER", "SOURCES", "WHEELS", "TrialSpec", "check_body", "check_fit", "chosen_runs", "controller_for",
+    "median_run", "shown_runs", "transfer_stream", "trial_specs",
 ]  # fmt: skip
 
 FOLDER = "transfer"
@@ -72,7 +72,7 @@ class Known(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Situation:
+class TrialSpec:
     """One trial to make: an individual of a run on a robot, from start number `start` (from 1).
 
     Attributes:
@@ -135,7 +135,7 @@ SAME_SCALE = 0.01
 """
 
 
-def situations(study: Study, options: Transfer) -> Iterator[Situation]:
+def trial_specs(study: Study, options: Transfer) -> Iterator[TrialSpec]:
     """All requested trials, robot by robot.
 
     Raises:
@@ -151,7 +151,7 @@ def situations(study: Study, options: Transfer) -> Iterator[Situation]:
         known = Known.of(robot, study, {run.task: None for run in runs})
         for run in runs:
             for start in range(1, options.starts + 1):
-                yield _situation(study, options, robot, known, run, start)
+                yield _trial_spec(study, options, robot, known, run, start)
 
 
 def _check_films(driven: set[int], options: Transfer) -> None:
@@ -165,16 +165,16 @@ def _check_films(driven: set[int], options: Transfer) -> None:
             raise UsageError(f"film: expected {expected}, got {one}.")
 
 
-def _situation(
+def _trial_spec(
     study: Study, options: Transfer, robot: Address, known: Known, run: Run, start: int
-) -> Situation:
+) -> TrialSpec:
     own, twin = options.named, robot.unit is not None
     number = number_of(run, options.individual) if own is None else None
     who = options.individual if own is None else own.name
     seed = study.config.seed if options.seed is None else options.seed
     name = run.name.replace("/", "-")
     name += "" if who == WHO[1] else f"-{who}"
-    return Situation(
+    return TrialSpec(
         run=run.id,
         name=run.name,
         task=run.task,
@@ -282,3 +282,61 @@ def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str = 
         raise UsageError(
             f"{wanted} a period of {profile.period_s:g} s {name}; this robot's is {body.period_s:g} s."
         )
+
+
+FINISH = "Finish the study (`realitygap … --resume`)."
+
+
+def chosen_runs(study: Study, options: Transfer) -> list[Run]:
+    """The named runs, or all finished ones; for a controller of your own, one run of each task and noise.
+
+    Raises:
+        UsageError: no such run or individual, or one that does not exist yet.
+    """
+    if options.named is not None:
+        first = {
+            (run.task, run.noise): run
+            for run in [*map(study.run, reversed(options.runs))] or study.runs[::-1]
+        }
+        return list(first.values())[::-1]
+    if options.individual not in WHO:
+        raise UsageError(f"individual: expected {' or '.join(WHO)}, got {options.individual!r}.")
+    if not options.runs:
+        finished = [run for run in study.runs if run.finished]
+        if not finished:
+            raise StudyError(f"{study.folder}: no run is finished yet. {FINISH}")
+        return finished
+    chosen = list({run.id: run for run in map(study.run, options.runs)}.values())
+    for run in chosen:
+        if number_of(run, options.individual) is None:
+            raise StudyError(f"{study.folder}: run {run.id} has no {options.individual} yet. {FINISH}")
+    return chosen
+
+
+def number_of(run: Run, individual: str) -> int | None:
+    """Evaluation number of a run's champion or fittest; None: there is none yet."""
+    return run.champion_number if individual == "champion" else run.fittest_number
+
+
+def median_run(runs: Iterable[Run]) -> Run | None:
+    """The median run of a condition, by its champion's fresh trials at its own noise.
+
+    Where those are missing, by stored fitness; of an even number the lower of the middle two.
+    """
+    ranked = sorted((run for run in runs if run.evaluations), key=lambda run: (_worth(run), -run.id))
+    return ranked[(len(ranked) - 1) // 2] if ranked else None
+
+
+def shown_runs(study: Study) -> list[Run]:
+    """One finished run of each condition, in the study's order: those in figures 3 and 5."""
+    conditions = dict.fromkeys((run.task, run.noise) for run in study.runs)
+    chosen = (median_run(r for r in study.runs if (r.task, r.noise) == pair) for pair in conditions)
+    return [run for run in chosen if run is not None and run.finished]
+
+
+def _worth(run: Run) -> float:
+    """Quality of a run's champion, as far as it is known."""
+    fresh = run.tests.get(("champion", run.noise))
+    if fresh is not None and fresh.size:
+        return float(fresh.mean())
+    return -math.inf if run.best_fitness is None else run.best_fitness

@@ -1,37 +1,41 @@
-"""The camera over a twin: it watches or films a trial for the tracker.
+"""The camera over a robot: a twin's is rendered from its recorded states, a real robot's films it live.
 
-Frames are rendered from the recorded states. They are tracked one by one in memory, or written to a film that
-is tracked like any other.
+Frames are tracked one by one in memory, or written to a film that is tracked like any other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from realitygap.errors import StudyError
+from realitygap.errors import FilmError, StudyError
 from realitygap.files import atomic_write, to_toml
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.camera import CameraModel, load_camera
 from realitygap.film.disk import Disk, load_disk
 from realitygap.film.tag import Marker
 from realitygap.track import Track
-from realitygap.values import Pose
+from realitygap.transfer.paths import of_track
+from realitygap.values import Closing, Pose
 from realitygap.work.folder import locked
 from realitygap.world.arena import Arena
 
 if TYPE_CHECKING:
+    from realitygap.film.live import Filmed
     from realitygap.film.tracker import Tracked
+    from realitygap.transfer.spec import TrialSpec
     from realitygap.twin.camera import OverheadCamera
 
 __all__ = [
-    "CAMERA", "DISK", "FILM", "FPS", "TAILS", "TRACK", "WATCH_FPS", "Watcher", "film_and_track",
-    "keep_film", "known_poses",
+    "FILM", "TRACK", "ConfirmPose", "LiveOverhead", "OverheadTracker", "film_and_track", "keep_film",
+    "known_poses",
 ]  # fmt: skip
 
 FPS, WATCH_FPS = 25, 10
@@ -76,7 +80,7 @@ def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
     return [Pose.from_degrees(x, y, k * GOLDEN_DEG % 360.0) for k, (x, y) in enumerate(places)]
 
 
-class Watcher:
+class OverheadTracker:
     """The camera over a unit's arena, which watches trials without keeping a film.
 
     Args:
@@ -159,7 +163,7 @@ class Watcher:
 def film_and_track(
     folder: Path,
     truth: Track,
-    watcher: Watcher,
+    tracker: OverheadTracker,
     *,
     overhead: OverheadCamera,
     first: int,
@@ -171,7 +175,7 @@ def film_and_track(
     Args:
         folder: the trial's.
         truth: where the robot was, from the trial's beginning to its end.
-        watcher: has the camera's calibration, and what the robot wears.
+        tracker: has the camera's calibration, and what the robot wears.
         overhead: the camera that films.
         first: number of the first frame, which names its pixels' noise.
         facts: further metadata of the film.
@@ -193,7 +197,7 @@ def film_and_track(
         tell(0.5 * (done - last) / total)
         last = done
 
-    return keep_film(folder, watcher.camera, watcher.marker, tracked_so_far).track
+    return keep_film(folder, tracker.camera, tracker.marker, tracked_so_far).track
 
 
 def keep_film(
@@ -220,3 +224,106 @@ def keep_film(
     tracked.track.write_csv(folder / TRACK)
     save_tails(folder / TAILS, draw_tails(tracked.last_frame, tracked.track, camera, marker))
     return tracked
+
+
+ConfirmPose = Callable[["TrialSpec", Pose, Pose | None], bool]
+"""Gets the requested pose and the seen one (None: not seen), and returns whether to start there; if none is
+seen, from the requested pose, on a person's word. If False, the camera looks again."""
+
+
+@dataclass(kw_only=True)
+class FilmOfDrive:
+    """The film of one drive; complete when the drive is over."""
+
+    overhead: LiveOverhead
+    spec: TrialSpec
+    folder: Path
+    begun: float
+    period_s: float
+    filmed: Filmed | None = None
+
+    def path(self, facts: dict[str, Any]) -> Track:
+        """The situated path from the tracker; the film is kept only if requested.
+
+        Raises:
+            FilmError: the robot is not seen in any frame.
+        """
+        from realitygap.film.tracker import track_film
+
+        assert self.filmed is not None
+        one, folder, lead = self.spec, self.folder, self.begun - self.filmed.first_at
+        camera, marker = self.overhead.camera, self.overhead.marker
+        if one.film:
+            tracked = keep_film(folder, camera, marker)
+        else:
+            tracked = track_film(folder / FILM, camera, marker)
+            tracked.track.write_csv(folder / TRACK)
+            (folder / FILM).unlink()
+        facts |= {"view": f"camera {self.overhead.source}", "film_lead_s": round(lead, 6)}
+        facts["trouble"] = "; ".join(filter(None, (self.filmed.trouble, tracked.trouble))) or None
+        return of_track(tracked.track, round(one.seconds / self.period_s), lead, period_s=self.period_s)
+
+
+class LiveOverhead(Closing):
+    """An open, calibrated camera over a real robot's arena; a context manager.
+
+    Args:
+        source: a camera's number, a video file or a stream.
+        camera: its calibration.
+        marker: what the robot wears.
+        found: asks a person about the start; without one the robot must be seen.
+        says: called with the reason why it is not seen, if known.
+    """
+
+    def __init__(
+        self,
+        source: str | int,
+        camera: CameraModel,
+        marker: Marker,
+        found: ConfirmPose | None,
+        says: Callable[[str], object] | None = None,
+    ) -> None:
+        from realitygap.film.live import LiveCamera
+        from realitygap.film.tracker import Tracker
+
+        self.camera, self.marker, self._found, self._says = camera, marker, found, says
+        self._new_tracker = lambda: Tracker(camera, marker)
+        self._new_tracker()  # refuses a camera that cannot see this marker
+        self._live = LiveCamera(source, size=(camera.width_px, camera.height_px))
+        self.source = self._live.source
+
+    def close(self) -> None:
+        self._live.close()
+
+    def start(self, one: TrialSpec, requested: Pose) -> Pose:
+        """The robot's pose: as seen, or the requested one on the person's word."""
+        while True:
+            picture = self._live.look()
+            self.camera.check_size(picture.shape[1], picture.shape[0], f"live camera {self.source!r}")
+            tracker = self._new_tracker()
+            seen = tracker.see(picture)
+            pose = None if seen is None else seen[0]
+            if self._found is None:
+                if pose is None:  # nobody can be asked
+                    cure = "Check that it wears the marker and that the calibration is of this camera."
+                    told = f"{one.name}, start {one.start}: the robot is not seen where it was carried."
+                    raise FilmError(f"{told} {tracker.doubt or cure}")
+                return pose
+            if pose is None and tracker.doubt and self._says is not None:
+                self._says(tracker.doubt)
+            if self._found(one, requested, pose):
+                return requested if pose is None else pose
+
+    @contextmanager
+    def filming(self, one: TrialSpec, folder: Path, period_s: float) -> Iterator[FilmOfDrive]:
+        """Film the block, which is the drive; afterwards its path is available by steps."""
+        self._live.film(folder / FILM)
+        begun = time.monotonic()
+        film = FilmOfDrive(overhead=self, spec=one, folder=folder, begun=begun, period_s=period_s)
+        try:
+            yield film
+        except BaseException:
+            with suppress(FilmError):
+                self._live.finish(time.monotonic())
+            raise
+        film.filmed = self._live.finish(film.begun + one.seconds)
