@@ -38,6 +38,8 @@ FEWEST, FEWEST_PIECES = 12, 8
 """Least number of pictures after a movement; and of pieces for the spread that leaving one out gives."""
 LEAP, SURE = 6.0, 4.0
 """Deviations from which a step's error is a leap; and those by which slip must differ from none."""
+DISAGREE, FAR = 5.0, 0.03
+"""Deviations, and share of the track, from which the halves of a recording disagree."""
 MIRRORED = 0.35
 """Errors of the heading (rad) from which it is tried whether the heading runs the other way."""
 APART, STEADY_STEPS, FEWEST_STEPS = 5, 10, 100
@@ -56,6 +58,7 @@ class Odometry:
         place_cm, heading_deg: the poses' own errors.
         drift_deg_per_m: drift of the heading under equal commands.
         constants: with intervals.
+        halves: the track by the first and by the second half of the trials, cm, where they disagree.
         theta: [7] constants as in KEYS, rad.
         ways: [m, 2] distances by the encoders (cm), and the camera's excess over them, [m, 2].
     """
@@ -67,6 +70,7 @@ class Odometry:
     heading_deg: float
     drift_deg_per_m: float
     constants: tuple[Constant, ...]
+    halves: tuple[float, float] | None
     theta: Floats = field(repr=False)
     ways: Floats = field(repr=False)
     beyond: Floats = field(repr=False)
@@ -231,7 +235,8 @@ def measure_odometry(recording: WheelRecording, track_cm: float) -> Odometry | N
     return Odometry(
         cm_per_pulse=(float(fit.theta[0]), float(fit.theta[1])), track_cm=float(fit.theta[2]), slip=slip,
         place_cm=place, heading_deg=math.degrees(heading), drift_deg_per_m=_drift(recording, fit.theta),
-        constants=(*constants, share), theta=fit.theta, ways=pairs[0], beyond=pairs[1],
+        constants=(*constants, share), halves=_halves(runs, fit), theta=fit.theta,
+        ways=pairs[0], beyond=pairs[1],
     )  # fmt: skip
 
 
@@ -324,6 +329,24 @@ def _left_out(runs: _Runs, fit: _Fit) -> Floats:
     return np.asarray(
         np.sqrt((n - 1) / n * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0)) * _scale(fit.theta)
     )
+
+
+def _halves(runs: _Runs, fit: _Fit) -> tuple[float, float] | None:
+    """The track by each half of the pieces alone, where they differ by more than chance explains: by the
+    slope of each half's squares at the fit (one step of Gauss and Newton), each with its own spread."""
+    if runs.count < FEWEST_PIECES:
+        return None
+    found, spread = [], []
+    parts = list(_parts(runs, fit))
+    for some in (parts[: len(parts) // 2], parts[len(parts) // 2 :]):
+        whole = np.diag(PRIOR**-2.0) + sum(columns.T @ columns for columns, _, _ in some)
+        slopes = np.array([columns.T @ off for columns, off, _ in some])
+        bread = np.linalg.inv(whole)
+        found.append(fit.theta[2] * (1.0 - (bread @ slopes.sum(axis=0))[2]))
+        spread.append((bread @ slopes.T @ slopes @ bread)[2, 2])
+    apart = abs(found[1] - found[0])
+    sure = apart > DISAGREE * math.sqrt(sum(spread)) * fit.theta[2] and apart > FAR * fit.theta[2]
+    return (float(found[0]), float(found[1])) if sure else None
 
 
 def _scale(theta: Floats) -> Floats:

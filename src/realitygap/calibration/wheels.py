@@ -36,6 +36,9 @@ FIRST_GAINS: dict[str, tuple[tuple[float, ...], ...]] = {
 """Starting values of a form: gains, lag and play."""
 ROBUST_AT, SETTLING = 0.5, 0.999
 """Residuals beyond this many cm/s count less than their square; the largest pole that is tried."""
+SETTLED, BENT = 5, 0.1
+"""Steps after which a wheel has its speed; share of the top speed by which a settled one may be off the
+fitted law before it is called not proportional."""
 ROUGH = 1.15
 """Factor between fitted and base speeds beyond which the unit of commands is doubted."""
 FIRST_STEPS = 2
@@ -65,6 +68,8 @@ class WheelFit:
         odometry: from the camera; None without one, or if it saw too little.
         camera: whether there are any pictures.
         pulses_per_mm: of both counters, measured or known in advance; empty without counters.
+        bent: wheel, command, and the share of the fitted speed at which it settles, where that is not
+            proportional to the command.
         measured, model: [n, 2] speeds in the step after each row, cm/s.
     """
 
@@ -77,6 +82,7 @@ class WheelFit:
     odometry: Odometry | None
     camera: bool
     pulses_per_mm: tuple[float, ...]
+    bent: tuple[str, float, float] | None
     measured: Floats = field(repr=False)
     model: Floats = field(repr=False)
 
@@ -113,7 +119,7 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
         friction=friction, odometry=odometry,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
         pulses_per_mm=tuple(0.1 / length for length in per_pulse if recording.counted),
-        measured=measured, model=model,
+        bent=_bent(recording, profile, measured), measured=measured, model=model,
     )  # fmt: skip
 
 
@@ -141,7 +147,48 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             f"wheels: the printed gains leave {wheels.rmse['printed']:.2f} cm/s, refitted ones "
             f"{wheels.rmse['refitted']:.2f}: this misfit is no noise"
         )
+    lag = next((c for c in wheels.constants if c.key == "lag"), None)
+    if lag is not None and at_bound(lag.value, 0.0, 1.0) and lag.value > 0.5:
+        out.append(
+            "wheels: lag: at its bound of one step: commands act later than the law of the wheels has it"
+        )
+    if wheels.bent is not None:
+        side, command, share = wheels.bent
+        out.append(
+            f"wheels: the speed is not proportional to the command: told {command:g}, the {side} wheel "
+            f"settles at {share:.2f} times the fitted speed"
+        )
+    halves = wheels.odometry.halves if wheels.odometry else None
+    if halves is not None:
+        out.append(
+            f"wheels: trials disagree: the first half of them gives a track of {halves[0]:.3g} cm, the "
+            f"second {halves[1]:.3g} cm: two floors?"
+        )
     return out
+
+
+def _bent(recording: WheelRecording, profile: Profile, measured: Floats) -> tuple[str, float, float] | None:
+    """The wheel and command whose settled speed is farthest from proportional, and its share of the fitted
+    speed; None if all are within BENT of the top speed."""
+    found: list[tuple[float, str, float, float]] = []
+    for w, side in enumerate(SIDES):
+        per_unit, command = profile.wheels.speed_per_unit_cm_s[w], recording.commands[:, w]
+        use = (_since(recording, w) >= SETTLED) & (command != 0) & np.isfinite(measured[:, w])
+        for value in np.unique(command[use]).tolist():
+            speeds = measured[use & (command == value), w]
+            off = abs(float(np.median(speeds)) - value * per_unit)
+            if len(speeds) >= SETTLED:
+                found.append((off, side, value, float(np.median(speeds)) / (value * per_unit)))
+    top = max((abs(value) for *_, value, _ in found), default=0.0) * max(profile.wheels.speed_per_unit_cm_s)
+    worst = max(found, default=None)
+    return worst[1:] if worst is not None and worst[0] > BENT * top else None
+
+
+def _since(recording: WheelRecording, w: int) -> NDArray[np.int64]:
+    """[n] steps for which a wheel's command has been the same."""
+    command, number = recording.commands[:, w], np.arange(len(recording.commands))
+    changed = np.concatenate([[True], (np.diff(command) != 0) | (np.diff(recording.trial) != 0)])
+    return np.asarray(number - np.maximum.accumulate(np.where(changed, number, 0)))
 
 
 def _refuse_assumed(recording: WheelRecording, profile: Profile, base: Profile) -> None:
@@ -258,9 +305,7 @@ def _steady(recording: WheelRecording, measured: Floats) -> list[float]:
     out = []
     for w in range(2):
         command = recording.commands[:, w]
-        changed = np.concatenate([[True], (np.diff(command) != 0) | (np.diff(recording.trial) != 0)])
-        since = np.arange(len(command)) - np.maximum.accumulate(np.where(changed, np.arange(len(command)), 0))
-        use = (since >= 5) & (command != 0) & np.isfinite(measured[:, w])
+        use = (_since(recording, w) >= SETTLED) & (command != 0) & np.isfinite(measured[:, w])
         if use.sum() < 5:
             use = (command != 0) & np.isfinite(measured[:, w])
         out.append(float((measured[use, w] * command[use]).sum() / (command[use] ** 2).sum()))
@@ -344,10 +389,11 @@ def intervals(
 def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tuple[Constant, ...]:
     """Constants in cm with the uncertainty of the pulses' length added; not identifiable where that length is
     assumed."""
-    shares = (ASSUMED, ASSUMED)
+    shares = [ASSUMED, ASSUMED]
     if odometry is not None:
-        lengths = {c.key: (c.high - c.low) / 2 / SIGMAS / c.value for c in odometry.constants}
-        shares = (lengths.get("cm_per_pulse_left", 0.0), lengths.get("cm_per_pulse_right", 0.0))
+        lengths = {c.key: c for c in odometry.constants}
+        sides = [lengths.get(f"cm_per_pulse_{side}") for side in SIDES]
+        shares = [(c.high - c.low) / 2 / SIGMAS / c.value if c else 0.0 for c in sides]
     out = []
     for c in constants:
         share = max((shares[w] for w in LENGTHS.get(c.key, ())), default=0.0)
@@ -402,7 +448,7 @@ AGAINST, OTHERS = -0.3, 0.2
 other wheel's command from which on columns count as swapped."""
 PULSES_SHARE = (0.5, 25.0 / 12.0)
 """Range of pulses per mm by camera, as a share of the value known in advance."""
-TRACK_SHARE = 0.3
+TRACK_FACTOR = 2.0
 EXPLAINED = 0.5
 
 
@@ -465,7 +511,7 @@ def _refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile
         raise CalibrationError(
             f"{recording.source}: {side} wheel: expected {expected} by the camera, got {got:.3g}. {cure}"
         )
-    least, most = ((1 + sign * TRACK_SHARE) * base.wheels.track_cm for sign in (-1, 1))
+    least, most = base.wheels.track_cm / TRACK_FACTOR, base.wheels.track_cm * TRACK_FACTOR
     if not least <= odometry.track_cm <= most:
         raise CalibrationError(
             f"{recording.source}: track: expected {least:.1f} to {most:.1f} cm, as profile {base.name!r} has "
