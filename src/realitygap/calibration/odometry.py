@@ -9,7 +9,8 @@ pulses, whose length is then the speed per unit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import sys
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -38,6 +39,7 @@ FEWEST, FEWEST_PIECES = 12, 8
 """Least number of pictures after a movement; and of pieces for the spread that leaving one out gives."""
 LEAP, SURE = 6.0, 4.0
 """Deviations from which a step's error is a leap; and those by which slip must differ from none."""
+FOLDS = 4
 DISAGREE, FAR = 5.0, 0.03
 """Deviations, and share of the track, from which the halves of a recording disagree."""
 MIRRORED = 0.35
@@ -60,6 +62,8 @@ class Odometry:
         constants: with intervals.
         halves: the track by the first and by the second half of the trials, cm, where they disagree.
         theta: [7] constants as in KEYS, rad.
+        unseen: how far off (cm, degrees; medians) the ends of runs are that were not fitted, see `ends`.
+        unfitted: the same by the base's constants.
         ways: [m, 2] distances by the encoders (cm), and the camera's excess over them, [m, 2].
     """
 
@@ -72,14 +76,23 @@ class Odometry:
     constants: tuple[Constant, ...]
     halves: tuple[float, float] | None
     theta: Floats = field(repr=False)
+    unseen: tuple[float, float]
+    unfitted: tuple[float, float]
     ways: Floats = field(repr=False)
     beyond: Floats = field(repr=False)
+
+    def ends(self, recording: WheelRecording) -> Floats:
+        """[runs, 2] how far (cm, rad) from its last pose each run of a recording ends, predicted from its
+        first pose and the counters."""
+        return _ends(_Runs(recording, sys.maxsize), self.theta)
 
 
 class _Runs:
     """A recording's pictures, in pieces of at most so many rows, of some trials."""
 
-    def __init__(self, recording: WheelRecording, longest: int) -> None:
+    def __init__(
+        self, recording: WheelRecording, longest: int = LONGEST_ROWS, trials: Collection[int] | None = None
+    ) -> None:
         assert recording.pose is not None
         self.t, self.counters, self.trial = recording.t_s, recording.counters, recording.trial
         self.first = np.concatenate([[True], np.diff(self.trial) != 0])
@@ -87,6 +100,8 @@ class _Runs:
         pose = recording.pose.copy()
         again = np.concatenate([[False], (np.diff(pose, axis=0) == 0).all(axis=1)])
         pose[again & (np.abs(pulses).sum(axis=1) > 0)] = np.nan  # an old picture once more
+        if trials is not None:
+            pose[~np.isin(self.trial, list(trials))] = np.nan
         self.pose = pose
         self.piece = np.zeros(len(self.t), np.int64)
         count = 0
@@ -236,8 +251,35 @@ def measure_odometry(recording: WheelRecording, track_cm: float) -> Odometry | N
         cm_per_pulse=(float(fit.theta[0]), float(fit.theta[1])), track_cm=float(fit.theta[2]), slip=slip,
         place_cm=place, heading_deg=math.degrees(heading), drift_deg_per_m=_drift(recording, fit.theta),
         constants=(*constants, share), halves=_halves(runs, fit), theta=fit.theta,
+        unseen=_unseen(recording, known, fit.theta),
+        unfitted=_median(_ends(_Runs(recording, sys.maxsize), known)),
         ways=pairs[0], beyond=pairs[1],
     )  # fmt: skip
+
+
+def _ends(runs: _Runs, theta: Floats) -> Floats:
+    """[pieces, 2] see `Odometry.ends`."""
+    off = runs.off(theta, runs.start(theta))
+    last = np.searchsorted(runs.index, np.arange(runs.count), side="right") - 1
+    return np.stack([np.hypot(off[last, 0], off[last, 1]), np.abs(off[last, 2])], 1)
+
+
+def _median(ends: Floats) -> tuple[float, float]:
+    place, heading = np.median(ends, axis=0)
+    return float(place), math.degrees(heading)
+
+
+def _unseen(recording: WheelRecording, known: Floats, theta: Floats) -> tuple[float, float]:
+    """Ends of runs by constants fitted to the others; NaN of a single run."""
+    trials = np.unique(recording.trial).tolist()
+    found = [np.full((1, 2), math.nan)]
+    for k in range(min(FOLDS, len(trials))):
+        out = trials[k::FOLDS]
+        rest = _Runs(recording, LONGEST_ROWS, set(trials).difference(out))
+        left = _Runs(recording, sys.maxsize, out)
+        if rest.count and left.count:
+            found.append(_ends(left, _fitted(rest, known, theta).theta))
+    return _median(np.concatenate(found[1:] or found))
 
 
 def enough_pictures(recording: WheelRecording) -> bool:
@@ -340,9 +382,10 @@ def _halves(runs: _Runs, fit: _Fit) -> tuple[float, float] | None:
     parts = list(_parts(runs, fit))
     for some in (parts[: len(parts) // 2], parts[len(parts) // 2 :]):
         whole = np.diag(PRIOR**-2.0) + sum(columns.T @ columns for columns, _, _ in some)
-        slopes = np.array([columns.T @ off for columns, off, _ in some])
         bread = np.linalg.inv(whole)
-        found.append(fit.theta[2] * (1.0 - (bread @ slopes.sum(axis=0))[2]))
+        moved = bread @ sum(columns.T @ off for columns, off, _ in some)
+        slopes = np.array([columns.T @ (off - columns @ moved) for columns, off, _ in some])
+        found.append(fit.theta[2] * (1.0 - moved[2]))
         spread.append((bread @ slopes.T @ slopes @ bread)[2, 2])
     apart = abs(found[1] - found[0])
     sure = apart > DISAGREE * math.sqrt(sum(spread)) * fit.theta[2] and apart > FAR * fit.theta[2]

@@ -134,6 +134,8 @@ def _facts(made: Calibration) -> dict[str, object]:
         "wheels": {
             "form": made.wheels.form,
             "rmse": made.wheels.rmse,
+            "ends_off_held_out": made.wheels.odometry.unseen if made.wheels.odometry else None,
+            "ends_off_by_base": made.wheels.odometry.unfitted if made.wheels.odometry else None,
             "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in made.wheels.alike],
         } if made.wheels else None,
         "constants": [c.to_dict() for c in made.profile.provenance.constants],
@@ -168,6 +170,11 @@ def _tell(made: Calibration, target: Path, page: Path | None) -> None:
         click.echo(
             f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm"
         )
+        if (seen := made.wheels.odometry) is not None and isfinite(seen.unseen[0]):
+            click.echo(
+                f"  runs that were not fitted end {seen.unseen[0]:.2g} cm and {seen.unseen[1]:.2g}° off (by "
+                f"the base's constants {seen.unfitted[0]:.2g} cm and {seen.unfitted[1]:.2g}°)"
+            )
         if vague := [c.key for c in made.wheels.constants if not c.told]:
             click.echo(f"  not identifiable from these recordings: {with_hints(vague)}")
         _tell_alike(made.wheels.alike)
