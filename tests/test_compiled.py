@@ -43,7 +43,7 @@ def damage(entry: Path, kind: str, other: Path) -> None:
 
 def simulated(cache: Path | None) -> tuple[str, str]:
     """What `realitygap simulate` says on stdout and stderr with a cache of its own."""
-    words = ["simulate", "avoidance", "--controller", "constant:5,-3", "--pose", "25", "25", "90"]
+    words = ["simulate", "avoidance", "--controller", "constant:5,-3", "--pose", "25,25,90"]
     environment = dict(os.environ)
     if cache is not None:
         environment.pop("NUMBA_CACHE_DIR", None)

@@ -57,7 +57,10 @@ def test_shards_of_a_transfer_are_the_whole(finished, whole, tmp_path):
         for name in ("simulated.csv", "situated.csv"):
             assert trial_content(trial, name) == trial_content(parts / trial.relative_to(whole), name)
     made[0].folder.mkdir(parents=True)
-    (made[0].folder / "situated.csv").write_text("another")
+    (made[0].folder / "situated.csv").write_text("another")  # a kill may leave part of what is archived
+    assert len(load_transfers(parts)) == len(merge_trials(all_shards(folders), parts)) == 4
+    text = trial_content(made[0].folder, "transfer.toml")
+    (made[0].folder / "transfer.toml").write_bytes(text)
     with pytest.raises(StudyError, match=r": a trial other than .* is there, and is not overwritten"):
         merge_trials(all_shards(folders), parts)
     drive(parts, shard=shards[1], starts=1)

@@ -154,10 +154,16 @@ class OverheadTracker:
 
         `stream` is the first frame's number, which seeds its pixels' noise.
         """
+        import cv2
+
         from realitygap.film.tracker import Tracker
 
-        frames = self.eye.frames(truth, fps=WATCH_FPS, first=stream)
-        return Tracker(self.camera, self.marker).follow(frames)
+        frames, threads = self.eye.frames(truth, fps=WATCH_FPS, first=stream), cv2.getNumThreads()
+        cv2.setNumThreads(1)  # on so small pictures a second one only waits, at full load
+        try:
+            return Tracker(self.camera, self.marker).follow(frames)
+        finally:
+            cv2.setNumThreads(threads)
 
 
 def film_and_track(

@@ -162,7 +162,7 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[TransferredTrial]:
         run = packed.with_suffix("")
         for name, data in _contents(packed, TRIAL):
             file = run / name
-            if not file.parent.exists():
+            if not file.is_file():
                 found.append(_trial(file, _parsed(file, data)))
     return sorted(found, key=lambda one: (one.unit is None, one.unit or 0, one.robot, one.run, one.start))
 
@@ -269,11 +269,9 @@ def _archive_of(run: Path) -> Path:
 def trial_content(folder: Path, name: str) -> bytes | None:
     """The content of a trial's file; None if there is none."""
     with file_errors(folder):
-        if folder.is_dir():
-            return (folder / name).read_bytes() if (folder / name).is_file() else None
         packed = _archive_of(folder.parent)
-        if not packed.is_file():
-            return None
+        if (folder / TRIAL).is_file() or not packed.is_file():
+            return (folder / name).read_bytes() if (folder / name).is_file() else None
     return next((data for _, data in _contents(packed, f"{folder.name}/{name}")), None)
 
 
@@ -281,7 +279,7 @@ def trial_content(folder: Path, name: str) -> bytes | None:
 def trial_files(folder: Path, name: str = "") -> Iterator[Path]:
     """A trial's folder, or a temporary one with what an archive holds of it: all, or one file."""
     packed = _archive_of(folder.parent)
-    if folder.is_dir() or not packed.is_file():
+    if (folder / TRIAL).is_file() or not packed.is_file():
         yield folder
         return
     with tempfile.TemporaryDirectory(prefix="realitygap-") as place:
@@ -337,6 +335,7 @@ def archive(run: Path) -> None:
                 entry = zipfile.ZipInfo(f"{folder.name}/{file.name}")
                 opened.writestr(entry, file.read_bytes(), zipfile.ZIP_DEFLATED)
     for folder in folders:
+        (folder / TRIAL).unlink()  # without it the archive counts, should the rest be cut short
         shutil.rmtree(folder)
     with suppress(OSError):  # a film is in it
         run.rmdir()
