@@ -41,10 +41,8 @@ def test_pandas_reads_what_the_study_holds(written, played, kind):
                 texts = [None if value is None else str(value) for value in values]
                 assert [None if pandas.isna(one) else str(one) for one in column] == texts, (name, key)
             else:
-                assert np.array_equal(column.to_numpy(float), values.astype(float), equal_nan=True), (
-                    name,
-                    key,
-                )
+                same = np.array_equal(column.to_numpy(float), values.astype(float), equal_nan=True)
+                assert same, (name, key)
 
 
 def test_trials_bear_their_scores(played):

@@ -150,10 +150,10 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
         drawn = counts(progress.show, "making the report", "figures")
         page = build_noise_page(out, on_progress=drawn)
     data = NoiseData.read(out)
-    rows = noise_table(data)
+    head, rows = noise_table(data)
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)
     where = {"study": str(out), "results": str(results), "report": str(page)}
-    words = f"{table(rows.head, rows.rows)}\n\nnoise-matched level: {matched}"
+    words = f"{table(head, rows)}\n\nnoise-matched level: {matched}"
     tell({**where, **noise_summary(data), **(more or {})}, f"{words}\n\nresults {results}\nreport  {page}")
 
 
@@ -225,11 +225,11 @@ def show_robots(out: Path, places: list[Place]) -> None:
         drawn = counts(progress.show, "making the report", "figures")
         page = build_robots_page(out, places, few=few, on_progress=drawn)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
-    rows, made = matrix(places, few=few), [one for one in places if not one.why]
+    (head, rows), made = matrix(places, few=few), [one for one in places if not one.why]
     facts = [
         {"robot": one.robot, "folder": str(one.folder), **noise_summary(NoiseData.read(one.folder))}
         for one in made
     ]
     left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
     found = {"folder": str(out), "report": str(page), "robots": facts, "left_out": left}
-    tell(found, f"{table(rows.head, rows.rows)}\n\nreport {page}")
+    tell(found, f"{table(head, rows)}\n\nreport {page}")

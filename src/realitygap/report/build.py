@@ -17,6 +17,7 @@ from realitygap.report.calibration import TITLES, calibrated_part
 from realitygap.report.drawing import Scene, arena_figure, paths_figure, robot_figure, shown_sensors
 from realitygap.report.evolution import (
     PER_CONDITION,
+    WHO,
     Mean,
     NoiseClass,
     Paths,
@@ -250,7 +251,9 @@ def differences(
             if len(table.classes) < 2 or not ours.values(of):
                 continue
             where = f" on the {table.kind}" if of == "correspondence" else ""
-            whose = f" of the {table.individual}" if len({one.individual for one in scores}) > 1 else ""
+            whose = (
+                f" of the {WHO.get(table.individual)}" if len({one.individual for one in scores}) > 1 else ""
+            )
             heads.append(f"{of} score{where}{whose}, {less}")
             for (_, cells), one in zip(rows, table.classes, strict=True):
                 cells.append(_starred(None if one is ours else difference(one.values(of), ours.values(of))))

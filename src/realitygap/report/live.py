@@ -34,12 +34,7 @@ POINTS = 400
 
 
 class LivePage:
-    """Keeps FOLDER/watch.html up to date within its context; results do not depend on it.
-
-    Args:
-        folder: the study's.
-        tell: also called with each progress event.
-    """
+    """Keeps FOLDER/watch.html up to date within its context; `tell` is called with each event too."""
 
     def __init__(self, folder: Path, tell: Callable[[Progress], None]) -> None:
         self.page, self._folder, self._tell = folder / PAGE, folder, tell

@@ -74,6 +74,11 @@ class ScoreClass:
         """Each run's score, if it has one."""
         return [value for mark in self.marks if (value := getattr(mark, of)) is not None]
 
+    @property
+    def averages(self) -> dict[str, float]:
+        """The means that there are."""
+        return {of: mean.value for of in SCORES if (mean := self.mean(of)) is not None}
+
     def rows(self) -> list[tuple[ScoreRow | None, PaperRow | None]]:
         """Our rows and the paper's, side by side."""
         return list(zip_longest(self.marks[:SHOWN], self.paper))
@@ -135,9 +140,13 @@ class ScoreTable:
             "robot": self.kind or None,
             "individual": self.individual,
             "rows": [mark.to_dict() for one in self.classes for mark in one.marks],
-            "averages": [_average(one) for one in self.classes],
+            "averages": [
+                {"noise": one.level, "runs": len(one.marks), **dict.fromkeys(SCORES), **one.averages}
+                for one in self.classes
+            ],
             "paper": [
-                {"noise": one.level, "rows": [row._asdict() for row in one.paper], **_printed(one)}
+                {"noise": one.level, "rows": [row._asdict() for row in one.paper]}
+                | dict(zip(SCORES, one.paper_average or (), strict=True))
                 for one in self.classes
                 if one.paper
             ],
@@ -189,7 +198,9 @@ def scores_csv(tables: Sequence[ScoreTable]) -> str:
         facts = {"task": tables[0].task, "noise": one.name, "source": "paper"}
         rows += [{**facts, "row": k, **row._asdict()} for k, row in enumerate(one.paper, 1)]
         if one.paper:
-            rows.append({**facts, "row": "average", **_printed(one)})
+            rows.append(
+                {**facts, "row": "average", **dict(zip(SCORES, one.paper_average or (), strict=True))}
+            )
     return to_csv([head, *([row.get(key, "") for key in head] for row in rows)], end="\r\n")
 
 
@@ -202,19 +213,5 @@ def _class_rows(table: ScoreTable, one: ScoreClass) -> Iterator[dict[str, object
         mean = one.mean("correspondence")
         ends = {"low": mean.value - mean.half, "high": mean.value + mean.half} if mean else {}
         known = {key: min(max(value, 0.0), 10.0) for key, value in ends.items() if math.isfinite(value)}
-        means = {key: value for key, value in _average(one).items() if key in SCORES and value is not None}
         whose = {"row": "average", "kind": table.kind, "individual": table.individual}
-        yield {**facts, **whose, **means, **known}
-
-
-def _average(one: ScoreClass) -> dict[str, object]:
-    means = {of: one.mean(of) for of in SCORES}
-    return {
-        "noise": one.level,
-        "runs": len(one.marks),
-        **{of: None if mean is None else mean.value for of, mean in means.items()},
-    }
-
-
-def _printed(one: ScoreClass) -> dict[str, float]:
-    return dict(zip(SCORES, one.paper_average or (), strict=False))
+        yield {**facts, **whose, **one.averages, **known}
