@@ -3,7 +3,7 @@
     study = realitygap.evolve("light-seeking", noise="double", runs=3)
     study.show()
 
-Progress is told to `on_progress`; without it, it shows on a terminal, as lines where stderr is not one, and
+Progress goes to `on_progress`; without it, it shows on a terminal, as lines where stderr is not one, and
 as a bar in a notebook's cell. Nothing else is printed. Errors are those of `realitygap.errors`.
 """
 
@@ -439,8 +439,8 @@ def calibrate(
         )
     start = load_profile(base_of(read) if base is None else base)
     with nullcontext() if on_progress else ProgressLine() as line:
-        told = on_progress if line is None else partial(_calibrating(line.show), "fit")
-        made = fit(read, start, form=form, light=light, beside=beside, workers=workers, on_progress=told)
+        show = on_progress if line is None else partial(_calibrating(line.show), "fit")
+        made = fit(read, start, form=form, light=light, beside=beside, workers=workers, on_progress=show)
     if target is None:
         return made
     made = made.named(target.stem)
@@ -483,26 +483,26 @@ def _several(given: Any) -> list[Any]:
 
 @contextmanager
 def _shown(on_progress: OnProgress | None) -> Iterator[OnProgress]:
-    """Who is told of progress: the caller's function, or a line, a bar."""
+    """Where progress goes: the caller's function, or a line, a bar."""
     with ProgressLine() if on_progress is None else nullcontext() as line:
-        told = on_progress if line is None else line.show
-        assert told is not None
-        yield told
+        show = on_progress if line is None else line.show
+        assert show is not None
+        yield show
 
 
-def _calibrating(tell: OnProgress) -> Callable[[str, int, int], None]:
-    """Who tells how far the recordings for a calibration are, several at a time, or that it is fitted."""
+def _calibrating(report: OnProgress) -> Callable[[str, int, int], None]:
+    """Reports how far the recordings for a calibration are, several at a time, or that it is fitted."""
     places: dict[str, tuple[int, int]] = {}
 
-    def told(name: str, done: int, total: int) -> None:
+    def show(name: str, done: int, total: int) -> None:
         if name == "fit":
-            tell(Progress(phase="fitting the simulation to the recordings", done=done, total=total))
+            report(Progress(phase="fitting the simulation to the recordings", done=done, total=total))
             return
         places[name] = (done, total)
         made, whole = (sum(numbers) for numbers in zip(*places.values(), strict=True))
-        tell(Progress(phase="recording the robot", done=made, total=whole, what="places"))
+        report(Progress(phase="recording the robot", done=made, total=whole, what="places"))
 
-    return told
+    return show
 
 
 @contextmanager

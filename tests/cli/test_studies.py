@@ -105,9 +105,7 @@ def test_pictures_and_films(study, call, tmp_path, words, file):
 
 
 def test_exports(study, call, tmp_path):
-    """Tables of all runs, source of a champion."""
-    tables = call("export", "tables", study[0], "--format", "csv", "--out", tmp_path)
-    assert "evaluations.csv: 140 rows" in tables.stdout and (tmp_path / "runs.csv").is_file()
+    """Source of a champion."""
     source = call("export", "source", study[0], 1, "--name", "seeker", "--out", tmp_path)
     assert source.exit_code == 0 and "bytes of state" in source.stdout
     assert {file.name for file in tmp_path.iterdir()} >= {"seeker.h", "seeker.c"}
