@@ -106,8 +106,9 @@ def noise(
     same starts; its tracks there are compared with the simulation at every level. Makes tables and a page of
     four figures. With --resume, omitted options keep their saved values.
 
-    \b
     Examples: the full experiment; on a twin twice as noisy; a small one to try; a robot of your own
+
+    \b
         realitygap experiment noise
         realitygap experiment noise --twin-noise 2 --out out/noise-2
         realitygap experiment noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
@@ -193,8 +194,9 @@ def robots(
     noise; correspondence by level; and where the simulation is as noisy as the robot. With --resume, omitted
     options keep their saved values.
 
-    \b
     Examples: a small one to try, in minutes; a robot of your own beside the twin; two of Enki's
+
+    \b
         realitygap experiment robots --runs 2 --starts 2 --evaluations 200
         realitygap experiment robots --robot twin --robot my_robot.py:MyRobot --base my_robot.toml
         realitygap experiment robots --robot enki:epuck --robot enki:thymio2 --out out/enki

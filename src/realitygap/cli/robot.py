@@ -392,9 +392,10 @@ def record(
     poses all over the arena of light seeking. Wheels: speed steps, standing starts, straight lines and
     turns. Each finished place is saved at once; --resume continues after an interruption.
 
-    \b
     Examples: all that a calibration of a twin needs; a robot at a wall, and how to continue after "q";
     a robot of your own
+
+    \b
         realitygap record --robot twin:7 --plan all --out unit-7
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall --resume

@@ -235,8 +235,9 @@ def _individual(run: Run, who: str) -> tuple[str, Genes]:
 def export() -> None:
     """Export tables, a trial's log, or a controller's source.
 
-    \b
     Examples: all tables; a trial's log; a controller for any chip with a C compiler
+
+    \b
         realitygap export tables out/reproduce --out tables
         realitygap export log out/reproduce 1 --out logs
         realitygap export source out/reproduce 1 --out avoider

@@ -122,9 +122,10 @@ def transfer(
     of each RUN (omitted: one of each task and noise); its trials go to STUDY/controllers, for
     `realitygap score`.
 
-    \b
     Examples: on two units of the twin, filmed; on a robot that you carry to its starts, under a camera; a
     controller of your own
+
+    \b
         realitygap transfer out/reproduce 9 24 --robot twin:1 --robot twin:2 --film
         realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --camera camera.json --camera-device 0
         realitygap transfer out/reproduce 9 --robot twin:1 --controller my.py:decide --starts 8
