@@ -81,13 +81,8 @@ def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of,
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (("9", "--robot", "twin"), "'9'"),
-        (("--robot", "twn"), "twn"),
-        (("--robot", "serial:/dev/no-such-port"), "/dev/no-such-port"),
         (("--robot", "serial:/dev/null", "--film"), "realitygap camera track"),
         (("--robot", "serial:/dev/null", "--camera-device", "0"), "--camera FILE"),
-        (("--robot", "serial:/dev/null", "--camera", "camera.json"), "--camera-device DEVICE"),
-        (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise scales a twin's noise"),
         (("--robot", "twin", "--marker", "aruco:4x4_50:99"), "has the numbers 0 to 49, got 99"),
     ],
 )

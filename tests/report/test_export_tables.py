@@ -1,7 +1,5 @@
 """A study's tables, read back with the libraries that they are for."""
 
-import json
-
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -19,11 +17,11 @@ def written(played, tmp_path_factory):
     """Both formats, as the command writes them: folder and what it said, by format."""
     made = {}
     for kind in KINDS:
-        out = tmp_path_factory.mktemp(kind) / "tables"
-        words = ["export", "tables", str(played.folder), "--format", kind, "--out", str(out), "--json"]
+        folder = tmp_path_factory.mktemp(kind)
+        words = ["export", "tables", str(played.folder), "--format", kind, "--out", str(folder / "tables")]
         result = CliRunner().invoke(realitygap, words)
         assert result.exit_code == 0, result.output
-        made[kind] = (out, json.loads(result.stdout))
+        made[kind] = (folder / "tables", result.stdout)
     return made
 
 
@@ -35,7 +33,8 @@ def test_pandas_reads_what_the_study_holds(written, played, kind):
     for name in TABLES:
         read = getattr(pandas, f"read_{kind}")(folder / f"{name}.{kind}")
         there = table(played, name)
-        assert list(read.columns) == list(there) and len(read) == said["rows"][name] > 0
+        assert list(read.columns) == list(there) and len(read) > 0
+        assert f"{name}.{kind}: {len(read)} rows" in said
         for key, values in there.items():
             column = read[key]
             if values.dtype == object:

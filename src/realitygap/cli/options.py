@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from realitygap.world.robot import Profile
 
 __all__ = [
-    "ROBOT", "OutFile", "Parsed", "arena", "as_json", "base", "baud", "checked_pose",
-    "controller", "disk", "engine", "evaluations", "given", "individual", "marker", "noise", "out", "picture",
-    "pose", "profile", "resume", "runs", "seconds", "seed", "shard", "spread", "starts", "task", "trust",
+    "JSON", "ROBOT", "OutFile", "Parsed", "arena", "as_json", "base", "baud", "checked_pose", "controller",
+    "engine", "evaluations", "given", "individual", "levels", "marker", "noise", "out", "picture", "pose",
+    "profile", "resume", "runs", "seconds", "seed", "shard", "spread", "starts", "task", "trust",
     "twin_noise", "unusual", "watch", "workers",
 ]  # fmt: skip
 
@@ -100,11 +100,23 @@ class OutFile(click.Path):
         return path
 
 
-NOISE = Parsed("LEVEL", "realitygap.world.robot:noise_level")
+NOISE = Parsed("LEVEL", "realitygap.world.robot:noise_level", "noise: ")
 ROBOT = Parsed("R", "realitygap.robots.address:Address.parse", "robot: ")
 SHARD = Parsed("I/N", "realitygap.work.shard:Shard.parse", "shard: ")
 
-as_json = click.option("--json", "json_output", is_flag=True, help="Print JSON, and nothing else.")
+LEVELS = Parsed("L,L,…", "realitygap.experiments.noise:levels_of")
+JSON = "realitygap.json"
+"""Key of a context's `meta`: whether the command prints JSON."""
+
+
+def _keep_json(context: click.Context, _: click.Parameter, asked: bool) -> None:
+    context.meta[JSON] = asked
+
+
+as_json = click.option(
+    "--json", is_flag=True, expose_value=False, callback=_keep_json, help="Print JSON, and nothing else."
+)
+"""`console.tell` obeys it."""
 arena = click.option(
     "--arena", metavar="A", help="Arena instead of the task's: a shipped arena's name or a TOML file."
 )
@@ -113,12 +125,25 @@ base = click.option(
     metavar="P",
     help="Rough profile of a robot of your own, a TOML file with its radius, heights, top command and speed.",
 )
-disk = click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
 marker = click.option(
     "--marker",
     metavar="M",
-    help="What the robot wears: disk, aruco:DICTIONARY:NUMBER or apriltag:FAMILY:NUMBER, optionally followed "
-    "by ,size=MM,x=MM,y=MM,angle=DEGREES,height=MM [default: disk].",
+    help="What the robot wears: disk (the shipped one), another disk's FILE.toml, aruco:DICTIONARY:NUMBER or "
+    "apriltag:FAMILY:NUMBER, optionally followed by ,size=MM,x=MM,y=MM,angle=DEGREES,height=MM "
+    "[default: disk].",
+)
+
+
+def _rate(_: click.Context, __: click.Parameter, said: str) -> int | None:
+    return None if said == "any" else int(said)
+
+
+baud = click.option(
+    "--baud",
+    type=click.Choice([*map(str, BAUD_RATES), "any"]),
+    default="38400",
+    callback=_rate,
+    help="Baud rate set by the jumpers of a Khepera or a twin; any: try them all.",
 )
 
 
@@ -150,8 +175,8 @@ individual = click.option(
 )
 picture = click.option(
     "--picture",
-    type=OutFile(".png", ".svg", ".pdf"),
-    help="Draw the path to FILE (.png, .svg or .pdf).",
+    type=OutFile(".png", ".svg", ".pdf", ".gif", ".mp4"),
+    help="Draw the path to FILE (.png, .svg or .pdf), or animate it (.gif or .mp4).",
 )
 resume = click.option(
     "--resume", is_flag=True, help="Continue an interrupted study to exactly the same result."
@@ -165,7 +190,7 @@ seconds = click.option(
 trust = click.option(
     "--trust",
     is_flag=True,
-    help="Trust what was made elsewhere: run the files it brings, which are programs.",
+    help="From now on trust what was made elsewhere: run the files it brings, which are programs.",
 )
 shard = click.option(
     "--shard",
@@ -219,6 +244,12 @@ def seed(default: int | None = 0, says: str = "") -> Callable[[Decorator], Decor
     return click.option("--seed", type=kind, default=default, metavar="S", help=f"Random seed.{says}")
 
 
+def levels(usual: str) -> Callable[[Decorator], Decorator]:
+    """`--levels L,L,…`."""
+    says = f"Noise levels (1 = observed) to evolve at and to compare with [default: {usual}]."
+    return click.option("--levels", type=LEVELS, help=says)
+
+
 def runs(says: str) -> Callable[[Decorator], Decorator]:
     """`--runs K`."""
     return click.option("--runs", type=click.IntRange(1), metavar="K", help=says)
@@ -266,20 +297,7 @@ def twin_noise() -> Callable[[Decorator], Decorator]:
     return click.option("--twin-noise", type=kind, metavar="X", help=says)
 
 
-def baud(
-    says: str = "Baud rate set by the jumpers of a Khepera or a twin; any: try them all.",
-    any_rate: bool = True,
-) -> Callable[[Decorator], Decorator]:
-    """`--baud B`; with `any_rate` also "any", which is passed on as None."""
-    kind = click.Choice([*map(str, BAUD_RATES), *["any"] * any_rate])
-
-    def rate(_: click.Context, __: click.Parameter, said: str) -> int | None:
-        return None if said == "any" else int(said)
-
-    return click.option("--baud", type=kind, default="38400", callback=rate, help=says)
-
-
-def given(options: dict[str, Any]) -> dict[str, Any]:
+def given(**options: Any) -> dict[str, Any]:
     """Those options that were not omitted."""
     return {name: value for name, value in options.items() if value is not None}
 
