@@ -219,6 +219,13 @@ def test_nonsense_is_refused(recorded, spoil, words):
         calibrate([spoil(recorded("wall", repeats=1))], PAPER, form="extended")
 
 
+def test_two_columns_exchanged_are_warned_of(recorded):
+    """Neighbours that were swapped come out turned: said, since each alone might be a sensor's mounting."""
+    seen = recorded("wall", repeats=1)
+    made = calibrate([replace(seen, counts=seen.counts[:, [0, 2, 1, *range(3, 8)]])], PAPER, form="extended")
+    assert any("sensors 1, 2 look more than 15° elsewhere" in said for said in made.warnings)
+
+
 def test_a_profile_is_judged_on_other_data(by_a_wall, recorded):
     """A fit to a wall predicts a cylinder of the same robot; the paper's constants do not."""
     other = recorded("cylinder:2.7", seed=9, turn=1.0)

@@ -44,7 +44,7 @@ NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for each plan."""
 MEASURING = ("auto", "measured")
 """Forms whose fit of the proximity sensors takes so long that all workers share it."""
-RECIPE = 8
+RECIPE = 9
 """Increased whenever the same settings would make another profile."""
 FIT = "fit"
 

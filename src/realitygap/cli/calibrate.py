@@ -121,6 +121,8 @@ def _facts(made: Calibration) -> dict[str, object]:
         "wheels": {
             "form": made.wheels.form,
             "rmse": made.wheels.rmse,
+            "held_out_ends": made.wheels.odometry.held_out if made.wheels.odometry else None,
+            "base_ends": made.wheels.odometry.by_base if made.wheels.odometry else None,
             "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in made.wheels.alike],
         } if made.wheels else None,
         "constants": [c.to_dict() for c in made.profile.provenance.constants],
@@ -151,8 +153,15 @@ def _lines(made: Calibration) -> Iterator[str]:
     if made.wheels:
         forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())
         yield f"wheels: RMSE by form, cm/s: {forms}"
-        left, right = made.profile.wheels.speed_per_unit_cm_s
-        yield f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm"
+        found = {c.key: f"{c.value:.3g} ({c.low:.3g} to {c.high:.3g})" for c in made.wheels.constants}
+        track = found.get("track_cm", f"{made.profile.wheels.track_cm:.3g}")
+        lag = f", lag {found['lag']} steps" if "lag" in found else ""
+        yield f"  speed per unit {found['speed_left']} and {found['speed_right']} cm/s, track {track} cm{lag}"
+        if (seen := made.wheels.odometry) is not None and isfinite(seen.held_out[0]):
+            ends, base = (
+                f"{place:.2g} cm and {angle:.2g}°" for place, angle in (seen.held_out, seen.by_base)
+            )
+            yield f"  runs held out end {ends} off (by the constants of --base {base})"
         if vague := [c.key for c in made.wheels.constants if not c.told]:
             yield f"  not identifiable from these recordings: {with_hints(vague)}"
         yield from _alike(made.wheels.alike)
