@@ -220,17 +220,17 @@ def robots(
 def show_robots(out: Path, places: list[Place]) -> None:
     """Make the page of an experiment on several robots, and print its table."""
     from realitygap.experiments.robots import RobotsConfig
-    from realitygap.report.experiment import NoiseData, build_robots_page, matrix, noise_summary
+    from realitygap.report.experiment import build_robots_page, matrix, noise_summary, read_robots
 
-    few = RobotsConfig.from_folder(out).runs < FEW
+    few, robots = RobotsConfig.from_folder(out).runs < FEW, read_robots(places)
     with ProgressLine() as progress:
         drawn = counts(progress.show, "making the report", "figures")
-        page = build_robots_page(out, places, few=few, on_progress=drawn)
+        page = build_robots_page(out, places, robots, few=few, on_progress=drawn)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
-    (head, rows), made = matrix(places, few=few), [one for one in places if not one.why]
+    (head, rows), made = matrix(places, robots, few=few), [one for one in places if not one.why]
     facts = [
-        {"robot": one.robot, "folder": str(one.folder), **noise_summary(NoiseData.read(one.folder))}
-        for one in made
+        {"robot": one.robot, "folder": str(one.folder), **noise_summary(data)}
+        for one, data in zip(made, robots.values(), strict=True)
     ]
     left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
     found = {"folder": str(out), "report": str(page), "robots": facts, "left_out": left}

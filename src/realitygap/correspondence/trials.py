@@ -266,7 +266,7 @@ def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
 
 
 def _require_one_controller(place: Path, folders: Sequence[Path]) -> None:
-    """Refuse trials of several: as one set they are no behaviour, and would all be scored in one arena."""
+    """Trials of several are no behaviour as one set, and would all be scored in one arena."""
     facts = [read_toml(folder / TRANSFER, TrackError, "Transfer again.") for folder in folders]
     whose = [tuple(one.get(key) for key in ("task", "name", "individual", "controller")) for one in facts]
     if len(set(whose)) > 1:
@@ -299,8 +299,11 @@ def _is_track(path: Path) -> bool:
     if path.suffix.lower() == ".json":
         found = _json(path)
         return found is None or (isinstance(found, dict) and all(name in found for name in COLUMNS))
-    head = _head(path)
-    return not head or sum(name in head for name in COLUMNS) >= 2
+    with suppress(OSError, UnicodeDecodeError), path.open(newline="", encoding="utf-8-sig") as file:
+        head = next((line for line in file if line.strip() and not line.startswith("#")), "")
+        cells = [cell.strip(' "\r\n').lower() for cell in re.split("[,;\t]", head)]
+        return not head or sum(name in cells for name in COLUMNS) >= 2
+    return True
 
 
 def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
@@ -333,15 +336,6 @@ def _json(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, ValueError, RecursionError):
         return None
-
-
-def _head(path: Path) -> list[str]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            head = next((line for line in file if line.strip() and not line.startswith("#")), "")
-        return [cell.strip(' "\r\n').lower() for cell in re.split("[,;\t]", head) if head]
-    except (OSError, UnicodeDecodeError):
-        return []
 
 
 def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:

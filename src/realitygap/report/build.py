@@ -227,7 +227,7 @@ class StudyPictures:
 def differences(
     part: TaskPart, scores: Sequence[ScoreTable], groups: Sequence[Group]
 ) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """A table of what the runs tell apart: heads, and a row of differences for each noise level.
+    """A table of what the runs distinguish: heads, and a row of differences for each noise level.
 
     Each is a mean over runs ± its 95 % interval, with a star where that excludes zero. Levels are compared
     with the observed one (else the lowest): tested at the same noise, by Welch's interval.

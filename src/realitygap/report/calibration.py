@@ -229,7 +229,7 @@ def noise_figure(fit: ChannelFit) -> Figure:
     left.legend(loc="lower center", fontsize=6.5)
     right.set(xlabel="reading, counts", ylabel="deviation, counts")
     if not any(estimate.bins for estimate in shown):
-        right.set(xlabel="too few readings to tell it by the reading", xticks=[])
+        right.set(xlabel="too few readings to show it by the reading", xticks=[])
     right.set_ylim(0, 1.25 * max([e.high for e in shown] + [s for e in shown for _, s in e.bins]))
     for axes in (left, right):
         axes.grid(True, color=GRID, lw=0.5)

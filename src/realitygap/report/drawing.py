@@ -136,7 +136,11 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     for x, y, radius in arena.cylinders.reshape(-1, 3):
         post = Circle((x, y), radius, facecolor=style.CYLINDER, edgecolor=style.WALL, linewidth=0.8, zorder=1)
         ax.add_artist(post)
-    _name_surfaces(ax, arena)
+    words: dict[str, Any] = {"color": style.INK, "fontsize": 6, "zorder": 1.5}
+    for (x, y, _), value in zip(arena.cylinders, arena.reflectance[1:], strict=False):
+        ax.text(x, y, f"×{value:g}", ha="center", va="center", **words)
+    for value in arena.reflectance[:1]:  # of surfaces that state one, relative to usual ones
+        ax.text(0.02 * width, 0.02 * depth, f"walls ×{value:g}", ha="left", va="bottom", **words)
     segments = arena.segments.reshape(-1, 2, 2)
     if len(segments):
         ax.add_collection(LineCollection(list(segments), colors=style.WALL, linewidths=1.6, zorder=1))
@@ -150,17 +154,6 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
             axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     else:
         ax.set(xticks=[], yticks=[])
-
-
-def _name_surfaces(ax: Axes, arena: Arena) -> None:
-    """Write the reflectance on surfaces that state one, relative to usual ones."""
-    words: dict[str, Any] = {"color": style.INK, "fontsize": 6, "zorder": 1.5}
-    walls, posts = arena.reflectance[:1], zip(arena.cylinders, arena.reflectance[1:], strict=False)
-    for (x, y, _), value in posts:
-        ax.text(x, y, f"×{value:g}", ha="center", va="center", **words)
-    x, y = (0.02 * arena.size).tolist()
-    for value in walls:
-        ax.text(x, y, f"walls ×{value:g}", ha="left", va="bottom", **words)
 
 
 def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:

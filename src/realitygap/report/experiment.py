@@ -32,7 +32,10 @@ from realitygap.tasks import load_task
 from realitygap.values import Floats
 from realitygap.world.robot import load_profile, noise_name
 
-__all__ = ["NoiseData", "build_noise_page", "build_robots_page", "matrix", "noise_summary", "noise_table"]
+__all__ = [
+    "NoiseData", "build_noise_page", "build_robots_page", "matrix", "noise_summary", "noise_table",
+    "read_robots",
+]  # fmt: skip
 
 FEWEST = 3
 """Runs for an interval."""
@@ -498,9 +501,8 @@ def _share(place: Place, channel: str) -> float:
     return errors[0] / profile.channel(channel).top if errors else math.nan
 
 
-def matrix(places: Sequence[Place], *, few: bool) -> Table:
+def matrix(places: Sequence[Place], robots: Mapping[str, NoiseData], *, few: bool) -> Table:
     """All robots side by side, and the real tables beside them; means of scores unless runs are too `few`."""
-    robots = read_robots(places)
     tried = [place for place in places if not place.why]
     levels = [f"{level:g}" for level in next(iter(robots.values())).levels]
     beside = ["–"] * len(READINGS)
@@ -531,15 +533,16 @@ def matrix(places: Sequence[Place], *, few: bool) -> Table:
 
 
 def build_robots_page(
-    folder: str | Path, places: Sequence[Place], *, few: bool, on_progress: OnProgress | None = None
-) -> Path:
+    folder: str | Path, places: Sequence[Place], robots: Mapping[str, NoiseData], *, few: bool,
+    on_progress: OnProgress | None = None,
+) -> Path:  # fmt: skip
     """Write the page of an experiment on several robots into its folder `report/`, and each one's own; `few`
     is as of `matrix`.
 
     Raises:
         StudyError: results are missing or broken.
     """
-    robots, figures, (head, rows) = read_robots(places), Figures(), matrix(places, few=few)
+    figures, (head, rows) = Figures(), matrix(places, robots, few=few)
     for place in places:
         if not place.why:
             build_noise_page(place.folder)

@@ -134,39 +134,32 @@ def place_neurons(
         while any(np.hypot(*(wheel - p)) < 0.95 * unit for p in places.values()) and abs(wheel[0]) > unit:
             wheel[0] *= 0.95
         places[wiring.inputs + k] = wheel
-    _place_hidden(wiring, robot.radius, places, unit)
-    return places
+    count, radius = len(wiring.hidden), robot.radius
+    reach = range(-16, 17)
 
+    def free_places(gap: float) -> list[Floats]:
+        """A hexagonal grid of positions `gap` apart inside the body, clear of placed neurons."""
+        comb = [np.array([(i + 0.5 * (j % 2)) * gap, (j - 0.3) * gap * 0.87]) for i in reach for j in reach]
+        return [
+            spot
+            for spot in comb
+            if np.hypot(*spot) < 0.8 * radius
+            and all(np.hypot(*(spot - p)) > min(1.1 * unit, 1.2 * gap) for p in places.values())
+        ]
 
-def _place_hidden(wiring: Wiring, radius: float, places: dict[int, Floats], unit: float) -> None:
-    """Put each hidden neuron at the free position nearest to its neighbours, the best connected first."""
-    count = len(wiring.hidden)
     gap = min(1.9 * unit, 1.5 * radius / (0.5 + count) ** 0.5)
-    free = _free_places(gap, radius, places, unit)
-    while len(free) < count and gap > 0.3 * unit:
+    while len(free := free_places(gap)) < count and gap > 0.3 * unit:
         gap *= 0.93
-        free = _free_places(gap, radius, places, unit)
     joined = {
         h: [k.source if k.target == h else k.target for k in wiring.links if h in (k.source, k.target)]
         for h in wiring.hidden
     }
-    for h in sorted(wiring.hidden, key=lambda h: (-len(joined[h]), h)):
+    for h in sorted(wiring.hidden, key=lambda h: (-len(joined[h]), h)):  # the best connected first
         near = [places[n] for n in joined[h] if n in places] or [np.zeros(2)]
         aim = np.mean(near, axis=0) * 0.8
         best = min(range(len(free)), key=lambda i: float(np.hypot(*(free[i] - aim))))
         places[h] = free.pop(best)
-
-
-def _free_places(gap: float, radius: float, places: dict[int, Floats], unit: float) -> list[Floats]:
-    """A hexagonal grid of positions `gap` apart inside the body, clear of placed neurons."""
-    reach = range(-16, 17)
-    honeycomb = [np.array([(i + 0.5 * (j % 2)) * gap, (j - 0.3) * gap * 0.87]) for i in reach for j in reach]
-    return [
-        spot
-        for spot in honeycomb
-        if np.hypot(*spot) < 0.8 * radius
-        and all(np.hypot(*(spot - p)) > min(1.1 * unit, 1.2 * gap) for p in places.values())
-    ]
+    return places
 
 
 def bend_links(

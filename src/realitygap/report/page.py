@@ -79,16 +79,16 @@ def write_page(
 
     `tables` are CSV texts by name; None for a page that stands alone, with no files beside it.
     """
-    tell = on_progress or (lambda done, total, name: None)
+    report = on_progress or (lambda done, total, name: None)
     for name, text in (tables or {}).items():
         atomic_write(target.parent / "tables" / f"{name}.csv", text)
     folder, svgs = None if tables is None else target.parent / "figures", {}
     for done, (name, picture) in enumerate(figures.items()):
-        tell(done, len(figures) + 1, name)
+        report(done, len(figures) + 1, name)
         svgs[name] = Markup(inline_svg(picture.save(folder), name, picture.alt))
-    tell(len(figures), len(figures) + 1, target.name)
+    report(len(figures), len(figures) + 1, target.name)
     atomic_write(target, rendered(template, {**facts, "svgs": svgs}))
-    tell(len(figures) + 1, len(figures) + 1, "")
+    report(len(figures) + 1, len(figures) + 1, "")
     return target
 
 

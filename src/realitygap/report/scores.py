@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from realitygap.files import to_csv
-from realitygap.report.evolution import Mean, mean_of
+from realitygap.report.evolution import PER_CONDITION, Mean, mean_of
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.transfer.scores import ScoreRow, marks_of
@@ -43,8 +43,6 @@ PAPER_ROWS: Mapping[str, Mapping[float, tuple[PaperRow, ...]]] = _paper_rows()
 """By task and noise level."""
 
 SCORES = ("behaviour", "correspondence")
-SHOWN = 10
-"""Rows of a noise level shown on a page."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +79,7 @@ class ScoreClass:
 
     def rows(self) -> list[tuple[ScoreRow | None, PaperRow | None]]:
         """Our rows and the paper's, side by side."""
-        return list(zip_longest(self.marks[:SHOWN], self.paper))
+        return list(zip_longest(self.marks[: 2 * PER_CONDITION], self.paper))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,24 +98,9 @@ class ScoreTable:
         return "-".join([self.task, "scores", *(w.replace(" ", "-") for w in words if w not in ("", "twin"))])
 
     @property
-    def printed(self) -> bool:
-        """Whether the paper has rows for comparison."""
-        return any(one.paper for one in self.classes)
-
-    @property
-    def cut(self) -> bool:
-        """Whether some rows are only in the CSV."""
-        return any(len(one.marks) > SHOWN for one in self.classes)
-
-    @property
-    def starts(self) -> list[int]:
-        """Numbers of starts behind the correspondence scores, each once."""
-        return sorted({mark.starts for one in self.classes for mark in one.marks if mark.starts})
-
-    @property
-    def unscored(self) -> bool:
-        """Whether some individual has no behaviour score."""
-        return any(mark.behaviour is None for one in self.classes for mark in one.marks)
+    def marks(self) -> list[ScoreRow]:
+        """The score rows of all levels."""
+        return [mark for one in self.classes for mark in one.marks]
 
     @property
     def missing(self) -> list[str]:
@@ -127,9 +110,8 @@ class ScoreTable:
             for mark in one.marks:
                 if mark.why:
                     found.setdefault(mark.why, []).append(f"{one.name} #{mark.index}")
-        every = sum(len(one.marks) for one in self.classes)
         return [
-            f"{'All runs' if len(runs) == every else ', '.join(runs)}: {why.rstrip('.')}."
+            f"{'All runs' if len(runs) == len(self.marks) else ', '.join(runs)}: {why.rstrip('.')}."
             for why, runs in found.items()
         ]
 
@@ -139,7 +121,7 @@ class ScoreTable:
             "task": self.task,
             "robot": self.kind or None,
             "individual": self.individual,
-            "rows": [mark.to_dict() for one in self.classes for mark in one.marks],
+            "rows": [mark.to_dict() for mark in self.marks],
             "averages": [
                 {"noise": one.level, "runs": len(one.marks), **dict.fromkeys(SCORES), **one.averages}
                 for one in self.classes
