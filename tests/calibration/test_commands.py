@@ -64,17 +64,3 @@ def test_a_judge_warns_of_doubtful_recordings(folder, tmp_path, recorded, driven
     assert any("sensor 3 reads 17" in warning for warning in said["dead"]["warnings"])
     assert "other way round" in said["mirrored"]["warnings"][0]
     assert "columns swapped" in said["swapped"]["warnings"][0]
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (("nowhere.sam", "--out", "x.toml"), "nowhere.sam"),
-        (("nowhere.sam",), "--out"),
-        (("nowhere.sam", "--check", "paper"), "nowhere.sam"),
-    ],
-)
-def test_refusals(words, expected):
-    """A mistake ends with exit code 2 and says which."""
-    result = call("calibrate", *words)
-    assert result.exit_code == 2 and expected in result.stderr

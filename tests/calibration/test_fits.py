@@ -262,15 +262,6 @@ def test_a_table_with_the_faults_of_real_ones(made_tables):
     assert np.argmin(gains) == DIRTY and gains[DIRTY] < 0.7 * np.median(gains)
 
 
-@pytest.mark.parametrize(("form", "limit"), [("paper", 86), ("individual", 52), ("extended", 30)])
-def test_the_real_wall(tables, form, limit):
-    """On the real wall's table each form leaves no more than it should, on places held out little more."""
-    made = calibrate([load_recording(tables / "wall.sam", object="wall")], PAPER, form=form)
-    assert made.infrared.rmse <= limit
-    assert made.infrared.held_out[form] < 1.15 * made.infrared.rmse
-    assert 18 < made.profile.noise.proximity < 27
-
-
 def test_the_shipped_khepera_comes_from_these_tables(tables):
     """The profile `khepera` is what the command makes of the tables, whose hashes stand in it."""
     shipped = load_profile("khepera")

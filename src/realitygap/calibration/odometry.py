@@ -335,7 +335,7 @@ def _segments(recording: WheelRecording, theta: Floats, apart: int) -> tuple[Flo
     """Of pictures so many steps apart, between which the wheels turned: their rows [m, 2], the ways by the
     counters [m, 2], and what they are seen to go further [m, 2]."""
     assert recording.pose is not None
-    seen, pieces = np.isfinite(recording.pose).all(axis=1), []
+    seen, pieces = np.asarray(np.isfinite(recording.pose).all(axis=1)), []
     for rows in recording.trials():
         kept = rows[seen[rows]]
         kept = kept[np.unique((kept - rows[0]) // apart, return_index=True)[1]]

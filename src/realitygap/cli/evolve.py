@@ -28,12 +28,12 @@ __all__ = ["evolve", "merge", "report", "reproduce"]
 
 
 @click.command()
-@options.out("out/reproduce")
+@options.out(default=Path("out/reproduce"), help="The study's folder.")
 @options.profile(None, "  [default: a profile calibrated first, to unit 1 of the twin]")
-@options.runs("Runs for each task and noise level [default: 5].")
+@options.runs(help="Runs for each task and noise level [default: 5].")
 @options.evaluations
 @options.seed(None, " [default: 1995]")
-@options.starts("Trials of each champion on the twin [default: 8].")
+@options.starts(type=click.IntRange(1), help="Trials of each champion on the twin [default: 8].")
 @options.workers
 @options.engine
 @click.option(
@@ -102,9 +102,9 @@ def reproduce(
 @options.profile(None, " [default: paper]")
 @options.arena
 @options.seed(None, " [default: 1995]")
-@options.runs("Runs [default: 1].")
+@options.runs(help="Runs [default: 1].")
 @options.evaluations
-@options.out(says="The study's folder [default: out/TASK].")
+@options.out(help="The study's folder [default: out/TASK].")
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Start from a study's TOML.")
 @click.option(
     "--set",
@@ -184,7 +184,7 @@ def _notes(config: StudyConfig) -> None:
 
 @click.command()
 @click.argument("shards", nargs=-1, required=True, type=click.Path(path_type=Path))
-@options.out(says="Folder for the merged study [default: the shards' name without -shard-I-of-N].")
+@options.out(help="Folder for the merged study [default: the shards' name without -shard-I-of-N].")
 @options.workers
 @options.as_json
 def merge(shards: tuple[Path, ...], out: Path | None, workers: Workers) -> None:

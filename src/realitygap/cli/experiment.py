@@ -57,9 +57,9 @@ def experiment() -> None:
 
 
 @experiment.command()
-@options.out("out/noise")
+@options.out(default=Path("out/noise"), help="The study's folder.")
 @options.levels("0,0.5,1,2,4")
-@options.runs("Runs of each task at each level; the units take turns [default: 40].")
+@options.runs(help="Runs of each task at each level; the units take turns [default: 40].")
 @click.option(
     "--robot",
     metavar="R",
@@ -73,9 +73,9 @@ def experiment() -> None:
     metavar="N",
     help="Units of the twin, the stranger, or Enki's [default: 3].",
 )
-@options.starts("Trials of each controller on each unit [default: 8].", least=2)
+@options.starts(type=click.IntRange(2), help="Trials of each controller on each unit [default: 8].")
 @options.evaluations
-@options.twin_noise()
+@options.twin_noise
 @options.seed(None, " [default: 1995]")
 @click.option(
     "--tasks",
@@ -158,7 +158,7 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
 
 
 @experiment.command()
-@options.out("out/robots")
+@options.out(default=Path("out/robots"), help="The study's folder.")
 @click.option(
     "--robot",
     "named",
@@ -169,8 +169,8 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
 )
 @options.base
 @options.levels("0,1,2")
-@options.runs("Runs at each level [default: 6].")
-@options.starts("Trials of each controller [default: 4].", least=2)
+@options.runs(help="Runs at each level [default: 6].")
+@options.starts(type=click.IntRange(2), help="Trials of each controller [default: 4].")
 @options.evaluations
 @options.seed(None, " [default: 1995]")
 @options.seconds

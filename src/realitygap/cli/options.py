@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from functools import partial
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
@@ -107,14 +108,12 @@ SHARD = Parsed("I/N", "realitygap.work.shard:Shard.parse", "shard: ")
 LEVELS = Parsed("L,L,…", "realitygap.experiments.noise:levels_of")
 JSON = "realitygap.json"
 """Key of a context's `meta`: whether the command prints JSON."""
-
-
-def _keep_json(context: click.Context, _: click.Parameter, asked: bool) -> None:
-    context.meta[JSON] = asked
-
-
 as_json = click.option(
-    "--json", is_flag=True, expose_value=False, callback=_keep_json, help="Print JSON, and nothing else."
+    "--json",
+    is_flag=True,
+    expose_value=False,
+    callback=lambda context, _, asked: context.meta.update({JSON: asked}),
+    help="Print JSON, and nothing else.",
 )
 """`console.tell` obeys it."""
 arena = click.option(
@@ -132,17 +131,11 @@ marker = click.option(
     "apriltag:FAMILY:NUMBER, optionally followed by ,size=MM,x=MM,y=MM,angle=DEGREES,height=MM "
     "[default: disk].",
 )
-
-
-def _rate(_: click.Context, __: click.Parameter, said: str) -> int | None:
-    return None if said == "any" else int(said)
-
-
 baud = click.option(
     "--baud",
     type=click.Choice([*map(str, BAUD_RATES), "any"]),
     default="38400",
-    callback=_rate,
+    callback=lambda _, __, said: None if said == "any" else int(said),
     help="Baud rate set by the jumpers of a Khepera or a twin; any: try them all.",
 )
 
@@ -173,14 +166,22 @@ individual = click.option(
     metavar="WHO",
     help="champion (retested), fittest (as in the paper), or the number of an evaluation.",
 )
+out = partial(click.option, "--out", type=click.Path(path_type=Path), metavar="DIR")
 picture = click.option(
     "--picture",
     type=OutFile(".png", ".svg", ".pdf", ".gif", ".mp4"),
     help="Draw the path to FILE (.png, .svg or .pdf), or animate it (.gif or .mp4).",
 )
+pose = partial(
+    click.option,
+    "--pose",
+    type=PoseType(),
+    help="The robot's centre (cm) and heading (degrees), as in 25,25,90.",
+)
 resume = click.option(
     "--resume", is_flag=True, help="Continue an interrupted study to exactly the same result."
 )
+runs = partial(click.option, "--runs", type=click.IntRange(1), metavar="K")
 seconds = click.option(
     "--seconds",
     type=click.FloatRange(0.1),
@@ -206,8 +207,15 @@ spread = click.option(
     help="Draw the robot's constants anew for each trial, within this share (0.1: ±10 %). May be repeated, "
     "for several conditions.",
 )
+starts = partial(click.option, "--starts", metavar="N")
 task = click.option(
     "--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed]."
+)
+twin_noise = click.option(
+    "--twin-noise",
+    type=click.FloatRange(0, LARGEST_SCALE),
+    metavar="X",
+    help="Noise scale of a twin or of Enki [default: 1].",
 )
 watch = click.option(
     "--watch",
@@ -250,22 +258,6 @@ def levels(usual: str) -> Callable[[Decorator], Decorator]:
     return click.option("--levels", type=LEVELS, help=says)
 
 
-def runs(says: str) -> Callable[[Decorator], Decorator]:
-    """`--runs K`."""
-    return click.option("--runs", type=click.IntRange(1), metavar="K", help=says)
-
-
-def starts(says: str, default: int | None = None, least: int = 1) -> Callable[[Decorator], Decorator]:
-    """`--starts N`."""
-    return click.option("--starts", type=click.IntRange(least), default=default, metavar="N", help=says)
-
-
-def out(default: str | None = None, says: str = "The study's folder.") -> Callable[[Decorator], Decorator]:
-    """`--out DIR`."""
-    kind, usual = click.Path(path_type=Path), None if default is None else Path(default)
-    return click.option("--out", type=kind, default=usual, metavar="DIR", help=says)
-
-
 def controller(required: bool = True) -> Callable[[Decorator], Decorator]:
     """`--controller C`."""
     says = "A network's file (a genotype's text, or TOML), constant:L,R, braitenberg, or FILE.py:NAME: a "
@@ -279,22 +271,10 @@ def controller(required: bool = True) -> Callable[[Decorator], Decorator]:
     return click.option("--controller", required=required, metavar="C", callback=whose, help=says)
 
 
-def pose(required: bool = True) -> Callable[[Decorator], Decorator]:
-    """`--pose X,Y,HEADING_DEG`."""
-    says = "The robot's centre (cm) and heading (degrees), as in 25,25,90."
-    return click.option("--pose", type=PoseType(), required=required, help=says)
-
-
 def profile(default: str | None = "paper", says: str = "") -> Callable[[Decorator], Decorator]:
     """`--profile P`."""
     says = f"Robot: a shipped profile's name or a TOML file.{says}"
     return click.option("--profile", default=default, metavar="P", help=says)
-
-
-def twin_noise() -> Callable[[Decorator], Decorator]:
-    """`--twin-noise X`; None if omitted."""
-    kind, says = click.FloatRange(0, LARGEST_SCALE), "Noise scale of a twin or of Enki [default: 1]."
-    return click.option("--twin-noise", type=kind, metavar="X", help=says)
 
 
 def given(**options: Any) -> dict[str, Any]:

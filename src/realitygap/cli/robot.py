@@ -242,8 +242,8 @@ def _movement(body: Body, units: int) -> dict[str, int | None]:
     "--arena", "arena_name", required=True, metavar="TASK", help="A task, or an arena's name or TOML file."
 )
 @click.option("--unit", type=click.IntRange(0), default=1, metavar="N", help="Which robot.")
-@options.twin_noise()
-@options.pose(required=False)
+@options.twin_noise
+@options.pose()
 @options.as_json
 def serve(arena_name: str, unit: int, twin_noise: float | None, pose: options.Numbers | None) -> None:
     """Serve a twin of the Khepera until Ctrl-C.
@@ -371,7 +371,7 @@ class Reflectance(click.FloatRange):
     "10,12.5,15 too].",
 )
 @options.seed(says=" It does not change a twin's constants: those depend on its unit alone.")
-@options.twin_noise()
+@options.twin_noise
 @options.baud
 @options.base
 @options.marker

@@ -33,7 +33,7 @@ EVERY = 10
 @click.command()
 @click.argument("task")
 @options.controller()
-@options.pose()
+@options.pose(required=True)
 @options.profile()
 @options.arena
 @options.noise()
@@ -79,7 +79,7 @@ def simulate(
 
 @click.command()
 @click.argument("task")
-@options.pose()
+@options.pose(required=True)
 @options.profile()
 @options.arena
 @options.noise()

@@ -178,7 +178,7 @@ def _score_lines(tables: Sequence[ScoreTable]) -> list[str]:
 @options.profile(None, " [default: the study's own]")
 @options.noise(None, " [default: the run's own]")
 @options.seed()
-@options.pose(required=False)
+@options.pose()
 @options.seconds
 @options.picture
 @options.as_json

@@ -368,17 +368,7 @@ def marks(files: tuple[str, ...], key: str) -> None:
     """
     from realitygap.correspondence.judging import agreement, read_marks
 
-    given: dict[int, dict[str, float]] = {}
-    for file in files:
-        for pair, of in read_marks(file).items():
-            there = given.setdefault(pair, {})
-            for judge, mark in of.items():
-                if there.setdefault(judge, mark) != mark:
-                    raise TrackError(
-                        f"{file}: pair {pair}: judge {judge!r} gave it {there[judge]:g} in another file, "
-                        f"{mark:g} here. Two judges need two names: change the column judge in one."
-                    )
-    made = agreement(given, _scores(Path(key)))
+    made = agreement(read_marks(*files), _scores(Path(key)))
     tell(made._asdict(), *_agreement_lines(made))
 
 

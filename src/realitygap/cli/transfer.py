@@ -68,7 +68,7 @@ class TransferSettings(TypedDict):
     help="twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, "
     "thymio:PORT, or a body of your own, file.py:Class; may be repeated.",
 )
-@options.starts("Trials of each run, each from its own start.", default=1)
+@options.starts(type=click.IntRange(1), default=1, help="Trials of each run, each from its own start.")
 @click.option(
     "--individual",
     type=click.Choice(["champion", "fittest"]),
@@ -98,7 +98,7 @@ class TransferSettings(TypedDict):
     help="The live camera over a real robot: its number, a video file or a stream.",
 )
 @options.marker
-@options.twin_noise()
+@options.twin_noise
 @options.seconds
 @options.baud
 @options.workers
@@ -225,15 +225,15 @@ def _stopped(stop: BaseException, kept: Path) -> str:
     default="twin:1",
     help="It must place itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2) or FILE.py:CLASS.",
 )
-@options.pose(required=False)
-@options.starts("Trials, each from a start that the task draws.", default=1)
+@options.pose()
+@options.starts(type=click.IntRange(1), default=1, help="Trials, each from a start that the task draws.")
 @options.profile()
 @options.arena
 @options.noise()
-@options.twin_noise()
+@options.twin_noise
 @options.seed()
 @options.seconds
-@options.out(says="Keep the tracks there, for `realitygap score DIR`.")
+@options.out(help="Keep the tracks there, for `realitygap score DIR`.")
 @options.as_json
 def drive(
     task: str,

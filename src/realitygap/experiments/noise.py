@@ -796,10 +796,8 @@ def _carry_out(
 
     def record(unit: int, report: Recorded) -> None:
         """Make a unit's profile with the experiment's twin noise, which belongs to the unit."""
-        place, seed = (
-            calibration_folder(made.folder, unit),
-            named_stream(config.seed, "calibration", unit) >> 1,
-        )
+        place = calibration_folder(made.folder, unit)
+        seed = named_stream(config.seed, "calibration", unit) >> 1
         if config.base is None:
             recorded.calibrated_unit(
                 place, unit=unit if config.robot is None else config.address(unit), noise=config.twin_noise,

@@ -198,9 +198,11 @@ class DiskFinder:
         squares, ring, slack = side * side, disk.front_distance_cm, self._slack * disk.front_radius_cm
         nearest, farthest = (max(ring - slack, 0.0) / step) ** 2, ((ring + slack) / step) ** 2
         best: Sighting | None = None
-        tops = _maxima(for_centre, 1, squares + squares[:, None] <= (reach_cm / step) ** 2)
-        for top in tops[:_PEAKS]:
-            if (centre := _peak(for_centre, top)) is None:
+        first = half - math.ceil(reach_cm / step) - 1  # of what is compared with its neighbours
+        middle, inside = slice(first, len(side) - first), squares[first : len(side) - first]
+        tops = _maxima(for_centre[middle, middle], 1, inside + inside[:, None] <= (reach_cm / step) ** 2)
+        for row, column in tops[:_PEAKS]:
+            if (centre := _peak(for_centre, (first + row, first + column))) is None:
                 continue
             away = (side - centre[0] + half) ** 2 + ((side - centre[1] + half) ** 2)[:, None]
             on_ring = (nearest <= away) & (away <= farthest)

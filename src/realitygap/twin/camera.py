@@ -200,11 +200,8 @@ class _Drawing:
         step = (np.arange(SUB) + 0.5) / SUB - 0.5
         columns = (np.arange(WIDTH)[:, None] + step).ravel()
         rows = (np.arange(HEIGHT)[:, None] + step).ravel()
-        # [2, ...] x and y where a sample's ray meets the floor, and their change with height
-        self._floor, self._slope = (
-            np.moveaxis(one, -1, 0).astype(np.float32, order="C")
-            for one in lens.floor(*np.meshgrid(columns, rows))
-        )
+        # [..., 4] x and y where a sample's ray meets the floor, and their change with height
+        self._rays = np.concatenate(lens.floor(*np.meshgrid(columns, rows)), axis=-1, dtype=np.float32)
         self._lens = lens
         self._samples = np.float32(SUB * lens.focal / lens.position[2])  # a metre
         self._reach, self._top, self._axes = BODY_RADIUS, DISK_HEIGHT, np.empty((3, 2))
@@ -218,14 +215,14 @@ class _Drawing:
 
     def _at(self, z: float) -> Pixels:
         """[2, ...] x and y of the samples' rays at a height (m)."""
-        return np.asarray(self._slope * np.float32(z) + self._floor)
+        return np.moveaxis(self._rays[..., 2:] * np.float32(z) + self._rays[..., :2], -1, 0)
 
     def _still(self, arena: Mapping[str, Any]) -> tuple[Pixels, NDArray[np.bool_]]:
         """[..., colours] what does not move, from the floor up; [...] whether it is higher than the robot."""
         colours = self._colours
         w, h = (v / 100.0 for v in arena["size_cm"])
-        picture = np.tile(colours["floor"], (*self._floor.shape[1:], 1))
-        off_x, off_y = self._floor[0] - np.float64(w / 2), self._floor[1] - np.float64(h / 2)
+        picture = np.tile(colours["floor"], (*self._rays.shape[:2], 1))
+        off_x, off_y = self._rays[..., 0] - np.float64(w / 2), self._rays[..., 1] - np.float64(h / 2)
         light = 1.0 - 0.10 * (off_x**2 + off_y**2) / (w * w + h * h) * 4
         picture *= light[..., None].astype(np.float32)
         over = np.zeros(picture.shape[:2], np.bool_)
@@ -269,8 +266,11 @@ class _Drawing:
         rows, columns = (slice(SUB * side.start, SUB * side.stop) for side in box)
         still = self._fine[rows, columns]
         out = np.empty((len(still) // SUB, still.shape[1] // SUB, still.shape[2]), np.float32)
-        place = np.array([x, y, math.cos(heading), math.sin(heading), self._worn], np.float32)
-        rays = self._over[rows, columns], self._floor[:, rows, columns], self._slope[:, rows, columns]
+        place = np.array(
+            [x, y, math.cos(heading), math.sin(heading), self._worn, self._reach + 2 / self._samples],
+            np.float32,
+        )
+        rays = self._over[rows, columns], self._rays[rows, columns]
         for n, paints in enumerate(self._paints.T):
             shapes = self._samples, paints, self._soft, self._axes
             _draw_robot(still[..., n], *rays, place, *shapes, out[..., n])
@@ -291,25 +291,26 @@ def _share(off_x: Any, off_y: Any, radius: Any, samples: Any) -> Any:
 
 @jit
 def _draw_robot(
-    still: Any, over: Any, floor: Any, slope: Any, place: Any, samples: Any, paints: Any, soft: Any,
+    still: Any, over: Any, rays: Any, place: Any, samples: Any, paints: Any, soft: Any,
     axes: Any, out: Any,
 ) -> None:  # fmt: skip
     """A box of the picture with the robot in it, one colour of it, into [rows, columns].
 
-    `still`, `over`, `floor` and `slope` are the drawing's, of the box's samples; `place` is x, y (m), cosine
-    and sine of the heading, and the height of what the robot wears (m); `paints` its body's, black and white;
-    `soft` and `axes` a plate's, `soft` without parts if it has none.
+    `still`, `over` and `rays` are the drawing's, of the box's samples; `place` is x, y (m), cosine
+    and sine of the heading, the height of what the robot wears and how far both reach (m); `paints` its
+    body's, black and white; `soft` and `axes` a plate's, `soft` without parts if it has none.
     """
-    x, y, c, s, height = place[0], place[1], place[2], place[3], place[4]
+    x, y, c, s, height, reach = place[0], place[1], place[2], place[3], place[4], place[5]
     body, black, white, last = paints[0], paints[1], paints[2], soft.shape[1] - 1
     for row in range(out.shape[0]):
         for column in range(out.shape[1]):
             total = np.float32(0.0)
             for k in range(SUB * SUB):
                 i, j = SUB * row + k // SUB, SUB * column + k % SUB
-                level, slope_x, slope_y = still[i, j], slope[0, i, j], slope[1, i, j]
-                off_x, off_y = floor[0, i, j] - x, floor[1, i, j] - y
-                if over[i, j]:
+                level, slope_x, slope_y = still[i, j], rays[i, j, 2], rays[i, j, 3]
+                off_x, off_y = rays[i, j, 0] - x, rays[i, j, 1] - y
+                farthest = reach + height * (abs(slope_x) + abs(slope_y))  # of a ray that meets the robot
+                if over[i, j] or off_x * off_x + off_y * off_y > farthest * farthest:
                     total += level
                     continue
                 # where the ray comes nearest to the body's axis, on the height of its side
