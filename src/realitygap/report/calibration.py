@@ -114,27 +114,23 @@ def errors_figure(found: Sequence[Judgement]) -> Figure:
     figure = new_figure(PAGE, 2.4, layout="constrained")
     for kind, ax in zip(kinds, figure.subplots(1, len(kinds), squeeze=False)[0], strict=True):
         here = [one for one in found if one.kind == kind]
-        if kind in LIMITS:
-            _sensors(ax, here, LIMITS[kind])
+        if kind in LIMITS:  # a dot for each sensor and recording, with the line that it should be below
+            for one, look in zip(here, cycle("osD^"), strict=False):
+                shown = [(m.sensor, m.lit_ratio) for m in one.per_sensor if np.isfinite(m.lit_ratio)]
+                name = Path(one.source).name.rpartition("-")[2]
+                ax.plot(*np.array(shown).reshape(-1, 2).T, look, ms=4, color=INK, mfc="none", label=name)
+            ax.axhline(LIMITS[kind], color=MUTED, lw=1.0, ls=(0, (4, 2)))
+            ratios = [m.lit_ratio for one in here for m in one.per_sensor if np.isfinite(m.lit_ratio)]
+            top = 1.12 * max([LIMITS[kind], *ratios])
+            ax.set(ylim=(0, top), xlabel="sensor", ylabel="model error over noise")
+            ax.set_xticks(range(len(here[0].per_sensor)))
         else:
             _wheels(ax, here[0])
+        if kind not in LIMITS or len(here) > 1:
+            ax.legend(fontsize=6.5)
         ax.set_title(TITLES[kind])
         ax.grid(True, color=GRID, lw=0.5)
     return figure
-
-
-def _sensors(ax: Axes, here: Sequence[Judgement], limit: float) -> None:
-    """A dot for each sensor and recording, with the line that it should be below."""
-    for one, look in zip(here, cycle("osD^"), strict=False):
-        shown = [(m.sensor, m.lit_ratio) for m in one.per_sensor if np.isfinite(m.lit_ratio)]
-        name = Path(one.source).name.rpartition("-")[2]
-        ax.plot(*np.array(shown).reshape(-1, 2).T, look, ms=4, color=INK, mfc="none", label=name)
-    ax.axhline(limit, color=MUTED, lw=1.0, ls=(0, (4, 2)))
-    top = max([limit, *(m.lit_ratio for one in here for m in one.per_sensor if np.isfinite(m.lit_ratio))])
-    ax.set(ylim=(0, 1.12 * top), xlabel="sensor", ylabel="model error over noise")
-    ax.set_xticks(range(len(here[0].per_sensor)))
-    if len(here) > 1:
-        ax.legend(fontsize=6.5)
 
 
 def _wheels(ax: Axes, one: Judgement) -> None:
@@ -149,7 +145,6 @@ def _wheels(ax: Axes, one: Judgement) -> None:
         x, y = np.array(means).reshape(-1, 2).T
         ax.plot(x, y, look, ls="-", lw=0.8, ms=3, color=INK, mfc="none", label=name)
     ax.set(xlabel="speed, cm/s", ylabel="model − measured, cm/s")
-    ax.legend(fontsize=6.5)
 
 
 def curves_figure(fit: ChannelFit) -> Figure:
