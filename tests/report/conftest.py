@@ -22,8 +22,8 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Study:
     config = config.with_settings(["task.seconds=2", "retest_trials=2", "fresh_trials=3"])
     folder = tmp_path_factory.mktemp("played") / "study"
     study = run_study(folder, config, workers=1)
-    transfer(study, [1], starts=2, watch=False, workers=1)
-    transfer(study, [2], watch=False, workers=1)
+    transfer(study, [1], starts=2, path_from="wheels", workers=1)
+    transfer(study, [2], path_from="wheels", workers=1)
     with pytest.MonkeyPatch.context() as patch:
         draw_nothing(patch)
         build_report(folder)

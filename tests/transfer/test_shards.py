@@ -25,7 +25,7 @@ from realitygap.work.shard import Mark, Shard, all_shards
 
 def drive(study: Path, *, shard: Shard | str | None = None, starts: int = 2) -> list[Path]:
     """Both champions by their counters; the folders of the trials."""
-    options = Transfer(robots=("twin:1",), starts=starts, seconds=0.5, watch=False)
+    options = Transfer(robots=("twin:1",), starts=starts, seconds=0.5, path_from="wheels")
     return [one.folder for one in run_transfer(study, options, workers=1, shard=shard)]
 
 

@@ -116,7 +116,7 @@ def test_an_interrupted_transfer_goes_on_to_the_same_bits(made, watched, monkeyp
 
 def test_units_and_noise_and_seeds_are_different_robots(study):
     """Another unit, noise scale or seed: another path; each has a folder of its own, or is refused."""
-    settings = {"seconds": SECONDS, "workers": 1, "watch": False}
+    settings = {"seconds": SECONDS, "workers": 1, "path_from": "wheels"}
     both = transfer(study, [1], robots=("twin:1", "twin:2"), **settings)
     loud = transfer(study, [1], twin_noise=2.0, **settings)
     fittest = transfer(study, [1], individual="fittest", **settings)
@@ -141,7 +141,7 @@ def test_a_film_is_tracked_to_the_truth(watched, view, monkeypatch):
             OverheadCamera({"size_cm": [60.0, 60.0]}, unit=1, view=view).close()
         except ConfigError as error:
             pytest.skip(str(error))
-    before = transfer(watched, [2], seconds=SECONDS, workers=1, watch=False)[0]
+    before = transfer(watched, [2], seconds=SECONDS, workers=1, path_from="wheels")[0]
     one = transfer(watched, [2], seconds=SECONDS, workers=1, film=True, view=view)[0]
     assert before.situated_from == "counters" and one.situated_from == "film" and one.filmed
     assert transfer(watched, [2], seconds=SECONDS, workers=1)[0].situated_from == "film"  # kept
@@ -183,7 +183,7 @@ def test_a_watched_trial_is_seen_ten_times_a_second(made, watched, tmp_path):
     path = one.situated
     off = np.hypot(path.x - truth.x[shown], path.y - truth.y[shown])
     assert len(track) == len(path.t) and off.mean() < 0.03 and off.max() < 0.1
-    counted = transfer(watched, [one.run], seconds=SECONDS, workers=1, watch=False)[0]
+    counted = transfer(watched, [one.run], seconds=SECONDS, workers=1, path_from="wheels")[0]
     assert counted.situated_from == "counters" and counted.view is None
     again = loose(counted, tmp_path / "counted")
     assert not (again / "sealed.csv").exists()
@@ -200,11 +200,11 @@ def test_a_robot_that_pushes_a_wall_is_seen_to_stand(watched, monkeypatch):
     genes = Genotype.constant(8, 8).genes
     monkeypatch.setattr(Study, "genotype", lambda self, run, number: genes)
     width, depth = task.arena.size_cm
-    for watch in (False, True):
-        path = transfer(watched, [1], seconds=8.0, workers=1, watch=watch)[0].situated
+    for path_from in ("wheels", "camera"):
+        path = transfer(watched, [1], seconds=8.0, workers=1, path_from=path_from)[0].situated
         outside = max(path.x.max() - width, path.y.max() - depth, -path.x.min(),
                       -path.y.min())  # fmt: skip
-        assert bool(outside < 0.0) is watch
+        assert bool(outside < 0.0) is (path_from == "camera")
 
 
 def after_rows(study, one, then):

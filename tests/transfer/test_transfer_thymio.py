@@ -60,7 +60,7 @@ def behind_a_node(pose: Pose, room: dict[str, object]) -> Iterator[tuple[Body, E
 @needs_enki
 def test_it_drives_enkis_thymio(study: Study) -> None:
     """From profile to paths: the same start in simulation and on Enki, whose scale is 5 counts longer."""
-    (made,) = run_transfer(study, Transfer(robots=("enki:thymio2:1",), watch=False), workers=1)
+    (made,) = run_transfer(study, Transfer(robots=("enki:thymio2:1",), path_from="wheels"), workers=1)
     assert made.situated_from == "robot" and made.late_steps == 0 and made.missed_steps is None
     assert made.situated.t[-1] == SECONDS and made.lost_steps == 0
     assert (made.situated.x[0], made.situated.y[0]) == pytest.approx((made.pose.x, made.pose.y))

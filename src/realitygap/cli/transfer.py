@@ -76,7 +76,6 @@ SIDES = (
 @click.option("--camera", metavar="FILE", help="Calibration of the live camera (camera.json).")
 @click.option(
     "--camera-device",
-    "eye",
     metavar="DEVICE",
     help="The live camera over a real robot: its number, a video file or a stream.",
 )
@@ -94,7 +93,6 @@ def transfer(
     study: Path,
     workers: Workers,
     shard: Shard | None,
-    path_from: str,
     trust: bool,
     json_output: bool,
     **settings: Any,
@@ -124,8 +122,8 @@ def transfer(
 
     ask_trust(study, trust)
     loaded = load_study(study)
-    asked = Transfer(watch=path_from == "camera", **settings)
-    carry = partial(_carry, seen=asked.eye is not None)
+    asked = Transfer(**settings)
+    carry = partial(_carry, seen=asked.camera_device is not None)
     home = place_of(loaded.folder, asked) if shard is None else shard_folder(loaded.folder, shard)
     operator = Operator(carry, _found, partial(click.echo, err=True))
     try:

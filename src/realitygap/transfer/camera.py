@@ -129,14 +129,14 @@ class OverheadTracker:
                 return load_camera(file)
             frames = []
             for k, pose in enumerate(poses):
-                picture = self.eye.frame(pose, FIRST + k)
+                picture = self.overhead.frame(pose, FIRST + k)
                 frames.append(KnownFrame(name=f"pose {k + 1}", picture=picture, pose=pose))
             camera = calibrate_camera(frames, self.marker).camera
             camera.save(file)
         return camera
 
     @cached_property
-    def eye(self) -> OverheadCamera:
+    def overhead(self) -> OverheadCamera:
         """The camera itself, drawn, in grey."""
         from realitygap.calibration.record import plate_of
         from realitygap.twin.camera import OverheadCamera
@@ -147,7 +147,7 @@ class OverheadTracker:
     @property
     def view(self) -> str:
         """How its frames are made, in words."""
-        return str(self.eye.metadata["view"])
+        return str(self.overhead.metadata["view"])
 
     def track(self, truth: Track, stream: int) -> Track:
         """The track of a robot's true places as seen by the camera, ten times a second.
@@ -156,7 +156,7 @@ class OverheadTracker:
         """
         from realitygap.film.tracker import Tracker
 
-        frames = self.eye.frames(truth, fps=WATCH_FPS, first=stream)
+        frames = self.overhead.frames(truth, fps=WATCH_FPS, first=stream)
         return Tracker(self.camera, self.marker).follow(frames)
 
 

@@ -177,7 +177,7 @@ def shard_folder(study: Path, shard: Shard) -> Path:
 
 def _facts(study: Study, options: Transfer, requested: Sequence[TrialSpec]) -> dict[str, Any]:
     """Facts that all shards of a transfer must share."""
-    keys = ("starts", "individual", "watch", "twin_noise", "seed", "seconds")
+    keys = ("starts", "individual", "path_from", "twin_noise", "seed", "seconds")
     return {
         "study": study.digest(),
         "runs": list(dict.fromkeys(spec.run for spec in requested)),
@@ -398,10 +398,10 @@ def _by_hand(
 
 def _overhead(options: Transfer, operator: Operator) -> AbstractContextManager[LiveOverhead | None]:
     """The camera over real robots, if there is one."""
-    if options.camera is None or options.eye is None:
+    if options.camera is None or options.camera_device is None:
         return nullcontext()
     camera = options.camera if isinstance(options.camera, CameraModel) else load_camera(options.camera)
-    return LiveOverhead(options.eye, camera, options.worn, operator.confirm_pose, operator.says)
+    return LiveOverhead(options.camera_device, camera, options.worn, operator.confirm_pose, operator.says)
 
 
 # By workers

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import Any
 
 import numpy as np
 
@@ -37,38 +37,6 @@ reported by the robot, a camera."""
 
 WHEELS = SOURCES[:2]
 """Sources that do not see slip."""
-
-
-class Known(NamedTuple):
-    """Facts about a robot before it drives; for one on a port, once it is connected.
-
-    Attributes:
-        placed: whether it places itself, without a person.
-        seen: whether it reports its pose.
-        counts: whether its wheels have counters.
-        paced: whether its motors measure their speeds.
-    """
-
-    placed: bool
-    seen: bool
-    counts: bool
-    paced: bool = False
-
-    @classmethod
-    def of(cls, robot: Address, study: Study, tasks: Iterable[str]) -> Self:
-        """Look at a robot; refuses one of another kind than the study's.
-
-        Raises:
-            UsageError: as of `check_body`, or it cannot be opened.
-        """
-        if robot.port is not None:
-            paced = robot.kind == "thymio"
-            return cls(placed=False, seen=False, counts=not paced, paced=paced)
-        with closing(robot.open()) as body:
-            for task in tasks:
-                check_body(study, task, body)
-            paced = body.measures_speeds
-            return cls(body.places_itself, body.knows_pose, body.counts_turns, paced)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,10 +116,28 @@ def trial_specs(study: Study, options: Transfer) -> Iterator[TrialSpec]:
         for task in {run.task: None for run in runs}:
             controller_for(study, task, options.named)  # refuses an invalid one before anything is done
     for robot in options.bodies:
-        known = Known.of(robot, study, {run.task: None for run in runs})
+        placed, source = _without_camera(robot, study, {run.task: None for run in runs}, options.path_from)
         for run in runs:
             for start in range(1, options.starts + 1):
-                yield _trial_spec(study, options, robot, known, run, start)
+                yield _trial_spec(study, options, robot, run, start, placed=placed, source=source)
+
+
+def _without_camera(
+    robot: Address, study: Study, tasks: Iterable[str], path_from: str
+) -> tuple[bool, str | None]:
+    """Whether a robot places itself, and where its path comes from without a camera; None: from nowhere.
+
+    Raises:
+        UsageError: it is of another kind than the study's, or cannot be opened.
+    """
+    if robot.port is not None:  # it is connected later
+        return False, "speeds" if robot.kind == "thymio" else "counters"
+    with closing(robot.open()) as body:
+        for task in tasks:
+            check_body(study, task, body)
+        poses = body.knows_pose and (path_from == "camera" or not body.counts_turns)
+        sources = {"robot": poses, "counters": body.counts_turns, "speeds": body.measures_speeds}
+        return body.places_itself, next((source for source, known in sources.items() if known), None)
 
 
 def _check_films(driven: set[int], options: Transfer) -> None:
@@ -166,9 +152,17 @@ def _check_films(driven: set[int], options: Transfer) -> None:
 
 
 def _trial_spec(
-    study: Study, options: Transfer, robot: Address, known: Known, run: Run, start: int
+    study: Study, options: Transfer, robot: Address, run: Run, start: int, *, placed: bool, source: str | None
 ) -> TrialSpec:
     own, twin = options.named, robot.unit is not None
+    if twin or options.camera_device is not None:
+        source = "camera" if options.path_from == "camera" else source
+        source = "film" if options.films(run.id, start) else source
+    if source is None:
+        raise UsageError(
+            f"robot {robot}: expected a way to know where it is: a camera above it (--camera-device, "
+            "--camera), `pose` of its own, counters, or `speeds` that it measures."
+        )
     number = number_of(run, options.individual) if own is None else None
     who = options.individual if own is None else own.name
     seed = study.config.seed if options.seed is None else options.seed
@@ -188,9 +182,9 @@ def _trial_spec(
         seconds=study.task(run.task).seconds if options.seconds is None else options.seconds,
         baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
         stream=transfer_stream(seed, run, start),
-        source=_source(options, robot, known, run, start),
+        source=source,
         view=options.view,
-        placed=known.placed,
+        placed=placed,
         marker=_marker(options, twin),
         controller=own,
         folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
@@ -211,30 +205,7 @@ def _marker(options: Transfer, twin: bool) -> Marker | None:
     """The marker for a camera over the robot, unless it is the default."""
     if twin:
         return options.worn if isinstance(options.worn, Tag) else None
-    return None if options.eye is None else options.worn
-
-
-def _source(options: Transfer, robot: Address, known: Known, run: Run, start: int) -> str:
-    """The source of a trial's situated path.
-
-    Raises:
-        UsageError: there is no source of the robot's pose.
-    """
-    if robot.unit is not None or options.eye is not None:
-        if options.films(run.id, start):
-            return "film"
-        if options.watch:
-            return "camera"
-    if known.counts and not (options.watch and known.seen):
-        return "counters"
-    if known.seen:
-        return "robot"
-    if known.paced:
-        return "speeds"
-    raise UsageError(
-        f"robot {robot}: expected a way to know where it is: a camera above it (--camera-device, --camera), "
-        "`pose` of its own, counters, or `speeds` that it measures."
-    )
+    return None if options.camera_device is None else options.worn
 
 
 def transfer_stream(seed: int, run: Run, start: int) -> int:
