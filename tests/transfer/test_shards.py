@@ -6,7 +6,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 from shutil import ignore_patterns
-from zipfile import ZipFile
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import pytest
 
@@ -15,11 +15,12 @@ from realitygap.files import to_toml
 from realitygap.robots.address import Address
 from realitygap.study.load import load_study
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.record import archive, load_transfers, merge_trials, trial_content, unpacked
+from realitygap.transfer.record import archive, load_transfers, merge_trials
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import WORK, run_transfer
 from realitygap.transfer.scores import jobs_of
 from realitygap.values import Pose
+from realitygap.work.archive import read_file, unpacked
 from realitygap.work.shard import Mark, Shard, all_shards
 
 
@@ -55,11 +56,11 @@ def test_shards_of_a_transfer_are_the_whole(finished, whole, tmp_path):
     )
     for trial in trials:
         for name in ("simulated.csv", "situated.csv"):
-            assert trial_content(trial, name) == trial_content(parts / trial.relative_to(whole), name)
+            assert read_file(trial, name) == read_file(parts / trial.relative_to(whole), name)
     made[0].folder.mkdir(parents=True)
     (made[0].folder / "situated.csv").write_text("another")  # a kill may leave part of what is archived
     assert len(load_transfers(parts)) == len(merge_trials(all_shards(folders), parts)) == 4
-    text = trial_content(made[0].folder, "transfer.toml")
+    text = read_file(made[0].folder, "transfer.toml")
     (made[0].folder / "transfer.toml").write_bytes(text)
     with pytest.raises(StudyError, match=r": a trial other than .* is there, and is not overwritten"):
         merge_trials(all_shards(folders), parts)
@@ -131,14 +132,20 @@ def test_a_trial_of_two_shards_is_taken_once(finished, tmp_path):
 
 @pytest.mark.parametrize("name", ["../../evil/transfer.toml", "/etc/evil", "start-1/../evil", "x.toml"])
 def test_an_archive_of_others_writes_nowhere_else(tmp_path, name):
-    """A name that leads out of its place is refused, whoever would unpack it."""
-    (tmp_path / "transfer" / "twin-1").mkdir(parents=True)
-    with ZipFile(tmp_path / "transfer" / "twin-1" / "run.zip", "w") as packed:
-        packed.writestr(name, "evil")
-    with pytest.raises(StudyError, match=r"run\.zip: .* is not a trial's file"), unpacked(tmp_path):
-        pass
-    with pytest.raises(StudyError, match=r"is not a trial's file"):
-        load_transfers(tmp_path)
+    """A name that leads out of its place is refused, whoever would unpack it; so is what no trial holds."""
+    packed = tmp_path / "transfer" / "twin-1" / "run.zip"
+    packed.parent.mkdir(parents=True)
+    bomb = {"start-1/transfer.toml": bytes(2**24)}
+    for content, says in (
+        ({name: b"evil"}, "is not a trial's file"),
+        (bomb, "is more than a trial can hold"),
+    ):
+        with ZipFile(packed, "w", ZIP_DEFLATED) as made:
+            made.writestr(*content.popitem())
+        with pytest.raises(StudyError, match=rf"run\.zip: .* {says}"), unpacked(tmp_path):
+            pass
+        with pytest.raises(StudyError, match=says):
+            load_transfers(tmp_path)
 
 
 def test_archived_trials_are_those_of_folders(whole, tmp_path):

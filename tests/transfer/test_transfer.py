@@ -26,11 +26,12 @@ from realitygap.robots.drive import Recording
 from realitygap.study.load import Study, load_study
 from realitygap.track import read_track
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.record import half_folder, load_transfers, trial_files, unpacked
+from realitygap.transfer.record import half_folder, load_transfers
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import TransferContext, TransferredTrial
 from realitygap.transfer.spec import trial_specs
 from realitygap.twin.camera import OverheadCamera
+from realitygap.work.archive import unpacked
 from tests.served import Served
 from tests.transfer.helpers import transfer
 
@@ -68,7 +69,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 def loose(one: TransferredTrial, place: Path) -> Path:
     """A folder with a trial's files."""
-    with trial_files(one.folder) as here:
+    with unpacked(one.folder) as here:
         return Path(shutil.copytree(here, place / one.folder.name))
 
 

@@ -20,10 +20,10 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.paths import score
-from realitygap.transfer.record import SIMULATED, SITUATED, TRIAL
 from realitygap.transfer.rig import Rig, driven
 from realitygap.transfer.spec import check_fit
 from realitygap.values import Pose, as_stream, shown
+from realitygap.work.archive import SIMULATED, SITUATED, TRIAL
 from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["DriveResult", "Pair", "drive", "pairs"]

@@ -42,9 +42,6 @@ from realitygap.transfer.camera import TRACK, ConfirmPose, FilmOfDrive, LiveOver
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.paths import of_track, score
 from realitygap.transfer.record import (
-    SIMULATED,
-    SITUATED,
-    TRIAL,
     TransferredTrial,
     archive,
     explained,
@@ -58,6 +55,7 @@ from realitygap.transfer.record import (
 from realitygap.transfer.rig import DriveRecord, Rig, driven
 from realitygap.transfer.spec import FOLDER, TrialSpec, check_body, controller_for, trial_specs
 from realitygap.values import Pose
+from realitygap.work.archive import SIMULATED, SITUATED, TRIAL
 from realitygap.work.folder import file_errors, lock
 from realitygap.work.pool import Pool, Setup, Tell, Workers, far, opened
 from realitygap.work.progress import OnProgress, Reporter

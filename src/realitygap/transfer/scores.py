@@ -49,9 +49,10 @@ from realitygap.study.load import Run, Study, as_study
 from realitygap.study.provenance import project_commit
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
-from realitygap.transfer.record import SIMULATED, SITUATED, TransferredTrial, load_transfers, trial_content
+from realitygap.transfer.record import TransferredTrial, load_transfers
 from realitygap.transfer.replay import Replays
 from realitygap.values import Closing, Command, Floats, Pose, fed
+from realitygap.work.archive import SIMULATED, SITUATED, read_file
 from realitygap.work.pool import Setup, Tell, Workers, near, opened
 from realitygap.world.robot import TOP_INPUT, Profile
 
@@ -155,9 +156,7 @@ class ScoreJob:
         found = hashlib.blake2b(digest_size=16)
         parts = [repr(words).encode(), tests, *(path.read_bytes() for path in paths if path.is_file())]
         for one in self.transfers:
-            parts += [
-                trial_content(one.folder, name) or b"none" for name in (SIMULATED, SITUATED, "steps.csv")
-            ]
+            parts += [read_file(one.folder, name) or b"none" for name in (SIMULATED, SITUATED, "steps.csv")]
         for part in parts:
             found.update(part)
         return found.hexdigest()
