@@ -28,7 +28,7 @@ from realitygap.track import read_track
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.record import half_folder, load_transfers
 from realitygap.transfer.replay import Replays
-from realitygap.transfer.run import TransferContext, TransferredTrial
+from realitygap.transfer.run import TransferredTrial, TrialWorker
 from realitygap.transfer.spec import trial_specs
 from realitygap.twin.camera import OverheadCamera
 from realitygap.work.archive import unpacked
@@ -108,8 +108,8 @@ def test_an_interrupted_transfer_goes_on_to_the_same_bits(made, watched, monkeyp
     half = half_folder(watched.folder / "transfer/twin-1/light-seeking-double-1/start-2")
     half.mkdir(parents=True, exist_ok=True)
     (half / "steps.csv").write_text("half a")
-    done = [TransferContext.by_itself]
-    monkeypatch.setattr(TransferContext, "by_itself", lambda *some: done.append(some) or done[0](*some))
+    done = [TrialWorker.by_itself]
+    monkeypatch.setattr(TrialWorker, "by_itself", lambda *some: done.append(some) or done[0](*some))
     transfer(watched, starts=2, seconds=SECONDS, workers=1)
     assert len(done) == 1 + 4 - len(kept)
     assert files(watched.folder) == files(made[0].folder.parents[3])
@@ -174,7 +174,9 @@ def test_a_watched_trial_is_seen_ten_times_a_second(made, watched, tmp_path):
     folder = loose(one, tmp_path / "one")
     assert not (folder / "film.mp4").exists() and one.lost_steps == 0
     assert not (folder / "sealed.csv").exists()
-    with closing(TransferContext(watched)) as stage:  # the same drive, the truth of it kept
+    with closing(
+        TrialWorker(watched, watched.folder, watched.folder)
+    ) as stage:  # the same drive, the truth of it kept
         again = next(trial_specs(watched, Transfer(runs=[one.run], robots=["twin:1"], seconds=SECONDS)))
         driver = watched.controller(one.task, watched.runs[one.run - 1].champion)
         pose, sealed = stage.simulation(again.task, again.noise).start(again.stream), tmp_path / "sealed.csv"

@@ -90,7 +90,7 @@ def drive(
     body.reset(start)
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
-    track = made.known(task, profile) if made.poses else made.counted(start, profile)
+    track = made.path(start, task, profile)
     return DriveResult(track=track, score=score(track, task, profile), recording=made.recording)
 
 
