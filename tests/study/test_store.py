@@ -17,7 +17,7 @@ from realitygap.study.folder import gather, open_folder
 from realitygap.study.jobs import Job, Workshop
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
-from realitygap.study.store import DATABASE, Store, database_errors
+from realitygap.study.store import DATABASE, Store, database_errors, packed, unpacked
 from tests.hostile.flips import BELIEVED, HARMLESS, NOTICED, flips
 from tests.study.helpers import content, end, small, start
 
@@ -85,6 +85,15 @@ def test_a_changed_row_is_refused(copy, command, read):
         read(load_study(copy))
     with pytest.raises(StudyError, match="does not hold"):
         run_study(copy, resume=True, workers=1)
+
+
+@pytest.mark.parametrize("final", [False, True])
+def test_arrays_of_strangers_are_not_unpacked_beyond_what_a_run_has(final):
+    """However small they are in the database."""
+    data = packed({"number": np.zeros(10**6)}, final=final)
+    assert len(data) < 10**5 and len(unpacked(data, most=9 * 10**6)["number"]) == 10**6
+    with pytest.raises(ValueError, match="longer than what is kept of a run"):
+        unpacked(data, most=10**6)
 
 
 def test_flipped_bits_are_noticed(copy):

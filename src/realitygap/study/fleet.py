@@ -22,7 +22,8 @@ from realitygap.evolution.ga import DistributedGA, Population, select
 from realitygap.kernels.rng import substream
 from realitygap.streams import OFFSPRING, TRIALS
 from realitygap.study.plan import trial_streams
-from realitygap.study.run import Asked, Bench, Records, Scores, mean
+from realitygap.study.run import Asked, Bench, Scores, mean
+from realitygap.study.store import Records
 
 __all__ = ["advance", "fits", "prepare"]
 

@@ -3,11 +3,12 @@
 Runs go one after the other, or side by side: then the trials that they request at one time form one batch.
 """
 
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
-from queue import Empty, Queue
-from threading import Event, Thread
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from queue import Queue
+from threading import Event
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,22 +18,13 @@ from realitygap.plugins import blamed_on
 from realitygap.study import fleet
 from realitygap.study.folder import Materials
 from realitygap.study.plan import plans
-from realitygap.study.run import (
-    WHO,
-    Asked,
-    Bench,
-    Records,
-    advance,
-    begin,
-    finish,
-    tested_levels,
-)
-from realitygap.study.store import Advanced, Finished, Message
+from realitygap.study.run import Asked, Bench, advance, begin, finish, tested_levels
+from realitygap.study.store import WHO, Advanced, Finished, Message, Records
 from realitygap.tasks.task import Task
 from realitygap.values import Closing
 from realitygap.work.pool import Tell
 
-__all__ = ["Advanced", "Finished", "Job", "Message", "Rehearsal", "Workshop", "merged"]
+__all__ = ["Advanced", "Finished", "Job", "Message", "Rehearsal", "Workshop"]
 
 AMBIENT_COST = 2.5
 """Time of a step with ambient sensors over that with proximity sensors: a hint for the order of work."""
@@ -51,6 +43,8 @@ class Rehearsal(NamedTuple):
     breeding: bool
 
 
+MOST = 128
+"""Lists of messages that wait to be taken; then the threads wait."""
 Steps = Generator[Asked | Message, Any, None]
 
 
@@ -95,17 +89,43 @@ class Workshop:
 
     def messages(self, jobs: Iterable[Job]) -> Generator[list[Message], None, None]:
         """Messages of runs that advance side by side, as they come: one for each checkpoint of each run, then
-        its tests. Each condition has a thread: its runs breed while others' trials are carried out."""
-        conditions: dict[int, list[Job]] = {}
+        its tests. Each condition has a thread: its runs breed while others' trials are carried out.
+
+        An error in one ends all; when this ends or is closed, each thread is left at its next round.
+        """
+        conditions: dict[int, dict[int, State]] = {}
         for job in jobs:
-            conditions.setdefault(self._plans[job.run].condition, []).append(job)
-        states = {job.run: self._state(job) for some in conditions.values() for job in some}
-        sides = [
-            self._side_by_side(condition, {job.run: states[job.run] for job in some})
-            for condition, some in conditions.items()
-        ]
-        with closing(merged(sides)) as bundles:
-            yield from bundles
+            states = conditions.setdefault(self._plans[job.run].condition, {})
+            states[job.run] = self._state(job)
+        came, stop = Queue[list[Message] | BaseException | None](MOST), Event()
+
+        def drive(condition: int, states: dict[int, State]) -> None:
+            end = None
+            try:
+                for messages in self._side_by_side(condition, states):
+                    came.put(messages)
+                    if stop.is_set():
+                        break
+            except BaseException as error:
+                end = error
+            came.put(end)
+
+        left = len(conditions)
+        with ThreadPoolExecutor(max(1, left)) as threads:
+            for one in conditions.items():
+                threads.submit(drive, *one)
+            try:
+                while left:
+                    found = came.get()
+                    left -= not isinstance(found, list)
+                    if isinstance(found, BaseException):
+                        raise found
+                    if found:
+                        yield found
+            finally:
+                stop.set()
+                while left:
+                    left -= not isinstance(came.get(), list)
 
     def _side_by_side(self, condition: int, states: dict[int, State]) -> Iterator[list[Message]]:
         """Runs of one condition, from their states."""
@@ -243,51 +263,3 @@ def _advanced(run: int, state: State, records: Records) -> Advanced:
 
 def _step_cost(task: Task) -> float:
     return task.steps * (AMBIENT_COST if "ambient" in task.kinds else 1.0)
-
-
-T = TypeVar("T")
-
-MOST = 128
-"""Lists that wait to be taken; then the threads wait."""
-
-
-def merged(sources: Iterable[Iterator[Sequence[T]]]) -> Generator[list[T], None, None]:
-    """All that the sources yield, each in a thread, in lists as it comes; in order, of each source.
-
-    A source's error ends this generator. When it ends or is closed, each source is left at its next list,
-    which may be an empty one; no thread outlives it.
-    """
-    came, stop = Queue[Sequence[T] | BaseException | None](MOST), Event()
-
-    def drive(source: Iterator[Sequence[T]]) -> None:
-        end = None
-        try:
-            for items in source:
-                came.put(items)
-                if stop.is_set():
-                    break
-        except BaseException as error:
-            end = error
-        came.put(end)
-
-    threads = [Thread(target=drive, args=(source,), daemon=True) for source in sources]
-    left = len(threads)
-    try:
-        for thread in threads:
-            thread.start()
-        while left:
-            found = [came.get()]
-            with suppress(Empty):
-                while len(found) < MOST:
-                    found.append(came.get_nowait())
-            left -= sum(not isinstance(one, Sequence) for one in found)
-            if items := [item for some in found if isinstance(some, Sequence) for item in some]:
-                yield items
-            for error in found:
-                if isinstance(error, BaseException):
-                    raise error
-    finally:
-        stop.set()
-        while any(thread.is_alive() for thread in threads):
-            with suppress(Empty):
-                came.get(timeout=0.05)

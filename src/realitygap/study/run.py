@@ -21,12 +21,10 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
 from realitygap.study.folder import Materials
 from realitygap.study.plan import Plan, trial_streams
-from realitygap.study.store import WHO
+from realitygap.study.store import WHO, Records, Results
 from realitygap.world.robot import NOISE_LEVELS
 
-__all__ = [
-    "WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "finish", "mean", "tested_levels",
-]  # fmt: skip
+__all__ = ["Asked", "Bench", "advance", "begin", "finish", "mean", "tested_levels"]
 
 Scores = NDArray[np.float64]
 
@@ -39,35 +37,6 @@ class Asked(NamedTuple):
     """[n, ...]."""
     streams: NDArray[np.uint64]
     """[n, trials]."""
-
-
-class Records(NamedTuple):
-    """n evaluations, a row each."""
-
-    number: NDArray[np.int64]
-    fitness: NDArray[np.float64]
-    scores: NDArray[np.float64]
-    """[n, trials]."""
-    genes: Genes
-    """[n, ...] of the encoding's type and shape."""
-    parents: NDArray[np.int64]
-    """[n, 2] evaluation numbers, −1: none."""
-    cell: NDArray[np.int64]
-
-
-class Results(NamedTuple):
-    """Results of a finished run's tests."""
-
-    cells: NDArray[np.int64]
-    """[m] occupied cells of the last population."""
-    numbers: NDArray[np.int64]
-    """[m] who: evaluation numbers."""
-    retest: NDArray[np.float64]
-    """[m, retest trials] scores."""
-    champion: int
-    """Row of the highest mean in `retest`."""
-    fresh: dict[tuple[str, float], NDArray[np.float64]]
-    """Scores on fresh trials by (who, noise level)."""
 
 
 class Bench:
