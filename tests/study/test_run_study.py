@@ -45,7 +45,7 @@ def test_a_stored_individual_lives_again(finished):
     task, table = finished.task(run.task), finished.evaluations(run.id)
     simulation = Simulation(task, finished.profile, run.noise)
     for number in (0, 63, 89):
-        stream = substream(np.uint64(substream(run.plan.stream, TRIALS)), number)
+        stream = substream(np.uint64(substream(run.stream, TRIALS)), number)
         streams = np.array([[substream(np.uint64(stream), t) for t in range(2)]], np.uint64)
         network = finished.networks(run.task, finished.genotype(run.id, number))
         assert simulation.scores(network, streams)[0].tolist() == [

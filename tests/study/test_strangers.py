@@ -68,7 +68,6 @@ def test_looking_runs_no_code(stranger):
     assert run.champion.shape == study.encoding("touch").shape and study.encoding("touch").inputs == 2
     assert study.facts("touch")["feeds"] == "proximity" and study.profile.name == "paper"
     assert len(study.genotypes(1)) == len(study.evaluations()["number"]) == 66
-    assert run.plan.name == run.name
     assert not trace.exists()
 
 

@@ -307,8 +307,6 @@ def refuse_other(folder: Path, other: Path) -> None:
     Raises:
         StudyError: names the first setting or file in which they differ.
     """
-    for one in (folder, other):
-        own_config(one)  # its files are as they were
     here, there = (
         {k: v for k, v in read_config(one).to_dict().items() if k not in LOOSE} for one in (folder, other)
     )

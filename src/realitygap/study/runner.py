@@ -20,12 +20,13 @@ from realitygap.study.folder import (
     input_files,
     inputs_for,
     open_folder,
+    own_config,
     read_materials,
     refuse_other,
     take_back,
     write_files,
 )
-from realitygap.study.jobs import Advanced, Job, Message, Rehearsal, Workshop
+from realitygap.study.jobs import Finished, Job, Message, Rehearsal, Workshop
 from realitygap.study.load import Study, load_study
 from realitygap.study.provenance import versions
 from realitygap.study.store import DATABASE, Reader, Store
@@ -115,11 +116,37 @@ def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
 def _carry_out(
     folder: Path, workshop: Workshop, pool: Pool, mark: Mark | None, on_progress: OnProgress | None
 ) -> None:
-    """Carry out all unfinished runs (for a shard its own)."""
+    """Carry out all unfinished runs (for a shard its own), and count what is stored."""
     with Store(folder / DATABASE) as store:
         runs = workshop.runs if mark is None else mark.shard.own(workshop.runs)
         left = {run: workshop.config.evaluations - done for run, done in store.unfinished() if run in runs}
-        keeper = _Keeper(workshop, store, left, len(runs), on_progress)
+        total = len(runs) * workshop.config.evaluations
+        count = {"done": total - sum(left.values()), "runs_done": len(runs) - len(left), "new": 0}
+        tests = {run: workshop.tests_cost(run) for run in left}
+        costs = {run: workshop.cost(run, n) + tests[run] for run, n in left.items()}
+        testing = sum(tests.values())
+        reporter = Reporter(on_progress, {EVOLVING: sum(costs.values()) - testing, TESTING: testing})
+
+        def phase(name: str) -> None:
+            counts = {"runs_done": count["runs_done"], "runs_total": len(runs)}
+            reporter.phase(name, done=count["done"], total=total, what="evaluations", **counts)
+
+        def keep(*messages: Message) -> None:
+            store.keep(messages)
+            for message in messages:
+                if isinstance(message, Finished):
+                    count["runs_done"] += 1
+                    reporter.add(tests[message.run], of=TESTING, runs_done=count["runs_done"])
+                    continue
+                n = len(message.records.number)
+                count["done"], count["new"] = count["done"] + n, count["new"] + n
+                pace = count["new"] / max(reporter.spent, 1e-9) if reporter.spent else 0.0
+                cost = workshop.cost(message.run, n)
+                reporter.add(cost, done=n, of=EVOLVING, evaluations_per_second=pace)
+                if count["done"] == total:
+                    phase(TESTING)
+
+        phase(COMPILING if left else FINISHED)
         if not left:
             return
         store.begin_session({**versions(), "engine": workshop.engine})
@@ -127,60 +154,15 @@ def _carry_out(
         if isinstance(pool, Processes) and min(pool.size, len(left)) > 1 and workshop.engine == "cores":
             pool.work(setup, (Rehearsal(False), Rehearsal(True)), lambda message: None)
         workshop.compile()
-        keeper.begin(EVOLVING)
-        costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}
+        phase(EVOLVING)
         longest_first = sorted(costs, key=lambda run: (-costs[run], run))
         jobs = (Job(run, store.checkpoint(run, workshop.read)) for run in longest_first)
-        if workshop.engine != "cores":
-            with closing(workshop.messages(jobs)) as bundles:
-                for messages in bundles:
-                    keeper.keep(*messages)
+        if workshop.engine == "cores":
+            pool.work(setup, jobs, keep)
             return
-        pool.work(setup, jobs, keeper.keep)
-
-
-class _Keeper:
-    """Writes messages to the database, then counts them."""
-
-    def __init__(
-        self,
-        workshop: Workshop,
-        store: Store,
-        left: Mapping[int, int],
-        runs: int,
-        on_progress: OnProgress | None,
-    ) -> None:
-        self._workshop, self._store, self._runs = workshop, store, runs
-        self._total = runs * workshop.config.evaluations
-        self._done, self._runs_done, self._new = self._total - sum(left.values()), self._runs - len(left), 0
-        evolving = sum(workshop.cost(run, n) for run, n in left.items())
-        work = {EVOLVING: evolving, TESTING: sum(map(workshop.tests_cost, left))}
-        self._reporter = Reporter(on_progress, work)
-        self.begin(COMPILING if left else FINISHED)
-
-    def begin(self, phase: str) -> None:
-        counts = {"runs_done": self._runs_done, "runs_total": self._runs}
-        self._reporter.phase(phase, done=self._done, total=self._total, what="evaluations", **counts)
-
-    def keep(self, *messages: Message) -> None:
-        """Store results of jobs."""
-        self._store.keep(messages)
-        for message in messages:
-            self._count(message)
-
-    def _count(self, message: Message) -> None:
-        run, reporter = message.run, self._reporter
-        if isinstance(message, Advanced):
-            count = len(message.records.number)
-            self._done, self._new = self._done + count, self._new + count
-            pace = self._new / max(reporter.spent, 1e-9) if reporter.spent else 0.0
-            cost = self._workshop.cost(run, count)
-            reporter.add(cost, done=count, of=EVOLVING, evaluations_per_second=pace)
-            if self._done == self._total:
-                self.begin(TESTING)
-        else:
-            self._runs_done += 1
-            reporter.add(self._workshop.tests_cost(run), of=TESTING, runs_done=self._runs_done)
+        with closing(workshop.messages(jobs)) as bundles:
+            for messages in bundles:
+                keep(*messages)
 
 
 def workshop_of(inputs: Inputs) -> Workshop:
@@ -203,6 +185,8 @@ def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
     """
     first, *others = shards.values()
     for folder in shards.values():
+        own_config(folder)  # its files are as they were
+    for folder in others:
         refuse_other(first, folder)
     with new_folder(out, f"realitygap report {shlex.quote(str(out))}") as half:
         runs = {folder: _finished(folder, shard) for shard, folder in shards.items()}

@@ -230,7 +230,7 @@ class ScoreJob:
         assert genes is not None
         networks = context.study.networks(run.task, genes)
         simulation = Simulation(context.task, context.study.profile, run.noise)
-        streams = batch_streams(int(substream(run.plan.stream, np.uint64(NAMED))), TRIALS)
+        streams = batch_streams(int(substream(run.stream, np.uint64(NAMED))), TRIALS)
         made = [simulation.trajectory(networks, stream=one)[0] for one in streams.tolist()]
         radius = context.study.profile.body.radius_cm
         return [trial_of(trajectory, start=str(k), radius_cm=radius) for k, trajectory in enumerate(made)]
