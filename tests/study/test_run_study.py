@@ -149,16 +149,6 @@ def test_a_wrong_configuration_makes_no_folder(folder):
     assert not folder.exists()
 
 
-def test_other_peoples_files_are_left_alone(folder):
-    """A folder that holds something else is no place for a study."""
-    folder.mkdir()
-    (folder / "thesis.tex").write_text("…")
-    with pytest.raises(StudyError, match=r"holds no study, but other files \(thesis.tex\)"):
-        run_study(folder, small())
-    with pytest.raises(StudyError, match=r"holds no study"):
-        run_study(folder, resume=True)
-
-
 def test_a_study_that_was_killed_while_it_was_made_is_made_anew(finished, folder):
     """Everything but the database was written: resuming makes the study, and sweeps what was half written."""
     shutil.copytree(finished.folder, folder, ignore=shutil.ignore_patterns("study.db*"))

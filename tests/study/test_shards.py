@@ -41,7 +41,7 @@ def stop(event) -> None:
         raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("text", ["4/3", "0/3", "1/0", "1", "a/b", "1/3/2", "-1/3", "1/1000000"])
+@pytest.mark.parametrize("text", ["4/3", "0/3", "a/b"])
 def test_what_is_no_shard_is_refused(text):
     """From 1/N to N/N."""
     with pytest.raises(ConfigError, match=r"shard: expected I/N, share I \(from 1 to N\) of N"):

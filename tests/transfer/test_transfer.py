@@ -267,19 +267,12 @@ def test_what_cannot_be_done_is_refused(study):
     port = ("serial:/dev/no-such-port",)
     with pytest.raises(StudyError, match="expected a run"):
         transfer(study, [9])
-    with pytest.raises(UsageError, match="no-such-port"):
-        transfer(study, robots=port, carry=lambda one, pose: None)
     with pytest.raises(UsageError, match="film"):
         transfer(study, robots=port, carry=lambda one, pose: None, film=True)
     with pytest.raises(UsageError, match="operator"):
         transfer(study, robots=port)
-    for film in ([9], [(1, 2)], [1, 2]):
-        with pytest.raises(UsageError, match=r"film: expected runs that drive \(1\), starts 1 to 1, got"):
-            transfer(study, [1], film=film)
-    (study.folder / "transfer").rmdir()
-    (study.folder / "transfer").write_text("in the way")
-    with pytest.raises(StudyError, match="rights"):
-        transfer(study, [1], seconds=SECONDS, workers=1)
+    with pytest.raises(UsageError, match=r"film: expected runs that drive \(1\), starts 1 to 1, got"):
+        transfer(study, [1], film=[(1, 2)])
 
 
 def test_a_broken_trial_file_is_named(made, study):
