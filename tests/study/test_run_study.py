@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import pickle
 import shutil
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -152,9 +154,12 @@ def test_a_wrong_configuration_makes_no_folder(folder):
 def test_a_study_that_was_killed_while_it_was_made_is_made_anew(finished, folder):
     """Everything but the database was written: resuming makes the study, and sweeps what was half written."""
     shutil.copytree(finished.folder, folder, ignore=shutil.ignore_patterns("study.db*"))
-    half = folder / ".part-999999999-study.db"
-    half.write_bytes(b"half")
-    assert run_study(folder, small(), workers=1, resume=True).runs[0].finished and not half.exists()
+    half, writing = folder / ".part-1-study.db", folder / ".part-2-index.html"
+    for part, age_s in ((half, 7200.0), (writing, 0.0)):
+        part.write_bytes(b"half")
+        os.utime(part, (0.0, time.time() - age_s))
+    assert run_study(folder, small(), workers=1, resume=True).runs[0].finished
+    assert not half.exists() and writing.exists()
     assert content(folder) == content(finished.folder)
 
 

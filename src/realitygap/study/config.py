@@ -235,11 +235,6 @@ class StudyConfig(Value):
             whole(key, getattr(self, key), 1, 10**6)
         whole("checkpoint_every", self.checkpoint_every, 1, 10**5)
         require(bool(self.conditions), "conditions", "one or more, each a task and a noise level", [])
-        cure = "Each condition is run `runs` times: leave out the repetition."
-        pairs = [(c.task, c.noise, c.spread, c.spread_wheels) for c in self.conditions]
-        twice = next((f"{p[0]}, noise {p[1]:g}, twice" for k, p in enumerate(pairs) if p in pairs[:k]), None)
-        if twice:
-            raise ConfigError(f"conditions: expected different ones, got {twice}. {cure}")
         for key in SIZES:
             size = getattr(self.variation, key)
             plain = size == getattr(Variation, key)

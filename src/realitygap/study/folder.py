@@ -7,8 +7,9 @@ still resumes and replays with the same bits.
 import os
 import shlex
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache
@@ -21,7 +22,6 @@ from realitygap.study.provenance import versions
 from realitygap.study.store import DATABASE, Reader
 from realitygap.tasks import TASKS, copy_task, load_task
 from realitygap.tasks.task import Task
-from realitygap.values import Closing
 from realitygap.work.folder import (
     LOCK,
     RunFolder,
@@ -36,7 +36,7 @@ from realitygap.world.arena import load_arena
 from realitygap.world.robot import Profile, load_profile
 
 __all__ = [
-    "CONFIG", "Home", "Inputs", "Materials", "agree", "agree_to", "exists", "gather", "home_of",
+    "CONFIG", "Inputs", "Materials", "agree", "agree_to", "exists", "gather", "home_of",
     "input_files", "inputs_for", "open_folder", "open_to_begin", "own", "own_config", "programs",
     "read_config", "read_materials", "read_profile", "refuse_other", "refuse_strange", "strange", "take_back",
     "write_files",
@@ -136,12 +136,11 @@ def gather(config: StudyConfig) -> Materials:
         config.evolution.make(config.encoding_for(task))  # the genotype has room for the inputs
         loaded[key] = task
     tasks = tuple(loaded[c.task].under(c.spread or None, c.spread_wheels) for c in config.conditions)
-    pairs = [(task.name, c.noise) for task, c in zip(tasks, config.conditions, strict=True)]
-    for i, pair in enumerate(pairs):
-        if pair in pairs[:i]:
-            raise ConfigError(
-                f"conditions[{i}]: {pair[0]} at noise {pair[1]:g} appears twice. Leave one out."
-            )
+    pairs = Counter((task.name, c.noise) for task, c in zip(tasks, config.conditions, strict=True))
+    (name, noise), count = pairs.most_common(1)[0]
+    if count > 1:
+        cure = "Each is run `runs` times: leave one out."
+        raise ConfigError(f"conditions: {name} at noise {noise:g} is there twice. {cure}")
     return Materials(config=config, profile=profile, tasks=tasks)
 
 
@@ -393,18 +392,6 @@ Inputs = tuple[str, Mapping[str, bytes]]
 """A study's folder ("" if workers cannot see it) and the content of its files, as sent to workers."""
 
 
-class Home(Closing):
-    """The folder that a worker reads a study from: its own, or a temporary one that `close` removes."""
-
-    def __init__(self, folder: Path, made: tempfile.TemporaryDirectory[str] | None = None) -> None:
-        self.folder, self._made = folder, made
-
-    def close(self) -> None:
-        """Remove a temporary folder."""
-        if self._made is not None:
-            self._made.cleanup()
-
-
 def input_files(folder: Path) -> dict[str, bytes]:
     """The content of all files that a study follows from, its configuration too."""
     with file_errors(folder):
@@ -416,19 +403,18 @@ def inputs_for(folder: Path, pool: Pool) -> Inputs:
     return "" if far(pool) else str(folder.resolve()), input_files(folder)
 
 
-def home_of(inputs: Inputs) -> Home:
-    """The study's folder, in a worker."""
+def home_of(inputs: Inputs, held: ExitStack) -> Path:
+    """The folder that a worker reads a study from: its own, or a temporary one that `held` removes."""
     place, files = Path(inputs[0]), inputs[1]
     if inputs[0] and exists(place) and input_files(place) == files:
         agree(place)  # the parent has asked
-        return Home(place)
-    made = tempfile.TemporaryDirectory(prefix="realitygap-")
-    folder = Path(made.name)
+        return place
+    folder = Path(held.enter_context(tempfile.TemporaryDirectory(prefix="realitygap-")))
     write_files(folder, files)
     materials = gather(own(StudyConfig.from_toml(folder / CONFIG, local=True), folder))
     agree_to(materials.own_code())
     _create(folder, materials)
-    return Home(folder, made)
+    return folder
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:

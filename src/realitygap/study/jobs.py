@@ -21,7 +21,6 @@ from realitygap.study.plan import plans
 from realitygap.study.run import Asked, Bench, advance, begin, finish, tested_levels
 from realitygap.study.store import WHO, Advanced, Finished, Message, Records
 from realitygap.tasks.task import Task
-from realitygap.values import Closing
 from realitygap.work.pool import Tell
 
 __all__ = ["Advanced", "Finished", "Job", "Message", "Rehearsal", "Workshop"]
@@ -51,10 +50,8 @@ Steps = Generator[Asked | Message, Any, None]
 class Workshop:
     """Carries out the runs of one study, with a bench for each condition, created when first needed."""
 
-    home: Closing | None = None
-    """Of the files, if they came in messages."""
-
-    def __init__(self, materials: Materials, engine: str = "cores") -> None:
+    def __init__(self, materials: Materials, engine: str = "cores", held: ExitStack | None = None) -> None:
+        self._held = held or ExitStack()
         self.config, self.engine = materials.config, engine
         self._materials = materials
         self._plans = {plan.id: plan for plan in plans(materials)}
@@ -172,8 +169,7 @@ class Workshop:
 
     def close(self) -> None:
         """Remove files that came in messages."""
-        if self.home is not None:
-            self.home.close()
+        self._held.close()
 
     def _state(self, job: Job) -> State:
         """The state that a run goes on from."""

@@ -5,7 +5,7 @@ Shards, which were carried out apart, are merged to the same bits as in one piec
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 from realitygap.errors import StudyError, StudyInterruptedError
@@ -167,10 +167,8 @@ def _carry_out(
 
 def workshop_of(inputs: Inputs) -> Workshop:
     """A study's workshop, in any worker."""
-    home = home_of(inputs)
-    workshop = Workshop(read_materials(home.folder))
-    workshop.home = home  # Numba looks for its tasks there
-    return workshop
+    held = ExitStack()  # Numba looks for its tasks in the folder
+    return Workshop(read_materials(home_of(inputs, held)), held=held)
 
 
 def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:

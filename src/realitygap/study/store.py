@@ -139,15 +139,12 @@ def database_errors(path: Path) -> Iterator[None]:
 
 def _words(error: Exception) -> str:
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-    if code == sqlite3.SQLITE_FULL:
-        return "the disk is full. What was saved is kept: free some space and resume."
-    if code == sqlite3.SQLITE_IOERR:
-        return f"{error}: is the disk full or gone? What was saved is kept: see to it and resume."
-    if code in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM, sqlite3.SQLITE_CANTOPEN):
-        return f"{error}. Check the folder's rights, or copy the study elsewhere."
-    if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-        return f"another program holds the database ({error}). Close it and resume."
-    return f"the database is broken ({error}). Restore it from a copy, or begin again in another folder."
+    if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
+        full = "the disk is full" if code == sqlite3.SQLITE_FULL else f"{error}: is the disk full or gone?"
+        return f"{full}. What was saved is kept: free some space and resume."
+    if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, 0):
+        return f"the database is broken ({error}). Restore it from a copy, or begin again in another folder."
+    return f"{error}. Check the folder's rights, and that no other program holds the database."
 
 
 def _broken(path: Path, what: str) -> StudyError:

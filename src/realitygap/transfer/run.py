@@ -14,7 +14,7 @@ import math
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from functools import cache
 from itertools import chain
@@ -33,7 +33,7 @@ from realitygap.robots.body import Body
 from realitygap.robots.drive import Controller, Recorder, Recording
 from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation
-from realitygap.study.folder import Home, Inputs, exists, home_of, inputs_for
+from realitygap.study.folder import Inputs, exists, home_of, inputs_for
 from realitygap.study.load import Study, as_study, load_study
 from realitygap.study.provenance import versions
 from realitygap.track import Track
@@ -224,8 +224,8 @@ class TrialWorker:
     `shown` is that place for messages.
     """
 
-    def __init__(self, study: Study, place: Path, shown: Path, home: Home | None = None) -> None:
-        self.study, self._place, self._shown, self._home = study, place, shown, home
+    def __init__(self, study: Study, place: Path, shown: Path, held: ExitStack | None = None) -> None:
+        self.study, self._place, self._shown, self._held = study, place, shown, held or ExitStack()
         self.simulation = cache(lambda task, noise: Simulation(study.task(task), study.profile, noise))
         self._versions = cache(versions)  # finding the commit takes three programs
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
@@ -256,8 +256,7 @@ class TrialWorker:
         for rig in self._rigs.values():
             rig.close()
         self._rigs.clear()
-        if self._home is not None:
-            self._home.close()
+        self._held.close()
 
     def camera_file(self, spec: TrialSpec) -> Path:
         """The file of the calibration of the camera over a unit's arena."""
@@ -421,9 +420,10 @@ def _overhead(options: Transfer, operator: Operator) -> AbstractContextManager[L
 
 def worker_for(inputs: Inputs, shown: str) -> TrialWorker:
     """A worker for a study's trials, in any process."""
-    home = home_of(inputs)
-    place = Path(shown) if inputs[0] else home.folder
-    return TrialWorker(load_study(home.folder), place, Path(shown), home)
+    held = ExitStack()
+    home = home_of(inputs, held)
+    place = Path(shown) if inputs[0] else home
+    return TrialWorker(load_study(home), place, Path(shown), held)
 
 
 def _by_themselves(

@@ -11,8 +11,8 @@ import errno
 import json
 import os
 import platform
-import re
 import shutil
+import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -33,7 +33,8 @@ SEALS = "sha256"
 """Table of a settings' file with the digests of the settings, under its own name, and of other files."""
 _APART = ("versions", SEALS)
 """Tables of a settings' file that are no settings."""
-_PART = re.compile(r"\.part-(\d+)-")
+OLD_S = 3600.0
+"""A file that is being written, on whatever machine, is never left alone for that long."""
 
 
 @dataclass(frozen=True)
@@ -251,22 +252,11 @@ def _holder(file: Path) -> str:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove what dead processes were writing."""
-    for place, _, files in os.walk(folder):
-        for name in files:
-            found = _PART.match(name)
-            if found and not _alive(int(found[1])):
-                Path(place, name).unlink(missing_ok=True)
-
-
-def _alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        pass
-    return True
+    """Remove what nobody has been writing for a while: a process that was killed left it."""
+    for part in folder.rglob(".part-*"):
+        with suppress(FileNotFoundError):  # it was finished just now
+            if time.time() - part.stat().st_mtime > OLD_S:
+                part.unlink()
 
 
 def refuse_strangers(folder: Path, what: str, ours: Collection[str] = ()) -> None:
