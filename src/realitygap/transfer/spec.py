@@ -24,7 +24,7 @@ from realitygap.transfer.options import Named, Transfer
 from realitygap.world.robot import Profile
 
 __all__ = [
-    "FOLDER", "SOURCES", "WHEELS", "TrialSpec", "check_body", "check_fit", "chosen_runs", "controller_for",
+    "FOLDER", "SOURCES", "TrialSpec", "check_body", "check_fit", "chosen_runs", "controller_for",
     "median_run", "shown_runs", "transfer_stream", "trial_specs",
 ]  # fmt: skip
 
@@ -34,9 +34,6 @@ FOLDER = "transfer"
 SOURCES = ("speeds", "counters", "robot", "camera", "film")
 """Sources of a situated path, the most reliable last: speeds measured by motors, counters of wheels, poses
 reported by the robot, a camera."""
-
-WHEELS = SOURCES[:2]
-"""Sources that do not see slip."""
 
 
 @dataclass(frozen=True, kw_only=True)
