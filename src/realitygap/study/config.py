@@ -297,11 +297,15 @@ class StudyConfig(Value):
             path = Path(name).expanduser()
             return str((folder / path).resolve()) if path.suffix in (".py", ".toml") else name
 
+        return self.with_files(found)
+
+    def with_files(self, moved: Callable[[str], str]) -> Self:
+        """A copy with every name of a task, profile, arena or program as `moved` says."""
         return replace(
-            self.with_own_files(lambda _, file: found(str(file))),
-            profile=found(self.profile),
-            conditions=tuple(replace(c, task=found(c.task)) for c in self.conditions),
-            arenas={task: found(arena) for task, arena in self.arenas.items()},
+            self.with_own_files(lambda _, file: moved(file.as_posix())),
+            profile=moved(self.profile),
+            conditions=tuple(replace(c, task=moved(c.task)) for c in self.conditions),
+            arenas={task: moved(arena) for task, arena in self.arenas.items()},
         )
 
     def with_settings(self, settings: Iterable[str]) -> Self:

@@ -27,7 +27,6 @@ from realitygap.work.folder import (
     RunFolder,
     file_errors,
     inside,
-    refuse_difference,
     refuse_strangers,
 )
 from realitygap.work.pool import Pool, far
@@ -266,15 +265,7 @@ def own(config: StudyConfig, folder: Path) -> StudyConfig:
         StudyError: a file is missing, or lies elsewhere.
     """
 
-    def place(name: str) -> str:
-        return str(inside(folder, name).resolve())
-
-    return replace(
-        config.with_own_files(lambda _, file: place(file.as_posix())),
-        profile=place(config.profile),
-        conditions=tuple(c if c.task in TASKS else replace(c, task=place(c.task)) for c in config.conditions),
-        arenas={task: place(arena) for task, arena in config.arenas.items()},
-    )
+    return config.with_files(lambda name: name if name in TASKS else str(inside(folder, name).resolve()))
 
 
 def read_materials(folder: Path) -> Materials:
@@ -306,17 +297,10 @@ def refuse_other(folder: Path, other: Path) -> None:
     Raises:
         StudyError: names the first setting or file in which they differ.
     """
-    here, there = (
-        {k: v for k, v in read_config(one).to_dict().items() if k not in LOOSE} for one in (folder, other)
-    )
     cure = f"{other} has that. Only shards of one study are merged."
-    refuse_difference(f"{folder}: the study was made", here, there, cure)
-    ours, theirs = (_run_folder(one).seals() for one in (folder, other))
-    for name in sorted(ours.keys() | theirs.keys()):
-        if ours.get(name) != theirs.get(name):
-            raise StudyError(
-                f"{folder} and {other} keep different files {name}. Only shards of one study are merged."
-            )
+    files = {name: (other / name).read_bytes() for name in _run_folder(other).seals()}
+    here, there = (read_config(one).to_dict() for one in (folder, other))
+    _run_folder(folder).refuse_other(here, there, files, cure)
 
 
 # Trust

@@ -110,22 +110,23 @@ class RunFolder:
                     raise self._edited(path)
 
     def refuse_other(
-        self, there: Mapping[str, Any], requested: Mapping[str, Any], files: Mapping[str, bytes] = {}
+        self,
+        there: Mapping[str, Any],
+        requested: Mapping[str, Any],
+        files: Mapping[str, bytes] = {},
+        cure: str = "Leave it as it was, or choose another --out.",
     ) -> None:
-        """Refuse to continue with other settings or files than those it was begun with.
+        """Refuse other settings or files than those it was begun with; `cure` is what to do.
 
         Raises:
             StudyError: names the first setting that differs with both values, or the file.
         """
         made, now = ({k: v for k, v in table.items() if k not in self.loose} for table in (there, requested))
-        cure = "Leave it as it was, or choose another --out."
         refuse_difference(f"{self.path}: the {self.what} was made", made, now, cure)
         seals = self.seals()
         for name, content in files.items():
             if seals.get(name) != sha256(content).hexdigest():
-                raise StudyError(
-                    f"{self.path}: the {self.what} keeps a different {name} from the one given now. {cure}"
-                )
+                raise StudyError(f"{self.path}: the {self.what} keeps a different {name}. {cure}")
 
     def seals(self) -> dict[str, str]:
         """Digests of the other files by name."""
