@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from realitygap.errors import FilmError, StudyError
+from realitygap.errors import FilmError
 from realitygap.files import atomic_write, to_toml
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.camera import CameraModel, load_camera
@@ -23,7 +23,6 @@ from realitygap.film.tag import Marker
 from realitygap.track import Track
 from realitygap.transfer.paths import of_track
 from realitygap.values import Closing, Pose
-from realitygap.work.folder import locked
 from realitygap.world.arena import Arena
 
 if TYPE_CHECKING:
@@ -46,9 +45,6 @@ LEAST_POSES, GRIDS = 16, range(4, 10)
 
 GOLDEN_DEG = 222.4922
 """Turn from one known pose to the next: distinct headings in all directions."""
-
-WAIT_S = 300.0
-"""Time that another process may take to calibrate a camera, which takes some seconds."""
 
 MARGIN_CM = 0.5
 TOUCH_CM = 1e-6
@@ -105,29 +101,20 @@ class OverheadTracker:
         self.camera = self._calibrated(file, known_poses(arena, radius_cm))
 
     def _calibrated(self, file: Path, poses: list[Pose]) -> CameraModel:
-        """The calibration by known poses, done once and kept in `file`.
+        """The calibration by known poses, kept in `file`; processes that make it at one time make the same.
 
         The known frames are drawn: the lens is the renderer's too, and results do not depend on a GL library.
-
-        Raises:
-            StudyError: another process has been calibrating it for too long.
         """
+        if file.is_file():
+            return load_camera(file)
+        pictures = [self._eye.frame(pose, FIRST + k) for k, pose in enumerate(poses)]
+        frames = [
+            KnownFrame(name=f"pose {k}", picture=picture, pose=pose)
+            for k, (pose, picture) in enumerate(zip(poses, pictures, strict=True), start=1)
+        ]
+        camera = calibrate_camera(frames, self.marker).camera
         file.parent.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as held:
-            try:
-                held.enter_context(locked(file.with_name(f".{file.stem}.lock"), within_s=WAIT_S))
-            except BlockingIOError:
-                raise StudyError(
-                    f"{file}: another process has been making this for {WAIT_S:g} s. End it, and start again."
-                ) from None
-            if file.is_file():
-                return load_camera(file)
-            frames = []
-            for k, pose in enumerate(poses):
-                picture = self._eye.frame(pose, FIRST + k)
-                frames.append(KnownFrame(name=f"pose {k + 1}", picture=picture, pose=pose))
-            camera = calibrate_camera(frames, self.marker).camera
-            camera.save(file)
+        camera.save(file)
         return camera
 
     def _camera(self, *, view: str = "drawn", grey: bool = False) -> OverheadCamera:

@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from functools import cache
-from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -483,7 +482,7 @@ def _by_themselves(
         reporter.add(_cost(spec), done=int(finished))
 
     inputs = (inputs_for(study.folder, pool), str(place.resolve()))
-    for jobs in (cameras, trials()) if away else (chain(cameras, trials()),):
+    for jobs in (cameras, trials()):
         pool.work(Setup(worker_for, inputs, here=here), jobs, save)
 
 

@@ -24,7 +24,7 @@ from realitygap.errors import StudyBusyError, StudyError
 from realitygap.files import atomic_write, move_whole, parse_toml, read_toml, to_toml
 
 __all__ = [
-    "LOCK", "SEALS", "RunFolder", "file_errors", "flat", "inside", "lock", "locked", "new_folder",
+    "LOCK", "SEALS", "RunFolder", "file_errors", "flat", "inside", "lock", "new_folder",
     "refuse_difference", "refuse_links", "refuse_strangers", "settings_in",
 ]  # fmt: skip
 
@@ -193,18 +193,22 @@ def lock(folder: Path) -> Iterator[None]:
         StudyBusyError: another process holds it.
         StudyError: the folder cannot be written.
     """
+    from filelock import FileLock, Timeout
+
     file, new = folder / LOCK, not (folder / LOCK).exists()
     with ExitStack() as held:
         with file_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
             refuse_links(file)
             try:
-                held.enter_context(locked(file))
-            except BlockingIOError:
+                held.enter_context(FileLock(file, timeout=0))
+            except Timeout:
                 raise StudyBusyError(
                     f"{folder}: {_holder(file)} is working on this study. Wait until it ends, stop it, "
                     "or choose another --out."
                 ) from None
+            except NotImplementedError as error:
+                raise OSError(95, f"this file system does not support locks ({error})", str(file)) from None
             with suppress(OSError):  # as where a file system has no locks
                 file.write_text(f"{os.getpid()}\n{platform.node()}\n", "utf-8")
             _sweep(folder)
@@ -216,29 +220,6 @@ def lock(folder: Path) -> Iterator[None]:
                 with suppress(OSError):  # something is in it
                     folder.rmdir()
             raise
-
-
-@contextmanager
-def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
-    """Lock a file, created if missing, against other processes; waits up to `within_s` for another holder.
-
-    Raises:
-        BlockingIOError: another process holds it.
-        OSError: it cannot be created, or its file system has no locks.
-    """
-    from filelock import FileLock, Timeout
-
-    held = FileLock(file, timeout=within_s)
-    try:
-        held.acquire()
-    except Timeout:
-        raise BlockingIOError(11, "held by another process", str(file)) from None
-    except NotImplementedError as error:
-        raise OSError(95, f"this file system does not support locks ({error})", str(file)) from None
-    try:
-        yield
-    finally:
-        held.release()
 
 
 def _holder(file: Path) -> str:
