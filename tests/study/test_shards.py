@@ -50,7 +50,7 @@ def test_what_is_no_shard_is_refused(text):
 
 def test_a_study_that_fails_to_start_is_taken_back(tmp_path, monkeypatch):
     """Whatever the error, before anything was saved."""
-    monkeypatch.setattr(runner.Workshop, "compile", lambda self: 1 / 0)
+    monkeypatch.setattr(runner.StudyExecutor, "compile", lambda self: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         run_study(tmp_path / "study", small(), shard="1/2", workers=1)
     assert not list(tmp_path.iterdir())

@@ -14,7 +14,7 @@ from realitygap.errors import StudyError
 from realitygap.experiments.noise import NoiseConfig
 from realitygap.experiments.realities import Realities
 from realitygap.study.folder import gather, open_folder
-from realitygap.study.jobs import Job, Workshop
+from realitygap.study.jobs import Job, StudyExecutor
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
 from realitygap.study.store import DATABASE, Store, database_errors, packed, unpacked
@@ -105,9 +105,9 @@ def test_flipped_bits_are_noticed(copy):
 def test_what_is_read_is_what_was_checked_while_another_process_writes(folder):
     """A study that is being worked on is read as of one moment, then as of the next."""
     folder.mkdir()
-    workshop = Workshop(open_folder(folder, gather(small()), resume=False))
+    executor = StudyExecutor(open_folder(folder, gather(small()), resume=False))
     messages: list = []
-    workshop.carry_out(Job(2, None), messages.append)
+    executor.carry_out(Job(2, None), messages.append)
     with Store(folder / DATABASE) as store:
         for k, message in enumerate(messages):
             store.keep([message])

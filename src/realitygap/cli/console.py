@@ -220,9 +220,9 @@ def ask_trust(study: Path, trust: bool) -> None:
     Raises:
         click.Abort: the answer is no.
     """
-    from realitygap.study.folder import agree, programs
+    from realitygap.study.folder import trust_programs, untrusted_programs
 
-    found = [] if trust else programs(study)
+    found = [] if trust else untrusted_programs(study)
     if found and not at_terminal():
         return
     for file in found:
@@ -231,4 +231,4 @@ def ask_trust(study: Path, trust: bool) -> None:
         )
     if found:
         click.confirm("Do you trust its author?", abort=True, err=True)
-    agree(study)
+    trust_programs(study)

@@ -27,7 +27,7 @@ from realitygap.work.folder import (
     RunFolder,
     file_errors,
     inside,
-    refuse_strangers,
+    require_only_own,
 )
 from realitygap.work.pool import Pool, far
 from realitygap.work.shard import MARK
@@ -35,10 +35,10 @@ from realitygap.world.arena import load_arena
 from realitygap.world.robot import Profile, load_profile
 
 __all__ = [
-    "CONFIG", "Inputs", "Materials", "agree", "agree_to", "exists", "gather", "home_of",
-    "input_files", "inputs_for", "open_folder", "open_to_begin", "own", "own_config", "programs",
-    "read_config", "read_materials", "read_profile", "refuse_other", "refuse_strange", "strange", "take_back",
-    "write_files",
+    "CONFIG", "Inputs", "Materials", "exists", "gather", "home_of", "input_files", "inputs_for",
+    "open_folder", "open_to_begin", "own", "own_config", "read_config", "read_materials", "read_profile",
+    "refuse_other", "require_trusted", "take_back", "trust_contents", "trust_programs", "untrusted",
+    "untrusted_programs", "write_files",
 ]  # fmt: skip
 
 CONFIG, PROFILE = "study.toml", "profile.toml"
@@ -176,15 +176,15 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
             own_config(folder)  # edits of the study's own copies are reported as such
             config, files = requested.copies()
             _run_folder(folder).refuse_other(read_config(folder).to_dict(), config.to_dict(), files)
-            agree_to(requested.own_code())
+            trust_contents(requested.own_code())
         return read_materials(folder)
     if requested is None:
         raise StudyError(f"{folder} holds no study ({DATABASE} is missing). Give the folder of a study.")
-    refuse_strangers(folder, "study", OURS)
+    require_only_own(folder, "study", OURS)
     for task in requested.tasks:
         if task.source is not None:
             task.compiled_score()  # before anything is written, so that errors name the user's own file
-    agree_to(requested.own_code())
+    trust_contents(requested.own_code())
     config, files = requested.copies()
     _run_folder(folder).begin(config.to_dict(), head=HEAD, versions=versions(), files=files)
     _create(folder, requested)
@@ -227,7 +227,7 @@ def open_to_begin(folder: Path) -> None:
     """
     if exists(folder):
         raise StudyError(f"{folder} already holds a study. Resume it (--resume) or choose another --out.")
-    refuse_strangers(folder, "study", OURS)
+    require_only_own(folder, "study", OURS)
 
 
 def read_config(folder: Path) -> StudyConfig:
@@ -275,7 +275,7 @@ def read_materials(folder: Path) -> Materials:
         StudyError: a copy is missing or was edited since, or is a program that is not trusted.
     """
     config = own_config(folder)
-    refuse_strange(folder, _program_files(config))
+    require_trusted(folder, _program_files(config))
     return gather(config)
 
 
@@ -306,18 +306,18 @@ def refuse_other(folder: Path, other: Path) -> None:
 # Trust
 
 
-def programs(folder: Path) -> list[Path]:
+def untrusted_programs(folder: Path) -> list[Path]:
     """The study's programs that this user has not agreed to run.
 
     Raises:
         StudyError, ConfigError: as of `own_config`.
     """
-    return strange(_program_files(own_config(folder)))
+    return untrusted(_program_files(own_config(folder)))
 
 
-def agree(folder: Path) -> None:
+def trust_programs(folder: Path) -> None:
     """Agree to run the study's programs from now on, whoever wrote them."""
-    agree_to(path.read_bytes() for path in programs(folder))
+    trust_contents(path.read_bytes() for path in untrusted_programs(folder))
 
 
 def _program_files(config: StudyConfig) -> list[Path]:
@@ -326,7 +326,7 @@ def _program_files(config: StudyConfig) -> list[Path]:
     return [*tasks, *config.own_files().values()]
 
 
-def agree_to(contents: Iterable[bytes]) -> None:
+def trust_contents(contents: Iterable[bytes]) -> None:
     """Agree to run programs of this content from now on."""
     new = {sha256(content).hexdigest() for content in contents} - _known()
     if not new:
@@ -338,18 +338,18 @@ def agree_to(contents: Iterable[bytes]) -> None:
             lines.writelines(f"{one}\n" for one in sorted(new))
 
 
-def strange(files: Iterable[Path]) -> list[Path]:
+def untrusted(files: Iterable[Path]) -> list[Path]:
     """Those of some programs that this user has neither evolved with nor agreed to."""
     return [file for file in files if sha256(file.read_bytes()).hexdigest() not in _known()]
 
 
-def refuse_strange(place: Path, files: Iterable[Path]) -> None:
+def require_trusted(place: Path, files: Iterable[Path]) -> None:
     """Refuse to run such programs, which a study's folder or a configuration names.
 
     Raises:
         StudyError: names the file and the cure.
     """
-    for file in strange(files):
+    for file in untrusted(files):
         raise StudyError(
             f"{place}: it was made elsewhere and brings a program, {file}, that would be run. "
             "Read it; if you trust its author, give --trust (in Python: trust=True)."
@@ -391,12 +391,12 @@ def home_of(inputs: Inputs, held: ExitStack) -> Path:
     """The folder that a worker reads a study from: its own, or a temporary one that `held` removes."""
     place, files = Path(inputs[0]), inputs[1]
     if inputs[0] and exists(place) and input_files(place) == files:
-        agree(place)  # the parent has asked
+        trust_programs(place)  # the parent has asked
         return place
     folder = Path(held.enter_context(tempfile.TemporaryDirectory(prefix="realitygap-")))
     write_files(folder, files)
     materials = gather(own(StudyConfig.from_toml(folder / CONFIG, local=True), folder))
-    agree_to(materials.own_code())
+    trust_contents(materials.own_code())
     _create(folder, materials)
     return folder
 

@@ -29,7 +29,7 @@ from realitygap.evolution.ga import Population
 from realitygap.files import as_path, must_be
 from realitygap.kernels.types import Networks
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import Materials, agree, read_config, read_materials, read_profile
+from realitygap.study.folder import Materials, read_config, read_materials, read_profile, trust_programs
 from realitygap.study.plan import Plan
 from realitygap.study.store import DATABASE, WHO, Reader, Table
 from realitygap.tasks.task import Task
@@ -57,7 +57,7 @@ def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
     folder = as_path(path, "study")
     must_be(trust, bool, "trust", "True agrees to run its files.")
     if trust:
-        agree(folder)
+        trust_programs(folder)
     return Study(folder)
 
 

@@ -1,4 +1,4 @@
-"""One run: `advance(bench, plan, state, n)` evaluates n more individuals; `finish` tests the last.
+"""One run: `advance(runner, plan, state, n)` evaluates n more individuals; `finish` tests the last.
 
 State is a value, and every draw is named by the run, the evaluation and the trial: results do not depend on
 how a run is divided or on the engine. Both functions are generators: they yield the trials that they need and
@@ -24,12 +24,12 @@ from realitygap.study.plan import Plan, trial_streams
 from realitygap.study.store import WHO, Records, Results
 from realitygap.world.robot import NOISE_LEVELS
 
-__all__ = ["Asked", "Bench", "advance", "begin", "finish", "mean", "tested_levels"]
+__all__ = ["ConditionRunner", "TrialRequest", "advance", "begin", "finish", "mean", "tested_levels"]
 
 Scores = NDArray[np.float64]
 
 
-class Asked(NamedTuple):
+class TrialRequest(NamedTuple):
     """Trials that a run requests, to be sent their scores [n, trials]."""
 
     noise: float
@@ -39,7 +39,7 @@ class Asked(NamedTuple):
     """[n, trials]."""
 
 
-class Bench:
+class ConditionRunner:
     """Carries out the runs of one condition of a study; created once in a process."""
 
     def __init__(self, materials: Materials, condition: int, engine: str = "cores") -> None:
@@ -57,7 +57,7 @@ class Bench:
             self._simulations[noise] = Simulation(self.task, self.profile, noise, engine=self.engine)
         return self._simulations[noise]
 
-    def scores(self, asked: Asked) -> Scores:
+    def scores(self, asked: TrialRequest) -> Scores:
         """The requested scores, [n, trials]."""
         networks = self.encoding.decode(asked.genes.copy())
         if not isinstance(self.encoding, Variation):
@@ -125,18 +125,18 @@ class Bench:
             )
 
 
-def begin(bench: Bench, plan: Plan) -> State:
+def begin(runner: ConditionRunner, plan: Plan) -> State:
     """The state before a run's first evaluation."""
-    return bench.init(np.uint64(substream(plan.stream, BREEDING)))
+    return runner.init(np.uint64(substream(plan.stream, BREEDING)))
 
 
 def advance(
-    bench: Bench, plan: Plan, state: State, n: int
-) -> Generator[Asked, Scores, tuple[State, Records]]:
+    runner: ConditionRunner, plan: Plan, state: State, n: int
+) -> Generator[TrialRequest, Scores, tuple[State, Records]]:
     """Carry out the next `n` evaluations of a run, in batches of the algorithm's size.
 
     Args:
-        bench: task, engine and algorithm.
+        runner: task, engine and algorithm.
         plan: of the run.
         state: of the algorithm.
         n: evaluations.
@@ -144,18 +144,18 @@ def advance(
     Returns:
         The state after them, and their records.
     """
-    trials, start = bench.task.trials, state.evaluations
+    trials, start = runner.task.trials, state.evaluations
     streams = trial_streams(np.uint64(substream(plan.stream, TRIALS)), start, n, trials)
     batches: list[Batch] = []
     scores: list[NDArray[np.float64]] = []
     fitness: list[NDArray[np.float64]] = []
     done = 0
     while done < n:
-        batch = bench.ask(state, n - done)
+        batch = runner.ask(state, n - done)
         some = slice(done, done + len(batch.genes))
-        scores.append((yield Asked(bench.noise, batch.genes, streams[some])))
+        scores.append((yield TrialRequest(runner.noise, batch.genes, streams[some])))
         fitness.append(mean(scores[-1]))
-        state = bench.tell(state, batch, fitness[-1])
+        state = runner.tell(state, batch, fitness[-1])
         batches.append(batch)
         done = some.stop
     records = Records(
@@ -166,7 +166,7 @@ def advance(
         parents=np.concatenate([batch.parents for batch in batches]),
         cell=np.concatenate([batch.cells for batch in batches]),
     )
-    check_state(state, bench.algorithm.cells, records.fitness, bench.individual)
+    check_state(state, runner.algorithm.cells, records.fitness, runner.individual)
     return state, records
 
 
@@ -181,7 +181,7 @@ def tested_levels(noise: float) -> tuple[float, ...]:
     return tuple(dict.fromkeys((*NOISE_LEVELS.values(), noise)))
 
 
-def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, Results]:
+def finish(runner: ConditionRunner, plan: Plan, state: State) -> Generator[TrialRequest, Scores, Results]:
     """Retest the last population, then test the fittest and the champion at the paper's noise levels and
     at their own.
 
@@ -190,17 +190,17 @@ def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, R
     cells = np.flatnonzero(state.numbers >= 0)
     if not len(cells):
         raise UsageError("tell: expected an occupied cell (numbers) at a run's end, got none.")
-    retest = yield _test(bench.noise, state.genes[cells], plan, RETEST, bench.retest_trials)
+    retest = yield _test(runner.noise, state.genes[cells], plan, RETEST, runner.retest_trials)
     champion = int(np.argmax([math.fsum(row) for row in retest.tolist()]))
     pair = np.stack([state.best_genes, state.genes[cells[champion]]])
     fresh = {}
-    for noise in tested_levels(bench.noise):
-        scores = yield _test(noise, pair, plan, FRESH, bench.fresh_trials)
+    for noise in tested_levels(runner.noise):
+        scores = yield _test(noise, pair, plan, FRESH, runner.fresh_trials)
         fresh.update({(who, noise): scores[i] for i, who in enumerate(WHO)})
     return Results(cells, state.numbers[cells], retest, champion, fresh)
 
 
-def _test(noise: float, genes: Genes, plan: Plan, purpose: int, trials: int) -> Asked:
+def _test(noise: float, genes: Genes, plan: Plan, purpose: int, trials: int) -> TrialRequest:
     """Trials of individuals, with streams that depend on the run and the purpose."""
     streams = trial_streams(plan.stream, purpose, 1, trials)
-    return Asked(noise, genes, np.repeat(streams, len(genes), axis=0))
+    return TrialRequest(noise, genes, np.repeat(streams, len(genes), axis=0))

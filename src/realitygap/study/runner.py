@@ -26,7 +26,7 @@ from realitygap.study.folder import (
     take_back,
     write_files,
 )
-from realitygap.study.jobs import Finished, Job, Message, Rehearsal, Workshop
+from realitygap.study.jobs import Finished, Job, Message, Rehearsal, StudyExecutor
 from realitygap.study.load import Study, load_study
 from realitygap.study.provenance import versions
 from realitygap.study.store import DATABASE, Reader, Store
@@ -90,8 +90,8 @@ def run_study(
                 if mark is not None and not exists(folder):
                     with file_errors(folder):
                         mark.write(folder, finished=False)
-                workshop = Workshop(open_folder(folder, requested, resume=resume), engine)
-                _carry_out(folder, workshop, pool, mark, on_progress)
+                executor = StudyExecutor(open_folder(folder, requested, resume=resume), engine)
+                _carry_out(folder, executor, pool, mark, on_progress)
                 if mark is not None:
                     with file_errors(folder):
                         mark.write(folder, finished=True)
@@ -114,16 +114,16 @@ def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
 
 
 def _carry_out(
-    folder: Path, workshop: Workshop, pool: Pool, mark: Mark | None, on_progress: OnProgress | None
+    folder: Path, executor: StudyExecutor, pool: Pool, mark: Mark | None, on_progress: OnProgress | None
 ) -> None:
     """Carry out all unfinished runs (for a shard its own), and count what is stored."""
     with Store(folder / DATABASE) as store:
-        runs = workshop.runs if mark is None else mark.shard.own(workshop.runs)
-        left = {run: workshop.config.evaluations - done for run, done in store.unfinished() if run in runs}
-        total = len(runs) * workshop.config.evaluations
+        runs = executor.runs if mark is None else mark.shard.own(executor.runs)
+        left = {run: executor.config.evaluations - done for run, done in store.unfinished() if run in runs}
+        total = len(runs) * executor.config.evaluations
         count = {"done": total - sum(left.values()), "runs_done": len(runs) - len(left), "new": 0}
-        tests = {run: workshop.tests_cost(run) for run in left}
-        costs = {run: workshop.cost(run, n) + tests[run] for run, n in left.items()}
+        tests = {run: executor.tests_cost(run) for run in left}
+        costs = {run: executor.cost(run, n) + tests[run] for run, n in left.items()}
         testing = sum(tests.values())
         reporter = Reporter(on_progress, {EVOLVING: sum(costs.values()) - testing, TESTING: testing})
 
@@ -141,7 +141,7 @@ def _carry_out(
                 n = len(message.records.number)
                 count["done"], count["new"] = count["done"] + n, count["new"] + n
                 pace = count["new"] / max(reporter.spent, 1e-9) if reporter.spent else 0.0
-                cost = workshop.cost(message.run, n)
+                cost = executor.cost(message.run, n)
                 reporter.add(cost, done=n, of=EVOLVING, evaluations_per_second=pace)
                 if count["done"] == total:
                     phase(TESTING)
@@ -149,26 +149,26 @@ def _carry_out(
         phase(COMPILING if left else FINISHED)
         if not left:
             return
-        store.begin_session({**versions(), "engine": workshop.engine})
-        setup = Setup(workshop_of, (inputs_for(folder, pool),), here=workshop)
-        if isinstance(pool, Processes) and min(pool.size, len(left)) > 1 and workshop.engine == "cores":
+        store.begin_session({**versions(), "engine": executor.engine})
+        setup = Setup(executor_for, (inputs_for(folder, pool),), here=executor)
+        if isinstance(pool, Processes) and min(pool.size, len(left)) > 1 and executor.engine == "cores":
             pool.work(setup, (Rehearsal(False), Rehearsal(True)), lambda message: None)
-        workshop.compile()
+        executor.compile()
         phase(EVOLVING)
         longest_first = sorted(costs, key=lambda run: (-costs[run], run))
-        jobs = (Job(run, store.checkpoint(run, workshop.read)) for run in longest_first)
-        if workshop.engine == "cores":
+        jobs = (Job(run, store.checkpoint(run, executor.read)) for run in longest_first)
+        if executor.engine == "cores":
             pool.work(setup, jobs, keep)
             return
-        with closing(workshop.messages(jobs)) as bundles:
+        with closing(executor.messages(jobs)) as bundles:
             for messages in bundles:
                 keep(*messages)
 
 
-def workshop_of(inputs: Inputs) -> Workshop:
-    """A study's workshop, in any worker."""
+def executor_for(inputs: Inputs) -> StudyExecutor:
+    """A study's executor, in any worker."""
     held = ExitStack()  # Numba looks for its tasks in the folder
-    return Workshop(read_materials(home_of(inputs, held)), held=held)
+    return StudyExecutor(read_materials(home_of(inputs, held)), held=held)
 
 
 def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:

@@ -28,7 +28,6 @@ from realitygap.files import (
     atomic_write,
     move_whole,
     parse_toml,
-    refuse_unknown,
     written_together,
 )
 from realitygap.robots.address import Address
@@ -53,10 +52,6 @@ FREE = (
 """Keys of a trial's file that follow from others, or are not compared."""
 PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
 """Keys of a trial's file that are copied unchanged."""
-OF_ROBOT = (
-    "evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk", "marker", "controller",
-)  # fmt: skip
-"""Further keys that the result depends on."""
 CURE = "Move its folder away."
 
 
@@ -172,7 +167,7 @@ def read_trial(folder: Path) -> dict[str, Any]:
     """The content of a trial's file.
 
     Raises:
-        StudyError: it cannot be read, or has a key that no trial has.
+        StudyError: it cannot be read.
     """
     data = read_file(folder, TRIAL)
     if data is None:
@@ -203,11 +198,9 @@ def is_done(folder: Path, spec: TrialSpec) -> bool:
 
 def _parsed(file: Path, data: bytes) -> dict[str, Any]:
     try:
-        table = parse_toml(data.decode("utf-8-sig"))
+        return parse_toml(data.decode("utf-8-sig"))
     except ValueError as why:
         raise StudyError(f"{file}: not a TOML file: {why}. {CURE}") from None
-    refuse_unknown(table, (*PLAIN, *FREE, *OF_ROBOT), StudyError, where=str(file))
-    return table
 
 
 def _trial(file: Path, table: dict[str, Any]) -> TransferredTrial:

@@ -25,7 +25,7 @@ from realitygap.files import atomic_write, move_whole, parse_toml, read_toml, to
 
 __all__ = [
     "LOCK", "SEALS", "RunFolder", "file_errors", "flat", "inside", "lock", "new_folder",
-    "refuse_difference", "refuse_links", "refuse_strangers", "settings_in",
+    "refuse_difference", "refuse_links", "require_only_own", "settings_in",
 ]  # fmt: skip
 
 LOCK = "study.lock"
@@ -241,7 +241,7 @@ def _sweep(folder: Path) -> None:
                 part.unlink()
 
 
-def refuse_strangers(folder: Path, what: str, ours: Collection[str] = ()) -> None:
+def require_only_own(folder: Path, what: str, ours: Collection[str] = ()) -> None:
     """Refuse a folder with files other than `ours` and hidden ones; the lock is held.
 
     Raises:
