@@ -4,7 +4,7 @@
         [--out out/model-errors] [--write docs/figures/model-errors.csv]
 
 Fits each recording as `realitygap calibrate` does, and prints its error on places held out. The docs quote
-the file, and `tests/calibration/test_real_khepera.py` holds them to it. The real robots' tables lie beside
+the file. The real robots' tables lie beside
 the project (`shared/data`); unit 1 of each simulated robot is recorded first, once, under --out.
 
 On two idle cores the extended forms take a quarter of a minute, the wall's measured form some two minutes,

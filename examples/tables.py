@@ -4,9 +4,7 @@ pip install 'realitygap[tables]'
 python examples/tables.py FOLDER
 """
 
-import sqlite3
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -32,8 +30,7 @@ def main(folder: Path, runs: int = 3) -> pandas.DataFrame:
 
     query = """SELECT noise, tested_noise, avg(score) AS mean, count(*) AS trials FROM tests
                WHERE who = 'champion' GROUP BY noise, tested_noise"""
-    with closing(sqlite3.connect(folder / "study" / "study.db")) as database:
-        return pandas.read_sql(query, database)
+    return pandas.DataFrame(study.query(query))
 
 
 if __name__ == "__main__":

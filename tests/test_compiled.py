@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -43,7 +44,7 @@ def damage(entry: Path, kind: str, other: Path) -> None:
 
 def simulated(cache: Path | None) -> tuple[str, str]:
     """What `realitygap simulate` says on stdout and stderr with a cache of its own."""
-    words = ["simulate", "avoidance", "--controller", "constant:5,-3", "--pose", "25", "25", "90"]
+    words = ["simulate", "avoidance", "--controller", "constant:5,-3", "--pose", "25,25,90"]
     environment = dict(os.environ)
     if cache is not None:
         environment.pop("NUMBA_CACHE_DIR", None)
@@ -326,7 +327,12 @@ def test_a_command_survives_damaged_entries_of_its_own(tmp_path: Path) -> None:
     """`simulate` with its score's compiled code cut short says what it says without."""
     simulated(None)
     cache = tmp_path / "cache"
-    shutil.copytree(module.folder(), cache / "realitygap")
+
+    def copy(source: str, target: str) -> None:
+        with suppress(FileNotFoundError):  # another test's process has replaced it meanwhile
+            shutil.copy2(source, target)
+
+    shutil.copytree(module.folder(), cache / "realitygap", copy_function=copy)
     files = [file for file in cache.rglob("*.nbc") if "paper." in file.name]
     assert files
     for file in files:

@@ -217,7 +217,7 @@ def test_stable_baselines_sees_what_its_own_vector_of_single_robots_shows(sb3):
                 assert one["score"] == other["score"]
     with pytest.raises(UsageError, match=r"set_attr\('noise'\): .* one compiled batch"):
         ours.set_attr("noise", 2, 0)
-    with pytest.raises(UsageError, match=r"env_method\('render'\): .* Ask the RobotVectorEnv"):
+    with pytest.raises(UsageError, match=r"env_method\('render'\): .* Make another RobotVectorEnv"):
         ours.env_method("render")
     ours.set_options([{"noise": 0}, {}])
     with pytest.raises(UsageError, match="options: expected the same for all robots"):

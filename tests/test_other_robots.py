@@ -131,10 +131,12 @@ def test_counts_above_the_full_scale_are_refused(five, tmp_path):
     with pytest.raises(RecordingError, match=r"readings.csv, line \d+: s\d: expected counts from 0 to 1023"):
         load_recording(tmp_path / "said")
     ten_bits = replace(five, infrared=replace(five.infrared, top=1023.0, bands=(0.0, 1023.0)))
-    with pytest.raises(RecordingError, match=r"full_scale: expected .* of profile 'five', got 4095"):
+    with pytest.raises(
+        RecordingError, match=r"expected counts from 0 to 1023, the full scale of profile 'five', got 4095"
+    ):
         calibrate([one], ten_bits)
     save_recording(tmp_path / "unsaid", replace(one, facts={}))
-    brighter = r"unsaid/readings.csv, line \d+: s\d: expected counts from 0 to 1023, .* copy of that profile"
+    brighter = r"unsaid: expected counts from 0 to 1023, .* of profile 'five'"
     with pytest.raises(RecordingError, match=brighter):
         calibrate([load_recording(tmp_path / "unsaid")], ten_bits)
     with pytest.raises(RecordingError, match="expected 8 sensors, as profile 'paper' has, got 5"):

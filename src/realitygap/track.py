@@ -184,7 +184,8 @@ class Trajectory:
     `t[k]`, where it stood then, and what its wheels did in the step that follows.
 
     Shapes: t, x, y, heading, contact [n]; proximity [n, P]; ambient [n, A]; inputs [n, I]; left and right
-    commands (−10 … 10 of the top command), wheels (the robot's units) [n, 2]. `end` is the last pose.
+    commands (−10 … 10 of the top command), wheels (the robot's units) [n, 2]. `end` is the last pose,
+    `period_s` a step's time.
     """
 
     t: Floats
@@ -198,6 +199,7 @@ class Trajectory:
     wheels: Floats
     contact: NDArray[np.bool_]
     end: Pose
+    period_s: float = STEP_S
 
     @property
     def heading_deg(self) -> Floats:
@@ -209,7 +211,7 @@ class Trajectory:
         """Where it was, [n + 1]: its end is the last row."""
         end = self.end
         return Track(
-            t=np.append(self.t, len(self.t) * (float(self.t[1]) if len(self.t) > 1 else STEP_S)),
+            t=np.append(self.t, len(self.t) * self.period_s),
             x=np.append(self.x, end.x),
             y=np.append(self.y, end.y),
             heading=np.append(self.heading, end.heading),

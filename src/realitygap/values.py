@@ -1,7 +1,7 @@
-"""The words that every room shares: a pose, readings, a command.
+"""Values that every package shares: a pose, readings, a command.
 
-Lengths cm, angles rad, times s, readings counts, commands Khepera units (design: one boundary
-where a person's degrees become radians, and it is here).
+Lengths cm, angles rad, times s, readings counts, commands Khepera units. One boundary
+where a person's degrees become radians is here.
 """
 
 import math

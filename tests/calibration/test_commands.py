@@ -72,7 +72,6 @@ def test_a_judge_warns_of_doubtful_recordings(folder, tmp_path, recorded, driven
         (("nowhere.sam", "--out", "x.toml"), "nowhere.sam"),
         (("nowhere.sam",), "--out"),
         (("--check", "nowhere.sam"), "--check"),
-        (("--check", "paper", "wall.sam"), "got the recording 'wall.sam' last. Swap them"),
     ],
 )
 def test_refusals(words, expected):

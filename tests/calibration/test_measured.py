@@ -143,10 +143,14 @@ def test_a_form_with_more_constants_must_be_better_by_a_margin():
     assert choose({"extended": 10.0, "measured": 9.7}) == "measured"
 
 
-@pytest.mark.parametrize("form", ["extended", "measured"])
-def test_places_held_out_change_no_fit(form):
+@pytest.mark.parametrize(
+    ("kind", "form"),
+    [("infrared", "extended"), ("infrared", "measured"), *(("lamp", form) for form in ("paper", "linear"))],
+)
+def test_places_held_out_change_no_fit(recorded, kind, form):
     """What a fold's readings are changes nothing in the fit that reads them: no choice is made by them."""
-    data, read = Readings([before(odd(), "wall", seed=1)], HALF), []
+    source = before(odd(), "wall", seed=1) if kind == "infrared" else recorded("lamp", noise=4.5)
+    data, read = Readings([source], HALF if kind == "infrared" else PAPER), []
     out = next(data.folds())
     for wrong in (0.0, 400.0):
         data.counts[out] = np.abs(data.counts[out] - wrong)

@@ -7,15 +7,16 @@ from pathlib import Path
 import pytest
 from tests.experiments.noise_parts import quick_units
 
+from realitygap.experiments.experiment import open_folder
 from realitygap.experiments.noise import NoiseConfig
-from realitygap.experiments.realities import AT_HAND, Realities
+from realitygap.experiments.robots import KNOWN, RobotsConfig
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 ROBOT, BASE = f"{EXAMPLES / 'own_robot.py'}:FiveEyes", str(EXAMPLES / "five_eyes.toml")
 SMALL = ("--levels", "0,1", "--starts", 2, "--evaluations", 40, "--seconds", 2, "--workers", 1)
 NOISE = ("experiment", "noise", *SMALL, "--runs", 3, "--units", 1, "--tasks", "avoidance")
 ROBOTS = ("experiment", "robots", *SMALL, "--runs", 1)
-TABLE = "report/tables/realities.csv"
+TABLE = "report/tables/robots.csv"
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def test_robots_come_to_a_matrix(units, no_enki, json_of, call, refused, tmp_pat
     """The twin is carried through, Enki is left out and says how to get it; resumed, all is the same."""
     out = tmp_path / "study"
     made = json_of(*ROBOTS, "--out", out)
-    assert [one["robot"] for one in made["left_out"]] == list(AT_HAND[1:])
+    assert [one["robot"] for one in made["left_out"]] == list(KNOWN[1:])
     assert all("apt install libenki-dev g++" in one["why"] for one in made["left_out"])
     (twin,) = made["robots"]
     (error,) = twin["model_error_over_noise"]
@@ -71,6 +72,8 @@ def test_robots_come_to_a_matrix(units, no_enki, json_of, call, refused, tmp_pat
     assert "score at" not in page.split("</table>")[0]  # of a single run a level
     again = call("experiment", "robots", "--out", out, "--resume", "--workers", 1)
     assert again.exit_code == 0 and "enki:epuck is left out" in again.stderr
+    Path(made["report"]).unlink()
+    assert json_of("report", out)["robots"][0]["tasks"] == twin["tasks"] and Path(made["report"]).is_file()
     assert (out / TABLE).read_text() == before and "--resume" in refused(*ROBOTS, "--out", out)
 
 
@@ -96,8 +99,8 @@ def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
 FIRST = {
     "realitygap.study.runner.open_folder": ("evolve", "light"),
     "realitygap.experiments.reproduction.open_to_begin": ("reproduce",),
-    "realitygap.experiments.noise_run.check_robot": ("experiment", "noise"),
-    "realitygap.experiments.realities.check_robot": ("experiment", "robots", "--only", "--robot", "twin"),
+    "realitygap.experiments.noise.check_robot": ("experiment", "noise"),
+    "realitygap.experiments.robots.check_robot": ("experiment", "robots", "--only", "--robot", "twin"),
 }
 """Commands, by what each calls before it keeps its settings."""
 
@@ -128,9 +131,10 @@ def test_what_cannot_be_done_is_refused(no_enki, refused, tmp_path):
 def test_a_program_that_a_folder_names_is_not_run_before_a_person_has(refused, tmp_path):
     """Who resumes with a robot of one's own names it again; the twin is no synonym for it."""
     made = NoiseConfig(units=1, tasks=("obstacle-avoidance",), robot=ROBOT, base=BASE)
-    (tmp_path / "noise-study.toml").write_text(made.to_toml())
-    asked = Realities(robots=(ROBOT,), only=True, base=BASE)
-    (tmp_path / "realities.toml").write_text(asked.to_toml())
+    asked = RobotsConfig(robots=(ROBOT,), only=True, base=BASE)
+    for name, settings in (("noise", made), ("robots", asked)):
+        (tmp_path / name).mkdir()
+        open_folder(tmp_path / name, type(settings), settings, resume=False)
     for name, more in (("noise", ()), ("noise", ("--robot", "twin")), ("robots", ())):
-        said = refused("experiment", name, "--out", tmp_path, "--resume", *more)
+        said = refused("experiment", name, "--out", tmp_path / name, "--resume", *more)
         assert f"--robot: expected {ROBOT}" in said

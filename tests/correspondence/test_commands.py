@@ -189,9 +189,11 @@ def test_bad_tracks_are_refused_with_the_reason(refused, tmp_path, text, named):
     assert named in refused("classify", path, "--task", "avoidance")
 
 
-def test_nowhere_is_refused(refused, tmp_path, tracks):
+def test_nowhere_is_refused(refused, tmp_path, tracks, monkeypatch):
     """No such file, an empty folder, and tracks of an unknown arena without a task."""
     assert "no such file" in refused("score", tracks, tmp_path / "none.csv")
+    monkeypatch.chdir(tmp_path)
+    assert "no such file" in refused("score", tracks, "none.csv")
     (tmp_path / "empty").mkdir()
     assert "t_s" in refused("score", tracks, tmp_path / "empty")
     far = tmp_path / "far.csv"

@@ -16,7 +16,7 @@ from realitygap.errors import StudyInterruptedError, UsageError
 from realitygap.experiments.reproduction import again
 from realitygap.report import build_report
 from realitygap.report.build import differences, is_paper
-from realitygap.report.evolution import PER_CONDITION, chosen, parts_of
+from realitygap.report.evolution import PER_CONDITION, parts_of
 from realitygap.report.page import Picture
 from realitygap.report.scores import score_tables
 from realitygap.study.config import StudyConfig
@@ -156,7 +156,7 @@ def test_a_figure_shows_the_median_run(paper: Study) -> None:
     """Of two runs the one whose champion does less well on fresh trials at its own noise."""
     for part in parts_of(paper):
         for condition in part.conditions:
-            row = chosen(condition)
+            row = condition.chosen
             assert row is not None
             means = [one.mean("champion", condition.level).value for one in condition.rows]
             assert row.mean("champion", condition.level).value == min(means)
@@ -232,7 +232,7 @@ def test_a_star_stands_where_an_interval_excludes_zero() -> None:
     """Of levels that differ clearly each has one beside the observed level; of equal ones none has."""
     for means, stars in ((APART, 2), (EQUAL, 0)):
         heads, rows = differences(table(means, EQUAL, stored=0.95), (), ())
-        assert heads[:2] == ["stored less fresh", "champion less fittest"]
+        assert heads[:2] == ["best, during evolution less in test trials", "champion less best"]
         assert [name for name, _ in rows] == list(LEVELS.values())
         assert sum(cells[2].endswith(" *") for _, cells in rows) == stars and rows[1][1][2] == "–"
     scores = score_tables(AVOID, list(LEVELS), marks({0.0: [4.0, 4.1], 1.0: [8.0, 8.1], 2.0: [8.0, 8.2]}))

@@ -18,10 +18,9 @@ from realitygap.report.drawing import (
     arena_figure,
     cast,
     frames,
-    panels_figure,
+    paths_figure,
     rays_of,
     robot_figure,
-    sheet_figure,
     tail,
 )
 from realitygap.tasks import load_task
@@ -72,9 +71,9 @@ def test_panels_and_sheets_hold_every_path() -> None:
     """A panel for each path, rows of different lengths included."""
     panels = [PathPanel(noise=level, title=name, trajectory=circle(10)) for level, name in LEVELS.items()]
     with style.styled():
-        assert len(panels_figure(Scene.of(TASKS[1], PROFILE), panels).axes) == 3
-        assert len(panels_figure(Scene.of(TASKS[1], PROFILE), panels[:1]).axes) == 1
-        assert len(sheet_figure(Scene.of(TASKS[0], PROFILE), [panels, panels[:2], panels[:1]]).axes) == 6
+        scene, rows = Scene.of(TASKS[1], PROFILE), [panels, panels[:2], panels[:1]]
+        assert len(paths_figure(scene, [panels]).axes) == 3
+        assert len(paths_figure(scene, rows, small=True).axes) == 6
 
 
 def test_noise_levels_keep_their_look() -> None:
@@ -157,8 +156,8 @@ def test_a_long_arena_makes_no_huge_picture(tmp_path: Path, size: tuple[float, f
     with style.styled():
         made = [
             arena_figure(arena, PROFILE, "proximity", np.array([25.0, 25.0, 3.0, 0.0, 6.3])),
-            panels_figure(scene, panels),
-            sheet_figure(scene, [panels]),
+            paths_figure(scene, [panels]),
+            paths_figure(scene, [panels], small=True),
         ]
     assert all(max(figure.get_size_inches()) < 16 for figure in made)
     assert save_picture(tmp_path / "path.png", task, PROFILE, circle(5)).stat().st_size < 10**6

@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from realitygap import load_transfers, marks_of
 from realitygap.cli import realitygap
 from realitygap.export import TABLES, table
+from realitygap.work.archive import read_file
 
 KINDS = ("parquet", "csv")
 
@@ -63,4 +64,4 @@ def test_trials_bear_their_scores(played):
     assert rows["run"].tolist() == [one.run for one in trials] and set(rows["robot"]) == {"twin-1"}
     marks = {one.run: one for one in marks_of(played) if one.kind}
     assert rows["behaviour"].tolist() == [marks[one.run].behaviour for one in trials]
-    assert (played.folder / rows["folder"][0] / "transfer.toml").is_file()
+    assert read_file(played.folder / rows["folder"][0], "transfer.toml")

@@ -53,7 +53,7 @@ def test_a_kernel_shows_each_thing_once(executed):
     assert "data:image/svg+xml" in robot[0]["data"]["text/html"]
     told, bar, study = evolved
     assert told["text"].startswith("watch file:///") and told["text"].endswith("/study/watch.html\n")
-    assert bar["data"]["text/plain"].startswith("took 0:") and "evolving" in bar["data"]["text/html"]
+    assert bar["data"]["text/plain"].startswith("took ") and "evolving" in bar["data"]["text/html"]
     assert "obstacle-avoidance/observed/1" in study["data"]["text/html"]
     assert "data:image/svg+xml" in run[0]["data"]["text/html"]
     assert [out[0]["data"]["text/html"][:7] for out in (replay, shown)] == ["<iframe"] * 2

@@ -7,6 +7,7 @@ import json
 import re
 from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from realitygap.report.player import LOST, activity, pack
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.drive import Recording
 from realitygap.study.load import Study
+from realitygap.work.archive import unpacked
 from tests.report.scenes import random_genotype
 
 AVOID, LIGHT = 0, 1
@@ -49,10 +51,16 @@ def test_numbers_come_back_from_their_packing() -> None:
     assert _unpacked(pack([[-10, 10]], "i1"), "i1").tolist() == [-10, 10]
 
 
+def _recorded(trial: Path) -> Recording:
+    """Of a trial in its run's archive."""
+    with unpacked(trial) as folder:
+        return Recording.from_folder(folder)
+
+
 def test_a_situated_drive_is_the_recording(played: Study) -> None:
     """Readings and commands as they were recorded; the path as it is on file, to a hundredth of a cm."""
     pair = pairs_of(played, parts_of(played))["obstacle-avoidance"][0]
-    told, kept = _run(played, AVOID, 0)["trials"][0]["situated"], Recording.from_folder(pair.folder)
+    told, kept = _run(played, AVOID, 0)["trials"][0]["situated"], _recorded(pair.folder)
     readings = _unpacked(told["readings"], "<i2").reshape(told["steps"], 8)
     assert told["steps"] == 20 and np.array_equal(readings, kept.proximity)
     assert np.array_equal(_unpacked(told["commands"], "i1").reshape(-1, 2), kept.commands)
@@ -64,7 +72,7 @@ def test_a_situated_drive_is_the_recording(played: Study) -> None:
 def test_commands_in_a_robots_own_units_are_shown_as_the_networks(played: Study) -> None:
     """Whether its top command is 10 or 30: the same, with the network's neurons, on the page and in a log."""
     run, (pair, *_) = played.runs[0], pairs_of(played, parts_of(played))["obstacle-avoidance"]
-    genotype, kept, task = individual(run), Recording.from_folder(pair.folder), played.task(run.task)
+    genotype, kept, task = individual(run), _recorded(pair.folder), played.task(run.task)
     other = replace(played.profile, wheels=replace(played.profile.wheels, top_command=30.0))
     shown, logged = [], []
     for profile, recorded in ((played.profile, kept), (other, replace(kept, commands=3 * kept.commands))):

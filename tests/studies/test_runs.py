@@ -64,7 +64,7 @@ def test_measure_or_randomise(tmp_path, monkeypatch):
     run = script("measure-or-randomise")
 
     class Rig(SimulatedRig):
-        watcher = None
+        tracker = None
 
         def __init__(self, task: Any, profile: Any, *, robot: Any, **others: Any) -> None:
             super().__init__(task, profile, robot=str(robot), **others)

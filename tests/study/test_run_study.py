@@ -25,6 +25,7 @@ from realitygap.study.load import load_study
 from realitygap.study.plan import plans
 from realitygap.study.run import ConditionRunner, advance, begin
 from realitygap.study.runner import run_study
+from realitygap.work.pool import Here
 from tests.study.helpers import content, small
 
 
@@ -199,3 +200,27 @@ def test_ctrl_c_keeps_what_was_saved(finished, folder):
     assert sum(run.evaluations for run in load_study(folder).runs) >= 20
     run_study(folder, resume=True, workers=1)
     assert content(folder) == content(finished.folder)
+
+
+class Faulty(Here):
+    """A pool that passes on other messages than it was sent."""
+
+    def __init__(self, passed):
+        self.passed = passed
+
+    def work(self, setup, jobs, tell):
+        """All of them, when the work is done."""
+        sent = []
+        super().work(setup, jobs, sent.append)
+        for k in self.passed:
+            tell(sent[k])
+
+
+@pytest.mark.parametrize("passed", [(0, 2, 3), (0, 1, 2), (0, 1, 3), (0, 0, 1, 2, 3), (0, 1, 2, 3, 3)])
+def test_a_pool_that_loses_or_doubles_messages_is_found_out(folder, passed):
+    """No study has a gap, none looks finished that is not; what came in turn is kept."""
+    few = small(evaluations=30, checkpoint_every=10, conditions=(Condition(task="avoidance", noise=1.0),))
+    with pytest.raises(StudyError, match="workers: expected each message of a job once"):
+        run_study(folder, few, workers=Faulty(passed))
+    study = run_study(folder, resume=True, workers=1)
+    assert study.runs[0].finished and study.evaluations()["number"].tolist() == list(range(30))

@@ -12,7 +12,7 @@ import pytest
 
 from realitygap.errors import StudyError
 from realitygap.experiments.noise import NoiseConfig
-from realitygap.experiments.realities import Realities
+from realitygap.experiments.robots import RobotsConfig
 from realitygap.study.folder import gather, open_folder
 from realitygap.study.jobs import Job, StudyExecutor
 from realitygap.study.load import load_study
@@ -117,7 +117,7 @@ def test_what_is_read_is_what_was_checked_while_another_process_writes(folder):
             assert (study.runs[1].fittest == study.genotype(2, study.runs[1].fittest_number)).all()
 
 
-@pytest.mark.parametrize("kind", [None, NoiseConfig, Realities])
+@pytest.mark.parametrize("kind", [None, NoiseConfig, RobotsConfig])
 def test_no_study(tmp_path, kind):
     """A folder without one, and one that is not there; an experiment's says which command made it."""
     with pytest.raises(StudyError, match="no such folder"):

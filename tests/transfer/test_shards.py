@@ -142,10 +142,23 @@ def test_an_archive_of_others_writes_nowhere_else(tmp_path, name):
     ):
         with ZipFile(packed, "w", ZIP_DEFLATED) as made:
             made.writestr(*content.popitem())
+            made.writestr("start-2/transfer.toml", "")
         with pytest.raises(StudyError, match=rf"run\.zip: .* {says}"), unpacked(tmp_path):
             pass
         with pytest.raises(StudyError, match=says):
             load_transfers(tmp_path)
+
+
+def test_other_archives_are_left_alone(whole, tmp_path):
+    """Somebody's own .zip, and an archive that a kill left half written, are no trials."""
+    study = Path(shutil.copytree(whole, tmp_path / "study"))
+    packed = next((study / "transfer").glob("*/*.zip"))
+    shutil.copy(packed, packed.with_name(f".part-999999999-{packed.name}"))
+    with ZipFile(packed.parent.parent / "photos.zip", "w") as photos:
+        photos.writestr("x.jpg", "a picture")
+    assert len(load_transfers(study)) == len(load_transfers(whole))
+    with unpacked(study) as there:
+        assert not list(there.rglob("x.jpg")) and not list(there.rglob(".part*"))
 
 
 def test_archived_trials_are_those_of_folders(whole, tmp_path):

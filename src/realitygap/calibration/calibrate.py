@@ -313,7 +313,7 @@ def refuse_twice(recordings: Sequence[Recording]) -> None:
 # One kind of sensor
 
 MEASURED, LOOKUP = "measured", "lookup"
-"""The form with curves (measured.py, light.py), and that without a model (lookup.py)."""
+"""The form with curves (measured.py, forms.py), and that without a model (lookup.py)."""
 JUDGED = {AUTO: ("extended", MEASURED)}
 """The forms between which `auto` chooses, those with fewer constants first."""
 UNLIT = "no reading held out is neither dark nor saturated: model error over noise is that of all readings"

@@ -1,6 +1,6 @@
 """Bounded robust least squares over named parameters; held-out errors; and the choice between forms.
 
-A form is a list of `Parameter`s, some of them one value per sensor, and a model from their values to
+A form is a list of parameters, some of them one value per sensor, and a model from their values to
 readings. Derivatives are differences, all sensors of a parameter at once, since a sensor's constant changes
 only its own readings; steps are wide enough for readings in single precision. Intervals are cluster-robust
 (White 1980; Liang and Zeger 1986), since neighbouring places share the model's error and rows are not

@@ -207,7 +207,7 @@ def fit_light(
     base = _printed_light(base) if form == "paper" else base
     observed, scenes = data.observed(), model.scenes_of(data.recordings)
     lit = LightModel(base, scenes, form)
-    free = light_parameters(form, base, scenes, data.counts, room=room)
+    free = light_parameters(form, base, scenes, data.live(), room=room)
     start: Values = {}
     steep = room and form == "extended"
     if steep:
@@ -236,7 +236,7 @@ def _best_light(
     ) -> tuple["LightModel", list[Parameter], Fit]:
         law = replace(base.ambient, **keys)  # type: ignore[arg-type]
         lit = LightModel(replace(base, ambient=law), scenes, "extended")
-        free = light_parameters("extended", lit.base, scenes, data.counts, room=True)
+        free = light_parameters("extended", lit.base, scenes, data.live(), room=True)
         at: Values = {p.key: p.start for p in free} | dict(start)
         for reach in scans:
             near = scan(lit, at, observed, reach)
@@ -264,9 +264,15 @@ def _best_light(
 def light_parameters(
     form: str, profile: Profile, scenes: Scenes, counts: Floats, *, room: bool
 ) -> list[Parameter]:
-    """What a form leaves free; `counts` [n, S] give the first floor, dark and gains."""
+    """What a form leaves free; `counts` [n, S], NaN where not in use, give the first floor, dark
+    and gains."""
     linear, unit, law = form in ("linear", "extended"), count_unit(profile.ambient.top), profile.ambient
-    dark, floor = (np.array([np.median(end)]) for end in (counts.max(axis=0), counts.min(axis=0)))
+    counts = np.where(
+        np.isfinite(counts).any(axis=0), counts, np.nanmean(counts)
+    )  # a sensor that is not used
+    dark, floor = (
+        np.array([np.median(end)]) for end in (np.nanmax(counts, axis=0), np.nanmin(counts, axis=0))
+    )
     none, one = np.zeros(len(law.sensors)), np.ones(1)
     free = [
         Parameter(key="floor", start=floor, low=0.0, high=400.0 * unit, step=0.05 * unit),

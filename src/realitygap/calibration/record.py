@@ -31,7 +31,7 @@ from realitygap.calibration.plan import KHEPERA, Place, Plan, Task, Trial, camer
 from realitygap.calibration.recordings import CHANNELS, HEIGHTS_CM
 from realitygap.errors import BaudError, RecordingError, UsageError
 from realitygap.files import atomic_write, naming_errors, read_toml, to_toml
-from realitygap.robots.body import Body
+from realitygap.robots.body import Body, checked_readings
 from realitygap.robots.drive import MOVING, StopOnSignal, raise_pending
 from realitygap.track import read_track
 from realitygap.values import Closing, Command, Pose
@@ -184,7 +184,8 @@ def _record(task: Task, folder: Path, plan: Plan, body: Body, site: Site, report
 
 def _facts(task: Task, plan: Plan, body: Body) -> dict[str, Any]:
     """The content of recording.toml."""
-    known, facts, base = body.description(), {"kind": task.kind, **task.facts}, plan.base
+    known = {key: value for key, value in body.description().items() if key in load.KNOWN}
+    facts, base = {"kind": task.kind, **task.facts}, plan.base
     if task.kind != "wheels":
         shape, one = base.body if base else KHEPERA, body.channel(CHANNELS[task.kind])
         facts["body_radius_cm"] = shape.radius_cm
@@ -202,7 +203,8 @@ def _facts(task: Task, plan: Plan, body: Body) -> dict[str, Any]:
         facts |= {"arena": ARENA, **(dict(zip(HEIGHTS_CM, heights, strict=True)) if all(heights) else {})}
     units = load.UNITS.format(known.pop("units", "units of the robot's own"))
     placed_by = "program" if body.places_itself else "person"
-    facts |= {"plan": plan.kind, "units": units, "placed_by": placed_by, **known}
+    facts |= {"plan": plan.kind, "units": units, "placed_by": placed_by}
+    facts |= {key: value for key, value in known.items() if key not in facts}
     return facts | {
         "notes": plan.notes, "repeats": plan.repeats, "seed": plan.seed, "places": len(task.stops),
     }  # fmt: skip
@@ -259,6 +261,7 @@ def read_standing(body: Body, kind: str, repeats: int) -> list[list[str]]:
         while body.read_at is not None and body.read_at < asked:  # a missing answer is not a reading
             read = body.sense()
         raise_pending()
+        checked_readings(body, read)
         counts = read.proximity if kind == "proximity" else read.ambient
         readings.append([f"{count:.10g}" for count in counts.tolist()])
     return readings

@@ -36,7 +36,7 @@ FIRST_GAINS: dict[str, tuple[tuple[float, ...], ...]] = {
 """Starting values of a form: gains, lag and play."""
 ROBUST_AT, SETTLING = 0.5, 0.999
 """Residuals beyond this many cm/s count less than their square; the largest pole that is tried."""
-ROUGH = 1.15
+ROUGH, OTHER_UNIT = 1.15, 4.0
 """Factor between fitted and base speeds beyond which the unit of commands is doubted."""
 FIRST_STEPS = 2
 """Number of steps affected by a wheel's first start in a trial, since its previous direction is unknown."""
@@ -100,6 +100,7 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     constants = _with_others(constants, odometry, friction)
     if assumed and odometry is None:
         _refuse_assumed(recording, profile, base)
+    _refuse_unit(recording, profile, base)
     if odometry is not None:
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
     model = wheel_speeds(profile, recording)
@@ -154,6 +155,20 @@ def _refuse_assumed(recording: WheelRecording, profile: Profile, base: Profile) 
         f"profile {base.name!r} has none; by a Khepera's {PULSES_PER_MM:g} the wheels made {found} cm/s a "
         f"unit, where that profile has {known}. State the robot's, or write commands as it is given them."
     )
+
+
+def _refuse_unit(recording: WheelRecording, profile: Profile, base: Profile) -> None:
+    """Refuse commands in a smaller unit, such as mm/s: evolution's top command would be a crawl, and the
+    robot many times as fast as simulated. An e-puck's, above its top_command, are followed as the base says.
+    """
+    most, top = float(np.abs(recording.commands).max(initial=0.0)), base.wheels.top_command
+    if most > top and _apart(profile, base) > OTHER_UNIT:
+        unit = 5.0 * sum(base.wheels.speed_per_unit_cm_s)
+        raise CalibrationError(
+            f"{recording.source}: commands up to {most:g}, expected at most {top:g}, the top_command of "
+            f"profile {base.name!r}, in units of {unit:.3g} mm/s. Are these mm/s? Divide them by "
+            f"{unit:.3g}; or give the robot's own unit, wheels.speed_per_unit_cm_s, in --base."
+        )
 
 
 def _apart(profile: Profile, base: Profile) -> float:

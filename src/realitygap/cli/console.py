@@ -100,6 +100,8 @@ def _described(failure: BaseException) -> tuple[str, int]:
     if isinstance(failure, ModuleNotFoundError) and failure.name in ("fcntl", "pty", "termios", "tty"):
         here = f"there is no module {failure.name!r} here"
         return f"error: realitygap needs Linux or macOS ({here}). On Windows install it in WSL.", 2
+    if isinstance(failure, ValueError) and "valid value for backend" in str(failure):  # Matplotlib's
+        return f"error: MPLBACKEND: {failure}. Name a backend of Matplotlib's, or unset it.", 2
     if isinstance(failure, OSError) and failure.strerror:
         where = f": {failure.filename}" if failure.filename else ""
         return f"error: {failure.strerror}{where}", 2 if where or failure.errno == errno.ENOSPC else 1

@@ -10,7 +10,7 @@ import click
 
 from realitygap.cli import options
 from realitygap.cli.console import ask_trust, note, note_few, note_new, resumable, tell, warn
-from realitygap.cli.experiment import show_noise
+from realitygap.cli.experiment import show_noise, show_robots
 from realitygap.cli.simulate import note_dark
 from realitygap.cli.study import show_study
 from realitygap.cli.transfer import transfer_lines
@@ -197,8 +197,7 @@ def merge(
         realitygap merge out/nine-shard-*-of-3
     """
     from realitygap import api
-    from realitygap.experiments.noise import CONFIG, NoiseConfig
-    from realitygap.experiments.noise_run import merge_noise, noise_experiment
+    from realitygap.experiments.noise import NoiseConfig, merge_noise, noise_experiment
     from realitygap.study.load import load_study
     from realitygap.study.runner import merge_runs
     from realitygap.study.store import DATABASE
@@ -214,7 +213,7 @@ def merge(
         return
     more = {"shards": list(map(str, found.values()))}
     if mark is not None and mark.work == "experiment noise":
-        with resumable(target, NoiseConfig.from_folder(shards[0]).resuming(target), CONFIG):
+        with resumable(target, NoiseConfig.from_folder(shards[0]).resuming(target), NoiseConfig.FILE):
             merge_noise(found, target)
             _note_versions(load_study(place).versions() for place in sorted((target / "evolved").iterdir()))
             with ProgressLine() as progress:
@@ -258,8 +257,8 @@ def _note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
 def report(study: Path, trust: bool, json_output: bool) -> None:
     """Rebuild the report of STUDY.
 
-    STUDY is a folder; its page, figures and tables are made from its database. The folder of a finished noise
-    experiment will do too.
+    STUDY is a folder; its page, figures and tables are made from its database. The folder of an experiment on
+    noise or on several robots will do too.
 
     \b
     Example:
@@ -267,13 +266,17 @@ def report(study: Path, trust: bool, json_output: bool) -> None:
     """
     from realitygap import api
     from realitygap.experiments.experiment import RESULTS
-    from realitygap.experiments.noise import CONFIG
+    from realitygap.experiments.noise import NoiseConfig
+    from realitygap.experiments.robots import RobotsConfig, finished
     from realitygap.report.scores import study_tables
     from realitygap.study.load import load_study
     from realitygap.work.pool import opened
 
-    if (study / CONFIG).is_file():
+    if (study / NoiseConfig.FILE).is_file():
         show_noise(study, study / RESULTS, {}, json_output=json_output)
+        return
+    if (study / RobotsConfig.FILE).is_file():
+        show_robots(study, finished(study), json_output=json_output)
         return
     ask_trust(study, trust)
     with opened(None, one_thread=True) as pool:

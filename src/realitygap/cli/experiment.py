@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from realitygap.experiments.noise import NoiseConfig
-    from realitygap.experiments.realities import Realities
+    from realitygap.experiments.robots import Place, RobotsConfig
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
 
-__all__ = ["experiment", "show_noise"]
+__all__ = ["experiment", "show_noise", "show_robots"]
 
 SMALL = {"runs": 2, "starts": 2, "evaluations": 200}
 FEW = 5
@@ -93,7 +93,7 @@ def noise(
         realitygap experiment noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
         realitygap experiment noise --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
     """
-    from realitygap.experiments.noise_run import noise_experiment
+    from realitygap.experiments.noise import noise_experiment
     from realitygap.work.shard import read_mark
 
     out = out if shard is None else shard.folder(out)
@@ -121,7 +121,7 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output
     data = NoiseData.read(out)
     rows = noise_table(data)
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)
-    facts = {"study": str(out), "results": str(results), "report": str(page), **noise_summary(out), **more}
+    facts = {"study": str(out), "results": str(results), "report": str(page), **noise_summary(data), **more}
     words = f"{table(rows.head, rows.rows)}\n\nnoise-matched level: {matched}"
     tell(json_output, facts, f"{words}\n\nresults {results}\nreport  {page}")
 
@@ -196,21 +196,29 @@ def robots(
         realitygap experiment robots --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
         realitygap experiment robots --only --robot enki:epuck --robot enki:thymio2 --out out/enki
     """
-    from realitygap.experiments.realities import carry_out
-    from realitygap.report.experiment import build_realities_page, matrix, noise_summary
+    from realitygap.experiments.robots import robots_experiment
 
     asked = _robots_config(out, resume, {**(SMALL if small else {}), **options.given(settings)})
     if resume:
         note_new(out, asked.FILE)
     with resumable(out, asked.resuming(out), asked.FILE), ProgressLine() as progress:
-        places = carry_out(out, asked, workers=workers, resume=resume, on_progress=progress.show)
-        few = asked.runs < FEW
+        places = robots_experiment(out, asked, workers=workers, resume=resume, on_progress=progress.show)
+    show_robots(out, places, json_output=json_output)
+
+
+def show_robots(out: Path, places: list[Place], *, json_output: bool) -> None:
+    """Make the page of an experiment on several robots, and print its table."""
+    from realitygap.experiments.robots import RobotsConfig
+    from realitygap.report.experiment import NoiseData, build_robots_page, matrix, noise_summary
+
+    few = RobotsConfig.from_folder(out).runs < FEW
+    with ProgressLine() as progress:
         drawn = counts(progress.show, "making the report", "figures")
-        page = build_realities_page(out, places, few=few, on_progress=drawn)
+        page = build_robots_page(out, places, few=few, on_progress=drawn)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
     if json_output:
         made = [
-            {"robot": one.robot, "folder": str(one.folder), **noise_summary(one.folder)}
+            {"robot": one.robot, "folder": str(one.folder), **noise_summary(NoiseData.read(one.folder))}
             for one in places
             if not one.why
         ]
@@ -221,14 +229,14 @@ def robots(
     click.echo(f"{table(rows.head, rows.rows)}\n\nreport {page}")
 
 
-def _robots_config(out: Path, resume: bool, given: dict[str, Any]) -> Realities:
+def _robots_config(out: Path, resume: bool, given: dict[str, Any]) -> RobotsConfig:
     """The usual one with what was given; or, resumed, the one that is there."""
     from dataclasses import replace
 
     from realitygap.experiments.noise import levels_of
-    from realitygap.experiments.realities import Realities
+    from realitygap.experiments.robots import RobotsConfig
 
-    begun = Realities.begun(out, resume=resume)
+    begun = RobotsConfig.begun(out, resume=resume)
     if not given["robots"]:
         del given["robots"]
         if begun.programs:

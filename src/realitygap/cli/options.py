@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from realitygap.world.robot import Profile
 
 __all__ = [
-    "ROBOT", "NumberOrPool", "OutFile", "Parsed", "arena", "as_json", "base", "baud", "checked_pose",
+    "ROBOT", "OutFile", "Parsed", "arena", "as_json", "base", "baud", "checked_pose",
     "controller", "disk", "engine", "evaluations", "given", "individual", "marker", "noise", "out", "picture",
     "pose", "profile", "resume", "runs", "seconds", "seed", "shard", "spread", "starts", "task", "trust",
     "twin_noise", "unusual", "watch", "workers",

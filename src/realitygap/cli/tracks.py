@@ -216,7 +216,7 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
     A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
     a column start separates several trials and a column unit several robots; or what `realitygap camera
     track` or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
-    transfer`, needs no B: its simulated trials are compared with its situated
+    transfer` needs no B: its simulated trials are compared with its situated
     ones. 10 means as alike as the same robot twice, 0 a different behaviour; the output says what these ends
     were measured on.
 
@@ -381,7 +381,7 @@ def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
                         f"{mark:g} here. Two judges need two names: change the column judge in one."
                     )
     made = agreement(given, _scores(Path(key)))
-    tell(json_output, made.to_dict(), *_agreement_lines(made))
+    tell(json_output, made._asdict(), *_agreement_lines(made))
 
 
 def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:
@@ -416,10 +416,9 @@ def _scores(path: Path) -> dict[int, float]:
 
 
 def _agreement_lines(made: Agreement) -> Iterator[str]:
-    found = made.correlation
-    low, high = found.interval
+    low, high = made.interval
     yield f"{made.judges} judges, {made.pairs} pairs"
-    yield f"score and mean rating: r {found.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {found.rho:.2f}"
+    yield f"score and mean rating: r {made.r:.2f} (95 %: {low:.2f} to {high:.2f}), rho {made.rho:.2f}"
     yield f"ratings differ from the score by {made.difference:+.1f} on average"
     if made.between_judges is not None:
         yield f"a judge and the others' mean: r {made.between_judges:.2f}"

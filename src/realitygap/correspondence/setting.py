@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from realitygap.correspondence.trials import RADIUS_CM, Trial, require_trials
+from realitygap.correspondence.trials import RADIUS_CM, Trial
 from realitygap.errors import TrackError
 from realitygap.tasks.load import TASKS, load_task
 from realitygap.tasks.task import Task
@@ -46,7 +46,6 @@ def setting_of(trials: Sequence[Trial], task: Task | str | PathLike[str] | None 
     Raises:
         TrackError: a track that leaves the task's arena; neither trials nor a task.
     """
-    require_trials(trials)
     if task is not None:
         task = load_task(task)
         _require_inside(trials, task)

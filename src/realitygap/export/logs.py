@@ -32,7 +32,7 @@ from realitygap.work.archive import SIMULATED, SITUATED, unpacked
 from realitygap.world.arena import Arena
 from realitygap.world.robot import Profile
 
-__all__ = ["FORMATS", "Side", "TrialLog", "trial_log", "write_log"]
+__all__ = ["Side", "TrialLog", "trial_log", "write_log"]
 
 
 class Side(NamedTuple):

@@ -23,7 +23,7 @@ from realitygap.kernels.types import MAX_DELAY, UPDATES
 from realitygap.study.load import Run, Study
 from realitygap.world.robot import Profile
 
-__all__ = ["LANGUAGES", "Fed", "OnBoard", "Vectors", "on_board", "sizes", "write_source"]
+__all__ = ["LANGUAGES", "Fed", "OnBoard", "on_board", "sizes", "write_source"]
 
 
 ROWS = 1 << (MAX_DELAY + 1).bit_length()

@@ -71,6 +71,8 @@ def write_tables(study: Study, kind: str, folder: str | Path) -> dict[Path, int]
         UsageError: no pyarrow for Parquet.
         OSError: a file cannot be written.
     """
+    if kind not in ("parquet", "csv"):
+        raise UsageError(f"kind: expected 'parquet' or 'csv', got {kind!r}.")
     arrow = needed("pyarrow.parquet", "tables") if kind == "parquet" else None
     folder = as_path(folder, "folder")
     folder.mkdir(parents=True, exist_ok=True)

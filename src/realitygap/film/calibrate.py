@@ -26,7 +26,7 @@ from realitygap.film.disk import DiskFinder, Grey, first_look
 from realitygap.film.tag import FOUND_ANEW, Marker, Tag, TagFinder, finder_of, on_floor, seen_in, why_not
 from realitygap.values import Floats, Pose
 
-__all__ = ["Calibration", "KnownFrame", "Residual", "calibrate_camera", "lens_place", "read_frames"]
+__all__ = ["Calibration", "KnownFrame", "Residual", "calibrate_camera", "read_frames"]
 
 LEAST_FRAMES, LEAST_FOR_RADIAL = 4, 6
 """Frames needed for a homography, and to fit how the lens bends."""

@@ -2,7 +2,7 @@
 
 Every value is a float64, an int64 or a C-contiguous array of the stated type, so that one compiled kernel
 serves every robot, arena and task. Lengths cm, speeds cm/s, angles rad, readings counts. `world`, `tasks` and
-`controller` build these; nothing here checks them.
+`control` build these; nothing here checks them.
 """
 
 from typing import NamedTuple
@@ -33,7 +33,7 @@ LAMP_POINTS = 5
 """Point sources that model one lamp (§3.3)."""
 
 
-class Seen(NamedTuple):
+class Contribution(NamedTuple):
     """Contribution of one kind of object to the readings of P proximity sensors."""
 
     at: F
@@ -43,12 +43,12 @@ class Seen(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A look-up table of proximity readings (replay.py)."""
+    """A look-up table of proximity readings (infrared.py)."""
 
     nothing: F
     """[P] readings with nothing near."""
-    wall: Seen
-    cylinder: Seen
+    wall: Contribution
+    cylinder: Contribution
 
 
 class Wheels(NamedTuple):

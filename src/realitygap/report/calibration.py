@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from realitygap.calibration.wheels import WheelFit
 
 __all__ = [
-    "REAL", "TITLES", "calibrated_part", "calibration_figures", "curves_figure", "look_of", "maps_figure",
+    "REAL", "TITLES", "calibrated_part", "calibration_figures", "curves_figure", "look_of",
     "write_calibration_page",
 ]  # fmt: skip
 

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle, Wedge
 from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator
 
 from realitygap.errors import UsageError
 from realitygap.files import atomic_path
@@ -32,10 +33,9 @@ from realitygap.world import arena as world
 from realitygap.world.robot import Profile
 from realitygap.world.sensors import RAY_ANGLES_DEG
 
-__all__ = [
-    "FILMS", "LIT_RAYS_CM", "PICTURES", "WHEEL_CM", "PathPanel", "Scene", "arena_figure", "checked_ending",
-    "draw_arena", "draw_path", "draw_robot", "frames", "front", "pairs_figure", "panels_figure", "rays_of",
-    "robot_figure", "save_animation", "save_picture", "sheet_figure", "shown_sensors", "tail",
+__all__ = [ "LIT_RAYS_CM", "PICTURES", "WHEEL_CM", "PathPanel", "Scene", "arena_figure",
+    "draw_arena", "draw_path", "draw_robot", "frames", "front", "paths_figure", "rays_of", "robot_figure",
+    "save_animation", "save_picture", "shown_sensors", "tail",
 ]  # fmt: skip
 
 WHEEL_CM = (1.9, 0.45)
@@ -151,7 +151,9 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     ax.set(xlim=(-edge, right), ylim=(-edge, depth + edge), aspect="equal")
     ax.spines[:].set_visible(False)
     if labels:
-        ax.set(xlabel="x (cm)", ylabel="y (cm)", xticks=_ticks(width), yticks=_ticks(depth))
+        ax.set(xlabel="x (cm)", ylabel="y (cm)")
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     else:
         ax.set(xticks=[], yticks=[])
 
@@ -165,12 +167,6 @@ def _name_surfaces(ax: Axes, arena: Arena) -> None:
     x, y = (0.02 * arena.size).tolist()
     for value in walls:
         ax.text(x, y, f"walls ×{value:g}", ha="left", va="bottom", **words)
-
-
-def _ticks(length: float) -> list[float]:
-    """Round values from 0 to `length`, at most seven."""
-    gap = next(g for g in (1, 2, 5, 10, 20, 50, 100, 200, 500, math.inf) if length / g <= 6)
-    return [k * gap for k in range(int(length / gap) + 1)] if gap < math.inf else [0.0, length]
 
 
 def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:
@@ -369,65 +365,40 @@ def draw_path(
     draw_robot(ax, scene.robot, (end.x, end.y, end.heading), look)
 
 
-def panels_figure(scene: Scene, panels: Sequence[PathPanel]) -> Figure:
-    """One panel a noise level, side by side."""
-    return _grid(scene, [list(panels)], wide=min(PAGE, 2.6 * len(panels) + 0.3), labels=True)
-
-
-def pairs_figure(scene: Scene, heads: Sequence[str], rows: Sequence[Sequence[PathPanel | None]]) -> Figure:
-    """Simulated paths above, situated ones below; a column a noise level, which `heads` name."""
-    wide = min(PAGE, 2.6 * len(heads) + 0.3)
-    return _grid(scene, rows, wide=wide, labels=True, heads=heads)
-
-
-def sheet_figure(scene: Scene, rows: Sequence[Sequence[PathPanel | None]]) -> Figure:
-    """Every run's path: a row a noise level (simulated, then situated), a column a run."""
-    return _grid(scene, rows, wide=PAGE, labels=False)
-
-
-def _grid(
-    scene: Scene,
-    rows: Sequence[Sequence[PathPanel | None]],
-    *,
-    wide: float,
-    labels: bool,
-    heads: Sequence[str] = (),
+def paths_figure(
+    scene: Scene, rows: Sequence[Sequence[PathPanel]], *, heads: Sequence[str] = (), small: bool = False
 ) -> Figure:
-    """Panels in rows; all arenas at the same scale, laid out by hand (cheap and deterministic)."""
-    styles = noise_styles([*scene.levels, *(panel.noise for row in rows for panel in row if panel)])
+    """Paths in rows of panels, all arenas at one scale.
+
+    Args:
+        scene: arena and robot.
+        rows: the panels; only `small` ones may be in rows of different lengths.
+        heads: a line above each column.
+        small: without axes, on a page's whole width: for many runs.
+    """
+    styles = noise_styles([*scene.levels, *(panel.noise for row in rows for panel in row)])
     columns = max(len(row) for row in rows)
-    left, bottom, gap, head = (0.46, 0.42, 0.14, 0.27) if labels else (0.06, 0.06, 0.1, 0.2)
-    if labels and columns == 1:
-        wide = 3.4
+    left, bottom, gap, head = (0.06, 0.06, 0.1, 0.2) if small else (0.46, 0.42, 0.14, 0.27)
+    wide = PAGE if small else 3.4 if columns == 1 else min(PAGE, 2.6 * columns + 0.3)
     cell = (wide - left - 0.06 - gap * (columns - 1)) / columns
     tall = cell * steepness(scene.arena)
     height = bottom + len(rows) * (tall + head) + (0.11 if heads else 0.0)
-    figure = new_figure(wide, height)
+    figure = new_figure(wide, height)  # laid out by hand: cheap and deterministic
     for c, text in enumerate(heads):
         spot = (left + c * (cell + gap)) / wide
         figure.text(spot, 1 - 0.02 / height, text, fontsize=9, fontweight="bold", color=style.INK, va="top")
     for r, row in enumerate(rows):
         for c, panel in enumerate(row):
-            if panel is None:
-                continue
             box = (left + c * (cell + gap), bottom + (len(rows) - 1 - r) * (tall + head))
             ax = figure.add_axes((box[0] / wide, box[1] / height, cell / wide, tall / height))
             colour = styles[panel.noise].colour
-            draw_path(ax, scene, panel.trajectory, colour=colour, look=panel.look, labels=labels)
-            if labels:
-                _spare_labels(ax, inner=c > 0, upper=r + 1 < len(rows) and rows[r + 1][c] is not None)
-            ax.set_title(panel.title, fontsize=8.5 if labels else 7, pad=3, loc="left", color=style.INK)
+            draw_path(ax, scene, panel.trajectory, colour=colour, look=panel.look, labels=not small)
+            if not small and c > 0:  # the neighbour to the left, or below, has them
+                ax.set(ylabel="", yticklabels=[])
+            if not small and r + 1 < len(rows):
+                ax.set(xlabel="", xticklabels=[])
+            ax.set_title(panel.title, fontsize=7 if small else 8.5, pad=3, loc="left", color=style.INK)
     return figure
-
-
-def _spare_labels(ax: Axes, *, inner: bool, upper: bool) -> None:
-    """Omit the cm labels of panels with a neighbour to the left or below."""
-    if inner:
-        ax.set_ylabel("")
-        ax.set_yticklabels([])
-    if upper:
-        ax.set_xlabel("")
-        ax.set_xticklabels([])
 
 
 # Pictures and films of one trajectory

@@ -1,11 +1,8 @@
-"""The page of a noise experiment, and the one that puts several robots side by side.
-
-Four figures and a table, without verdicts: what a design of one's own bears is for its author to say.
-"""
+"""The page of a noise experiment, and the one that puts several robots side by side: figures and a table."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -22,7 +19,7 @@ from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.experiment import RESULTS
 from realitygap.experiments.noise import FIGURES, calibration_folder
-from realitygap.experiments.realities import ASKED, Place
+from realitygap.experiments.robots import Place, RobotsConfig
 from realitygap.files import read_table, read_toml, to_csv
 from realitygap.report import style
 from realitygap.report.calibration import REAL
@@ -35,7 +32,7 @@ from realitygap.tasks import load_task
 from realitygap.values import Floats
 from realitygap.world.robot import load_profile, noise_name
 
-__all__ = ["NoiseData", "build_noise_page", "build_realities_page", "matrix", "noise_summary", "noise_table"]
+__all__ = ["NoiseData", "build_noise_page", "build_robots_page", "matrix", "noise_summary", "noise_table"]
 
 FEWEST = 3
 """Runs for an interval."""
@@ -80,6 +77,14 @@ class Span(NamedTuple):
         """As displayed: 8.5 (8.1 to 8.9)."""
         value, low, high = (_number(v / scale, places) for v in self)
         return value if math.isnan(self.low) else f"{value} ({low} to {high})"
+
+
+def _means(values: Floats) -> Floats:
+    """Means of the known values along the first axis; NaN where none is known."""
+    known = np.isfinite(values).sum(axis=0)
+    sums = np.nansum(values, axis=0)
+    means: Floats = np.divide(sums, known, out=np.full_like(sums, np.nan), where=known > 0)
+    return means
 
 
 def _number(value: float, places: int) -> str:
@@ -171,14 +176,8 @@ class NoiseData:
 
     def part(self, task: str) -> Self:
         """One task's controllers."""
-        keep, n = self.task == task, len(self.task)
-        every = {field.name: getattr(self, field.name) for field in fields(self)}
-        some = {
-            k: v[keep]
-            for k, v in every.items()
-            if isinstance(v, np.ndarray) and len(v) == n and k != "levels"
-        }
-        return replace(self, **some)
+        names = ("task", "evolved", "simulated", "situated", "score", "noisiness")
+        return replace(self, **{name: getattr(self, name)[self.task == task] for name in names})
 
     def at(self, level: float) -> NDArray[np.bool_]:
         """[n] which evolved at a level; tables hold five digits."""
@@ -188,7 +187,7 @@ class NoiseData:
     @property
     def matched(self) -> float:
         """The noise-matched level, where mean noisiness passes zero, linear in the level's root; or NaN."""
-        curve, root = np.nanmean(self.noisiness, axis=0), np.sqrt(self.levels)
+        curve, root = _means(self.noisiness), np.sqrt(self.levels)
         below = np.flatnonzero((curve[:-1] > 0) & (curve[1:] <= 0))
         if not len(below):
             return math.nan
@@ -198,7 +197,7 @@ class NoiseData:
     @property
     def matched_text(self) -> str:
         """The same in words, also beyond the levels."""
-        curve = np.nanmean(self.noisiness, axis=0)
+        curve = _means(self.noisiness)
         if math.isfinite(self.matched):
             return _number(self.matched, 2)
         if (curve > 0).all() or (curve < 0).all():
@@ -238,7 +237,7 @@ def noise_table(data: NoiseData) -> PageTable:
             spans, count = _spans(part, evolved)
             score, own, *fitness = spans.values()
             judged = part.score[part.at(evolved), part.robot]
-            failed = 100 * float(np.nanmean(np.where(np.isnan(judged), np.nan, judged < FAILED)))
+            failed = 100 * float(_means(np.where(np.isnan(judged), np.nan, judged < FAILED)))
             texts = [*(one.text(1) for one in (score, own)), _number(failed, 0)]
             texts += [one.text(3, unit) for one in fitness]
             rows.append([task, f"{evolved:g}", str(count), *texts])
@@ -265,17 +264,12 @@ def map_figure(data: NoiseData) -> Figure:
     """Mean score of every cell, evolved by compared level; the diagonal is framed, the robot's level bold."""
     tasks, count = data.tasks, len(data.levels)
     figure = new_figure(min(PAGE, 3.4 * len(tasks)), 3.1, layout="constrained")
-    every = {
-        task: np.array([np.nanmean(data.part(task).score[data.part(task).at(level)], axis=0)
-                        for level in data.levels])
-        for task in tasks
-    }  # fmt: skip
-    low = np.floor(min(np.nanmin(means) for means in every.values()))
-    high = max(np.ceil(max(np.nanmax(means) for means in every.values())), low + 1)
+    parts = [data.part(task) for task in tasks]
+    every = [np.array([_means(p.score[p.at(level)]) for level in p.levels]) for p in parts]
+    low = np.floor(np.nanmin(every))
+    high = max(np.ceil(np.nanmax(every)), low + 1)
     labels, ticks = [f"{level:g}" for level in data.levels], np.arange(count) + 0.5
-    for ax, (task, means) in zip(
-        figure.subplots(1, len(tasks), squeeze=False)[0], every.items(), strict=True
-    ):
+    for ax, task, means in zip(figure.subplots(1, len(tasks), squeeze=False)[0], tasks, every, strict=True):
         ax.pcolormesh(np.arange(count + 1), np.arange(count + 1), means, cmap=_HEAT, vmin=low, vmax=high)
         for i, j in np.ndindex(means.shape):
             colour = "#ffffff" if means[i, j] >= low + _DARK * (high - low) else "#1b1d22"
@@ -386,9 +380,7 @@ def _panel(
     looks = noise_styles(data.levels.tolist())
     for level, values in columns:
         known, look = values[np.isfinite(values)], looks[level]
-        spread = (
-            0.05 + 0.08 * np.modf(np.arange(len(known)) * 0.6180339887498949)[0]
-        )  # so that none hides another
+        spread = 0.05 + 0.08 * np.modf(np.arange(len(known)) * 0.618034)[0]  # so that none hides another
         ax.plot(np.sqrt(level) + spread, known, look.marker, color=look.colour, markersize=2, alpha=0.55,
                 markeredgewidth=0, zorder=2)  # fmt: skip
     ax.set_xticks(np.sqrt(data.levels), [f"{level:g}" for level in data.levels])
@@ -408,13 +400,11 @@ def _bars(
     ax: Axes, columns: Columns, label: str, *, marker: str = "o", line: Any = "-", aside: float = 0.0
 ) -> None:
     """Means joined by a line, with their intervals."""
-    spans = [Span.of(values) for _, values in columns]
-    x = np.sqrt([level for level, _ in columns]) + aside
-    y = np.array([span.value for span in spans])
-    half = np.nan_to_num([span.high - span.value for span in spans])
+    value, _, high = np.array([Span.of(values) for _, values in columns]).T
     ax.errorbar(
-        x, y, yerr=half, color=INK, marker=marker, markersize=4, capsize=2, linewidth=1.4, elinewidth=1,
-        linestyle=line, label=label, zorder=5, markerfacecolor=style.PAPER,
+        np.sqrt([level for level, _ in columns]) + aside, value, yerr=np.nan_to_num(high - value), color=INK,
+        marker=marker, markersize=4, capsize=2, linewidth=1.4, elinewidth=1, linestyle=line, label=label,
+        zorder=5, markerfacecolor=style.PAPER,
     )  # fmt: skip
 
 
@@ -473,19 +463,15 @@ def _misfits(data: NoiseData) -> Iterable[tuple[str, float, int, int, float]]:
             yield CHANNELS[channel], float(np.median(ratios)), beyond, len(ratios), limit
 
 
-def noise_summary(out: str | Path) -> dict[str, Any]:
-    """The findings of a finished noise experiment, ready for JSON.
-
-    Raises:
-        StudyError: results are missing or broken.
-    """
-    data, found = NoiseData.read(out), {}
+def noise_summary(data: NoiseData) -> dict[str, Any]:
+    """The findings of a finished noise experiment, ready for JSON."""
+    found = {}
     for task in data.tasks:
         part = data.part(task)
         rows = []
         for level in part.levels.tolist():
             spans, count = _spans(part, level)
-            means = np.nanmean(part.score[part.at(level)], axis=0).tolist()
+            means = _means(part.score[part.at(level)]).tolist()
             by_level = {f"{k:g}": v for k, v in zip(part.levels, means, strict=True)}
             known = {key: span._asdict() for key, span in spans.items()}
             rows.append({"evolved_level": level, "runs": count, **known, "score_by_level": by_level})
@@ -561,10 +547,10 @@ def matrix(places: Sequence[Place], *, few: bool) -> PageTable:
     rows["noise-matched level"] = [*(data.matched_text for data in robots.values()), *beside]
     head = ["", *robots, *READINGS]
     title = "Model error, noise and correspondence on each robot."
-    return PageTable("realities", title, head, [[name, *row] for name, row in rows.items()])
+    return PageTable("robots", title, head, [[name, *row] for name, row in rows.items()])
 
 
-def build_realities_page(
+def build_robots_page(
     folder: str | Path, places: Sequence[Place], *, few: bool, on_progress: OnProgress | None = None
 ) -> Path:
     """Write the page of an experiment on several robots into its folder `report/`, and each one's own.
@@ -580,17 +566,16 @@ def build_realities_page(
         OSError: a page cannot be written.
     """
     robots, figures, table = read_robots(places), Figures(), matrix(places, few=few)
-    tried = [place for place in places if not place.why]
-    for place in tried:
-        build_noise_page(place.folder)
+    for place in places:
+        if not place.why:
+            build_noise_page(place.folder)
     alt = "Correspondence and noisiness on each robot, by compared level. The table has the means."
     figures.add("levels", partial(robots_figure, robots), alt)
     facts = {
-        "table": table, "realities": [(_named(place), place.folder.name) for place in tried], "few": few,
+        "table": table, "robots": {_named(one): one.folder.name for one in places if not one.why}, "few": few,
         "left_out": [place for place in places if place.why], "cards": figures,
-        "key": _key(next(iter(robots.values()))), "text": (Path(folder) / ASKED).read_text("utf-8"),
+        "key": _key(next(iter(robots.values()))),
+        "text": (Path(folder) / RobotsConfig.FILE).read_text("utf-8"),
     }  # fmt: skip
     target = report_folder(Path(folder)) / "index.html"
-    return write_page(
-        target, "realities.html.j2", figures, facts, on_progress, tables={table.name: table.csv()}
-    )
+    return write_page(target, "robots.html.j2", figures, facts, on_progress, tables={table.name: table.csv()})

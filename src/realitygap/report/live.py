@@ -84,7 +84,7 @@ class LivePage:
         ends = [float(end) for _, best in curves for end in (best[0], best[-1])]
         low, most = min([0.0, *ends]), max([0.0, *ends])
         total = study.config.evaluations
-        begun = [(row.stored, row.run) for one in part.conditions for row in one.begun]
+        begun = [(row.best, row.run) for one in part.conditions for row in one.begun]
         best = max(begun, key=lambda one: one[0] or 0.0, default=(None, None))[1]
         return {
             "title": part.task.title, "unit": unit and f" {unit}", "total": total,
@@ -96,7 +96,9 @@ class LivePage:
     def _drive(self, task: Task, run: Run) -> dict[str, Any]:
         """The fittest robot on one trial, always the same, at its own noise."""
         study = run.study
-        kept = self._simulations.setdefault(run.name, Simulation(task, study.profile, run.noise))
+        if run.name not in self._simulations:
+            self._simulations[run.name] = Simulation(task, study.profile, run.noise)
+        kept = self._simulations[run.name]
         assert run.fittest is not None
         trajectory, score = kept.trajectory(study.networks(run.task, run.fittest), stream=1)
         track, depth = trajectory.track, task.arena.size_cm[1]

@@ -26,7 +26,7 @@ from realitygap.tasks.task import Task
 from realitygap.values import Floats
 from realitygap.world.robot import Profile
 
-__all__ = ["Wiring", "draw_network", "network_drawing", "network_figure", "read_wiring"]
+__all__ = ["draw_network", "network_drawing", "network_figure", "read_wiring"]
 
 SAMPLES = 18
 OUTPUTS = 2

@@ -1,24 +1,23 @@
 """The page's player: everything that it can show of a study, as one JSON document.
 
 Tasks contain noise levels, those contain runs, those contain trials; a trial is a simulated drive and, if the
-run drove a robot or a twin, the situated one from the same pose. Numbers of a drive are packed as
-little-endian int16 or int8 in base64: a tenth of the size of JSON.
+run drove a robot or a twin, that drive too. Numbers are packed as little-endian int16 or int8 in base64: a
+tenth of the size of JSON.
 """
 
 import base64
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.control.genotype import Genotype
-from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, PathPanel, front
-from realitygap.report.evolution import PER_CONDITION, Paths, Row, TaskPart, chosen, individual
+from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, front
+from realitygap.report.evolution import PER_CONDITION, NoiseClass, Paths, Row, TaskPart, individual
 from realitygap.report.network import network_drawing
 from realitygap.report.page import rendered
 from realitygap.report.style import noise_styles
@@ -35,7 +34,7 @@ from realitygap.world.robot import TOP_INPUT, Profile, noise_name
 from realitygap.world.sensors import RAY_ANGLES_DEG, AmbientSensor, ProximitySensor
 
 __all__ = [
-    "LOST", "MOST_RUNS", "MOST_TRIALS", "activity", "arena_json", "decided", "judge_page", "pack",
+    "LOST", "MOST_TRIALS", "activity", "decided", "judge_page", "pack",
     "player_data", "player_json", "replay_data", "track",
 ]  # fmt: skip
 
@@ -73,16 +72,11 @@ def player_data(
         for condition in part.conditions:
             if not condition.begun:
                 continue
-            shown, rows = chosen(condition), list(condition.begun[:MOST_RUNS])
-            if shown is not None and shown not in rows:
-                rows.append(shown)
-            runs = []
-            for row in rows:
-                driven = [pair for pair in pairs[part.task.name] if pair.run == row.run.id]
-                runs.append(_run(part, row, driven, replays, partial(paths.panel, part, condition, row)))
+            rows = condition.shown(MOST_RUNS)
+            runs = [_run(part, condition, row, pairs[part.task.name], replays, paths) for row in rows]
             noises.append({
                 "name": part.names[condition.level], "colour": styles[condition.level].colour,
-                "shown": 0 if shown is None else rows.index(shown), "runs": runs,
+                "shown": 0 if condition.chosen is None else rows.index(condition.chosen), "runs": runs,
             })  # fmt: skip
         if noises:
             tasks.append({**_scene(part.task, study.profile), "noises": noises})
@@ -96,10 +90,7 @@ def replay_data(
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genotype, task, profile)
     side = _Side(task=task, genotype=genotype, slots=slots, profile=profile)
-    one, score = driven
-    drive = side.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genotype)
-    trial = {"name": "simulated", "link": "simulated", "simulated": drive, "situated": None}
-    run = {"name": name, "link": name, "network": drawing, "trials": [trial]}
+    run = {"name": name, "link": name, "network": drawing, "trials": [_alone(side, *driven, "simulated")]}
     colour = noise_styles([noise])[noise].colour
     level = {"name": f"{noise_name(noise)} noise", "colour": colour, "shown": 0, "runs": [run]}
     return _document(profile, [{**_scene(task, profile), "noises": [level]}])
@@ -146,24 +137,28 @@ class _Side:
 
 
 def _run(
-    part: TaskPart, row: Row, pairs: Sequence[Pair], replays: Replays, panel: Callable[[str], PathPanel]
+    part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair], replays: Replays, paths: Paths
 ) -> Json:
     """A run: its network and its trials; without transfers the simulated one in the figures of paths."""
     run, genotype, task = row.run, individual(row.run), part.task
     drawing, slots = network_drawing(genotype, task, run.study.profile)
     side = _Side(task=task, genotype=genotype, slots=slots, profile=run.study.profile)
-    order = {robot: i for i, robot in enumerate(robots_of(pairs))}
-    there = sorted(pairs, key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start))
-    shown = [pair for pair in there if pair.seen][:MOST_TRIALS]
+    here = [pair for pair in pairs if pair.run == run.id]
+    order = {robot: i for i, robot in enumerate(robots_of(here))}
+    here.sort(key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start))
+    shown = [pair for pair in here if pair.seen][:MOST_TRIALS]
     trials = [_transfer(part, pair, side, replays) for pair in shown]
     if not trials:
-        alone = panel("{score}")
-        one = alone.trajectory
-        assert isinstance(one, Trajectory)
-        simulated = side.drive("simulated", alone.title, one.track, one, genotype)
-        trials = [{"name": "simulated only", "link": "simulated", "simulated": simulated, "situated": None}]
+        one, score = paths.of(part, condition, row)
+        trials = [_alone(side, one, score, "simulated only")]
     name = f"#{run.index}" + ("" if run.finished else ", unfinished")
     return {"name": name, "link": run.name, "network": drawing, "trials": trials}
+
+
+def _alone(side: _Side, one: Trajectory, score: float, name: str) -> Json:
+    """A trial in simulation only."""
+    drive = side.drive("simulated", f"{score / side.task.fitness_scale:.2f}", one.track, one, side.genotype)
+    return {"name": name, "link": "simulated", "simulated": drive, "situated": None}
 
 
 def _transfer(part: TaskPart, pair: Pair, side: _Side, replays: Replays) -> Json:
@@ -201,37 +196,28 @@ def _sensors(task: Task, profile: Profile) -> Json:
     `dull` and `bright` are the counts at which a sensor's rays are invisible, and strongest.
     """
     near, light = profile.infrared, profile.ambient
-    every = {
-        "proximity": [
-            _sensor(s, s.reach_cm(), {"petals": False, "top": near.top, "dull": 0, "bright": near.top})
-            for s in near.sensors
-        ],
-        "ambient": [
-            _sensor(
-                s, LIT_RAYS_CM, {"petals": True, "top": light.dark, "dull": light.dark, "bright": light.floor}
-            )
-            for s in light.sensors
-        ],
+    looks = {
+        "proximity": {"petals": False, "top": near.top, "dull": 0, "bright": near.top},
+        "ambient": {"petals": True, "top": light.dark, "dull": light.dark, "bright": light.floor},
     }
-    sensors = [sensor for kind in task.kinds for sensor in every[kind]]
+    sensors = [
+        {"x": one.x_cm, "y": one.y_cm, "direction": one.direction_deg, "reach": _reach(one), **looks[kind]}
+        for kind in task.kinds
+        for one in (near if kind == "proximity" else light).sensors
+    ]
     return {"each": sensors, "rays": list(RAY_ANGLES_DEG), "fed": list(task.sensors)}
 
 
-def _sensor(one: ProximitySensor | AmbientSensor, reach_cm: float, limits: Json) -> Json:
-    reach = round(min(reach_cm, LIT_RAYS_CM), 2)
-    return {"x": one.x_cm, "y": one.y_cm, "direction": one.direction_deg, "reach": reach, **limits}
+def _reach(one: ProximitySensor | AmbientSensor) -> float:
+    """As far as its rays are drawn, cm."""
+    return round(min(one.reach_cm(), LIT_RAYS_CM), 2) if isinstance(one, ProximitySensor) else LIT_RAYS_CM
 
 
 def judge_page(data: Mapping[str, object], arena: Arena | None, radius_cm: float) -> str:
     """The page on which people rate pairs, from `correspondence.blind_pairs`; it keeps ratings in the
     browser and as a file. Without an arena an empty one is drawn around all of them."""
-    body = {
-        "radius": radius_cm,
-        "front": radius_cm,
-        "outline": [],
-        "track": 1.8 * radius_cm,
-        "wheel": WHEEL_CM,
-    }
+    body: Json = dict.fromkeys(("radius", "front"), radius_cm)
+    body |= {"outline": [], "track": 1.8 * radius_cm, "wheel": WHEEL_CM}
     empty = {"size_cm": data["size_cm"], "cylinders": [], "walls": [], "lamps": []}
     text = player_json({**data, "arena": arena_json(arena) if arena else empty, "robot": body})
     name = hashlib.sha256(text.encode()).hexdigest()[:16]  # ratings of another page are kept apart

@@ -16,8 +16,7 @@ from realitygap.transfer.scores import ScoreRow, marks_of
 from realitygap.world.robot import noise_level, noise_name
 
 __all__ = [
-    "PAPER_AVERAGES", "PAPER_ROWS", "PaperRow", "ScoreClass", "ScoreTable", "score_tables", "scores_csv",
-    "study_tables",
+    "PAPER_ROWS", "ScoreTable", "score_tables", "scores_csv", "study_tables",
 ]  # fmt: skip
 
 
@@ -43,13 +42,6 @@ def _paper_rows() -> dict[str, dict[float, tuple[PaperRow, ...]]]:
 PAPER_ROWS: Mapping[str, Mapping[float, tuple[PaperRow, ...]]] = _paper_rows()
 """By task and noise level."""
 
-PAPER_AVERAGES: Mapping[str, Mapping[float, tuple[float, float]]] = {
-    "obstacle-avoidance": {0.0: (4.0, 6.2), 1.0: (6.0, 8.0), 2.0: (4.8, 6.8)},
-    "light-seeking": {0.0: (6.4, 5.6), 1.0: (6.8, 7.8), 2.0: (5.8, 5.4)},
-}
-"""Behaviour and correspondence score, as printed in the tables."""
-
-
 SCORES = ("behaviour", "correspondence")
 SHOWN = 10
 """Rows of a noise level shown on a page."""
@@ -63,7 +55,16 @@ class ScoreClass:
     name: str
     marks: tuple[ScoreRow, ...]
     paper: tuple[PaperRow, ...]
-    paper_average: tuple[float, float] | None
+
+    @property
+    def paper_average(self) -> tuple[float, ...] | None:
+        """The mean behaviour and correspondence score of the paper's rows, as it prints them."""
+        rows = self.paper
+        return (
+            tuple(round(sum(getattr(row, of) for row in rows) / len(rows), 1) for of in SCORES)
+            if rows
+            else None
+        )
 
     def mean(self, of: str) -> Mean | None:
         """The mean "behaviour" or "correspondence" score over the runs that have one."""
@@ -162,7 +163,6 @@ def score_tables(task: Task, levels: Iterable[float], marks: Sequence[ScoreRow])
                         if (mark.kind, mark.individual, noise_level(mark.noise)) == (kind, individual, level)
                     ),
                     paper=paper.get(level, ()),
-                    paper_average=PAPER_AVERAGES[task.name][level] if level in paper else None,
                 )
                 for level in levels
             ),

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from realitygap.errors import RealityGapError, UsageError
+from realitygap.errors import UsageError
 from realitygap.plugins import blamed_on, named_object
 from realitygap.values import Command, Pose, Readings, as_count
 
@@ -189,7 +189,7 @@ class Body(ABC):
 
     def abandon(self) -> None:
         """Release a body that has stopped, or can no longer be told to."""
-        with suppress(RealityGapError):
+        with suppress(Exception):  # whatever it is, a failure that came before is told
             self.close()
 
     @property
@@ -316,6 +316,7 @@ def opened(name: str, **_: Any) -> Body:
     if not isinstance(body, Body):
         raise UsageError(f"robot: {name}: expected a subclass of realitygap.robots.Body, got {body!r}.")
     if not body.channels or not 0.02 <= body.period_s <= 0.2:
+        body.abandon()
         got = f"{body.channels!r} and {body.period_s!r}"
         raise UsageError(f"robot: {name}: expected channels, and a period_s from 0.02 to 0.2 (s), got {got}.")
     return body

@@ -30,8 +30,7 @@ from realitygap.plugins import blamed_on
 from realitygap.robots.body import Body, Clock, Odometry, checked_readings
 from realitygap.values import Command, Readings
 
-__all__ = [
-    "KILLED", "LATE_S", "MOVING", "NUMBERS", "ConstantController", "Controller", "Recorder", "Recording",
+__all__ = [ "LATE_S", "MOVING", "NUMBERS", "ConstantController", "Controller", "Recorder", "Recording",
     "Step",
     "StopOnSignal", "drive", "raise_pending",
 ]  # fmt: skip

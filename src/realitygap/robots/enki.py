@@ -34,7 +34,6 @@ __all__ = [
     "EnkiBody",
     "EnkiProcess",
     "Model",
-    "StepResult",
     "Unit",
     "draw_unit",
     "opened",

@@ -35,7 +35,7 @@ from realitygap.robots.wire import LOOK_S, why_not_opened
 from realitygap.values import Readings
 
 __all__ = [
-    "EPUCK", "FULL", "PORT", "PULSES_PER_MM", "SENSORS", "EpuckBody", "PacketLine", "opened",
+    "EPUCK", "FULL", "PORT", "PULSES_PER_MM", "SENSORS", "EpuckBody", "opened",
     "opened_second",
 ]  # fmt: skip
 

@@ -94,8 +94,8 @@ class Wire:
         return data
 
 
-STOP_S, STOP_TRIES = 1.4, (2, 20)
-"""The robot is told to stop for this long, at least and at most this often."""
+STOP_S, STOP_TRIES = 1.4, 2
+"""The robot is told to stop for this long, and at least this often."""
 
 STAND_S, LOOK_S = 0.5, 0.02
 """Time that the wheels may take to stop, and from one look at them to the next."""
@@ -137,8 +137,8 @@ class WireBody(Body):
             LineError: the robot did not confirm: it may still be moving.
         """
         failure: RealityGapError | None = None
-        until, tries, (least, most) = self.clock.now() + STOP_S, 0, STOP_TRIES
-        while tries < least or (tries < most and self.clock.now() < until):
+        until, tries = self.clock.now() + STOP_S, 0
+        while tries < STOP_TRIES or self.clock.now() < until:
             tries += 1
             try:
                 self.line.write(self.line.stop_message)
@@ -148,6 +148,7 @@ class WireBody(Body):
                 failure = RobotError("its wheels still turn")
             except RobotError as error:
                 failure = error
+            self.clock.sleep_until(self.clock.now() + LOOK_S)
         raise LineError(
             f"the robot did not confirm that it stopped ({failure}); it may still be moving: "
             f"lift it or switch it off"

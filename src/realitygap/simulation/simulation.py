@@ -39,7 +39,7 @@ from realitygap.track import Trajectory
 from realitygap.values import Floats, Pose, as_count, as_stream, shown
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.robot import Profile, load_profile, noise_level
-from realitygap.world.sensors import looks
+from realitygap.world.sensors import within_reach
 
 __all__ = ["Engine", "Simulation", "Streams", "batch_streams", "drawn", "engine_named"]
 
@@ -187,7 +187,7 @@ class Simulation:
             TaskError: a score was not a finite number.
         """
         if self.engine is not None:
-            scores = self.engine.scores(networks, streams)
+            scores = np.asarray(self.engine.scores(networks, streams))
             if not (scores.shape == streams.shape and np.isfinite(scores).all()):
                 raise UsageError(
                     f"engine {type(self.engine).__name__}: expected finite scores "
@@ -318,6 +318,7 @@ class Simulation:
             proximity=record.proximity, ambient=record.ambient, inputs=record.inputs,
             commands=record.commands, wheels=record.wheels, contact=path.contact > 0,
             end=Pose(x=float(path.x[-1]), y=float(path.y[-1]), heading=float(path.heading[-1])),
+            period_s=self.profile.period_s,
         )  # fmt: skip
         return trajectory, float(score[0])
 
@@ -361,7 +362,7 @@ class Simulation:
         Raises:
             UsageError: it is no number of whole steps.
         """
-        number = isinstance(seconds, int | float) and 0 < seconds <= LONGEST_S
+        number = isinstance(seconds, int | float | np.number) and 0 < seconds <= LONGEST_S
         period = self.profile.period_s
         steps = round(seconds / period) if number else 0
         if steps < 1 or abs(steps * period - seconds) > 1e-6:
@@ -448,7 +449,7 @@ def drawn(robot: Robot, stream: int, spread: float, wheels: float | None = None)
     factors = 1.0 + shares * (2.0 * draws - 1.0)
     a, gain, turns, track = np.split(factors, [many, many + light, many + light + 2])
     near = robot.proximity
-    own = looks(near.place, near.facing, _reach(near, a), near.a * a, near.b, near.offset)
+    own = within_reach(near.place, near.facing, _reach(near, a), near.a * a, near.b, near.offset)
     return robot._replace(
         proximity=near._replace(a=near.a * a, **own),
         ambient=robot.ambient._replace(gain=robot.ambient.gain * gain),

@@ -1,4 +1,5 @@
-"""A study's folder: its configuration and its own copies of all that it is made of, and who trusts them.
+"""A study's folder: its configuration and its own copies of all that it is made of, and which of its
+programs this user trusts.
 
 A study reads only its own folder once it is created. It can be moved, or the user's files changed, and it
 still resumes and replays with the same bits.
@@ -51,7 +52,7 @@ LOOSE = ("title", "checkpoint_every")
 
 EXPERIMENTS = {
     "noise-study.toml": "experiment noise",
-    "realities.toml": "experiment robots",
+    "robots.toml": "experiment robots",
     "reproduce.toml": "reproduce",
 }
 """Settings of what is no study itself, or not yet, and the command that made them."""

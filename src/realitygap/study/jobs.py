@@ -211,7 +211,7 @@ class StudyExecutor:
         plan = self._plans[run]
         with self._blamed():
             results = yield from finish(self._runner(plan.condition), plan, state)
-        yield Finished(run, results)
+        yield Finished(run, state.evaluations, results)
 
     def read(self, run: int, checkpoint: bytes) -> State:
         """The state that a run continues from.

@@ -29,13 +29,13 @@ from realitygap.study.folder import (
 from realitygap.study.jobs import Finished, Job, Message, Rehearsal, StudyExecutor
 from realitygap.study.load import Study, load_study
 from realitygap.study.provenance import versions
-from realitygap.study.store import DATABASE, Reader, Store
+from realitygap.study.store import DATABASE, LOST, Reader, Store
 from realitygap.work.folder import file_errors, lock, new_folder
 from realitygap.work.pool import Pool, Processes, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import Mark, Shard, marked
 
-__all__ = ["COMPILING", "EVOLVING", "FINISHED", "TESTING", "WORK", "Progress", "merge_runs", "run_study"]
+__all__ = ["COMPILING", "EVOLVING", "FINISHED", "WORK", "Progress", "merge_runs", "run_study"]
 
 COMPILING = "compiling (once)"
 EVOLVING = "evolving"
@@ -159,6 +159,8 @@ def _carry_out(
         jobs = (Job(run, store.checkpoint(run, executor.read)) for run in longest_first)
         if executor.engine == "cores":
             pool.work(setup, jobs, keep)
+            if any(run in left for run, _ in store.unfinished()):
+                raise StudyError(LOST)
             return
         with closing(executor.messages(jobs)) as bundles:
             for messages in bundles:

@@ -34,8 +34,8 @@ from realitygap.work.folder import file_errors
 from realitygap.work.pool import cores
 
 __all__ = [
-    "DATABASE", "WHO", "Advanced", "Finished", "Message", "Reader", "Records", "Results", "Store", "Table",
-    "create", "database_errors", "packed", "unpacked",
+    "DATABASE", "LOST", "WHO", "Advanced", "Finished", "Message", "Reader", "Records", "Results", "Store",
+    "Table", "create", "database_errors", "packed", "unpacked",
 ]  # fmt: skip
 
 DATABASE = "study.db"
@@ -98,7 +98,7 @@ def packed(arrays: Arrays, *, final: bool = False) -> bytes:
     """Arrays as the bytes of an .npz file, deflated; `final` ones in xz: slower, and half as large."""
     file = io.BytesIO()
     if final:
-        np.savez(file, allow_pickle=False, **arrays)
+        np.savez(file, **arrays)  # type: ignore[arg-type]
         return lzma.compress(file.getvalue(), preset=2)
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():
@@ -249,13 +249,20 @@ class Advanced(NamedTuple):
 
 
 class Finished(NamedTuple):
-    """A run's tests: the run is complete."""
+    """A run's tests, after all its evaluations: the run is complete."""
 
     run: int
+    evaluations: int
     results: Results
 
 
 Message = Advanced | Finished
+
+
+LOST = (
+    "workers: expected each message of a job once and in order, but one was lost or duplicated. What was "
+    "saved is kept: resume with other workers, and fix the pool (realitygap.testing.PoolContract)."
+)
 
 
 class Store(Closing):
@@ -266,11 +273,15 @@ class Store(Closing):
         if not path.is_file():
             raise StudyError(f"{path}: no such database. Restore it from a copy, or choose another folder.")
         Reader(path).check()
-        self._threads = ThreadPoolExecutor(cores())
         with database_errors(path):
             self._database = sqlite3.connect(path, isolation_level=None)
-            self._database.execute("PRAGMA journal_mode = WAL")
-            self._database.execute("PRAGMA synchronous = NORMAL")
+            try:
+                self._database.execute("PRAGMA journal_mode = WAL")
+                self._database.execute("PRAGMA synchronous = NORMAL")
+            except BaseException:
+                self._database.close()
+                raise
+        self._threads = ThreadPoolExecutor(cores())
 
     def close(self) -> None:
         self._threads.shutdown()
@@ -304,9 +315,20 @@ class Store(Closing):
         return state
 
     def keep(self, messages: Sequence[Message]) -> None:
-        """Store what jobs came to, all of it or nothing."""
+        """Store what jobs came to, all of it or nothing.
+
+        Raises:
+            StudyError: a message is not the next of its run, as where a user's own pool lost or doubled one.
+        """
         advanced = [message for message in messages if isinstance(message, Advanced)]
         finished = [one for one in messages if isinstance(one, Finished)]  # after all else of a run
+        done = dict(self.unfinished())
+        for message in messages:
+            new = len(message.records.number) if isinstance(message, Advanced) else 0
+            if done.pop(message.run, None) != message.evaluations - new:
+                raise StudyError(LOST)
+            if isinstance(message, Advanced):
+                done[message.run] = message.evaluations
         with self._transaction() as database:
             blocks = self._packed([(one.records._asdict(), False) for one in advanced])
             for one, block in zip(advanced, blocks, strict=True):
@@ -327,7 +349,7 @@ class Store(Closing):
                 for done in finished
             ]
             blocks = self._packed([(_joined(blocks), True) for blocks in parts])
-            for (run, results), block in zip(finished, blocks, strict=True):
+            for (run, _, results), block in zip(finished, blocks, strict=True):
                 scores = results.retest[results.champion].tolist()
                 champion = int(results.numbers[results.champion]), math.fsum(scores) / len(scores)
                 who, noise = zip(*results.fresh, strict=True)

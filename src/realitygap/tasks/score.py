@@ -17,7 +17,7 @@ from realitygap.errors import TaskError
 from realitygap.kernels.types import Path, Room
 from realitygap.world.arena import Arena
 
-__all__ = ["CompiledScore", "Score", "compile_score", "example", "reason", "tried"]
+__all__ = ["CompiledScore", "Score", "example", "reason", "tried"]
 
 
 Score = Callable[[Any, Any], float]

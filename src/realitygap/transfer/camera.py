@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from realitygap.twin.camera import OverheadCamera
 
 __all__ = [
-    "FILM", "TRACK", "ConfirmPose", "LiveOverhead", "OverheadTracker", "keep_film", "known_poses",
+    "FILM", "TRACK", "ConfirmPose", "LiveOverhead", "OverheadTracker", "known_poses",
 ]  # fmt: skip
 
 FPS, WATCH_FPS = 25, 10
@@ -146,10 +146,16 @@ class OverheadTracker:
 
     def track(self, truth: Track, stream: int) -> Track:
         """The same track, not kept."""
+        import cv2
+
         from realitygap.film.tracker import Tracker
 
-        frames = self._eye.frames(truth, fps=WATCH_FPS, first=stream)
-        return Tracker(self.camera, self.marker).follow(frames)
+        frames, threads = self._eye.frames(truth, fps=WATCH_FPS, first=stream), cv2.getNumThreads()
+        cv2.setNumThreads(1)  # on so small pictures a second one only waits, at full load
+        try:
+            return Tracker(self.camera, self.marker).follow(frames)
+        finally:
+            cv2.setNumThreads(threads)
 
     def film(
         self, folder: Path, truth: Track, stream: int, view: str, facts: Mapping[str, Any]

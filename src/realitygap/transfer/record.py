@@ -142,7 +142,7 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[TransferredTrial]:
     home = folder / FOLDER
     files = [file for file in home.glob(f"*/*/start-*/{TRIAL}") if file.parent.name[6:].isdecimal()]
     found = [load_transfer(file.parent) for file in files]
-    for packed in home.glob("*/*.zip"):
+    for packed in home.glob("*/[!.]*.zip"):
         run = packed.with_suffix("")
         with opened(packed) as members:
             texts = {name: members.read(name) for name in members.namelist() if name.endswith(f"/{TRIAL}")}

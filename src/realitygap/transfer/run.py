@@ -60,7 +60,7 @@ from realitygap.work.progress import OnProgress, Reporter
 from realitygap.work.shard import Shard, marked
 
 __all__ = [
-    "CONTROLLERS", "WORK", "Operator", "Transfer", "TransferredTrial", "TrialWorker", "load_transfers",
+    "WORK", "Operator", "Transfer", "TransferredTrial", "TrialWorker", "load_transfers",
     "place_of", "run_transfer", "shard_folder",
 ]  # fmt: skip
 
@@ -152,9 +152,10 @@ def run_transfer(
         with file_errors(place / FOLDER):
             for run in {(place / spec.folder).parent for spec in requested if spec.robot.unit is not None}:
                 archive(run)  # also what an interrupted transfer left
+        made = [load_transfer(place / spec.folder) for spec in requested]
         if mark is not None:
             mark.write(place, finished=True)
-    return [load_transfer(place / spec.folder) for spec in requested]
+    return made
 
 
 def place_of(study: Path, options: Transfer) -> Path:

@@ -26,15 +26,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.correspondence.distances import matched_starts
 from realitygap.correspondence.names import Namer, common_name, namer
-from realitygap.correspondence.score import (
-    Scale,
-    behaviour_score,
-    compare,
-    ends_of,
-    exemplar_scale,
-    matched_starts,
-)
+from realitygap.correspondence.score import Scale, behaviour_score, compare, ends_of, exemplar_scale
 from realitygap.correspondence.setting import Setting, fits, setting_of
 from realitygap.correspondence.trials import SHORTEST_S, Trial, resampled, trial_of
 from realitygap.errors import TrackError, UsageError

@@ -32,7 +32,7 @@ from realitygap.twin.unit import (
 from realitygap.values import Closing, Pose
 
 __all__ = [
-    "DISK_HEIGHT", "DISK_RADIUS", "FRONT_AHEAD", "FRONT_RADIUS", "HEIGHT", "MIDDLE_RADIUS", "VIEWS", "WIDTH",
+    "DISK_HEIGHT", "DISK_RADIUS", "FRONT_AHEAD", "FRONT_RADIUS", "HEIGHT", "MIDDLE_RADIUS", "WIDTH",
     "Lens", "OverheadCamera", "Plate", "hang_camera",
 ]  # fmt: skip
 

@@ -21,7 +21,7 @@ from realitygap.values import Pose
 if TYPE_CHECKING:
     from realitygap.twin.body import TwinBody
 
-__all__ = ["BIOS", "PROTOCOL", "Firmware"]
+__all__ = ["Firmware"]
 
 BIOS, PROTOCOL = "5.02", "5.01"
 """As khepera.md's example of command B."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from realitygap.errors import ConfigError
 from realitygap.twin.compiled import jit, part
 
-__all__ = ["SensorNoise", "Slip", "check_scale", "draws", "noise_at", "sensor_noise", "white_at"]
+__all__ = ["Slip", "check_scale", "draws", "noise_at", "sensor_noise", "white_at"]
 
 Array = NDArray[np.float64]
 

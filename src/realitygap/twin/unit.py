@@ -22,7 +22,6 @@ __all__ = [
     "SENSORS_MM_DEG",
     "WALL_HALF",
     "WALL_HEIGHT",
-    "CameraUnit",
     "Unit",
     "draw_unit",
     "faces_of",

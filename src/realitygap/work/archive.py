@@ -31,7 +31,15 @@ DENSEST = 100
 
 def archived(run: Path) -> Path:
     """Where a run's archive is, or would be."""
-    return run.with_name(f"{run.name}.zip")
+    return run.parent / f"{run.name}.zip"
+
+
+def _is_archive(file: Path) -> bool:
+    """Whether a file is an archive of trials, not somebody's other .zip; a broken one is refused later."""
+    if not file.is_file() or not zipfile.is_zipfile(file):
+        return file.is_file()
+    with zipfile.ZipFile(file) as made:
+        return any(name.endswith(f"/{TRIAL}") for name in made.namelist())
 
 
 @contextmanager
@@ -76,20 +84,20 @@ def read_file(folder: Path, name: str) -> bytes | None:
 def unpacked(path: Path) -> Iterator[Path]:
     """A study, its transfers or a part of those, down to a trial's file, with archived trials as folders too,
     temporarily; the path itself if nothing in it is archived."""
-    path = path if path.name.strip(".") else path.resolve()
-    run = next((one for one in (path, *path.parents[:2]) if one.name and archived(one).is_file()), None)
-    inside = path.relative_to(run).parts[:1] if run else ()
+    full = path.resolve()
+    run = next((one for one in (full, *full.parents[:2]) if _is_archive(archived(one))), None)
+    inside = full.relative_to(run).parts[:1] if run else ()
     if run and inside and (run / inside[0] / TRIAL).is_file():  # its own folder counts
         run = None
-    top = run or path
-    packed = {archived(run): top} if run else {file: file.with_suffix("") for file in path.rglob("*.zip")}
+    top = run or full
+    others = filter(_is_archive, full.rglob("[!.]*.zip"))
+    packed = {archived(run): run} if run else {file: file.with_suffix("") for file in others}
     if not packed:
         yield path
         return
-    there = (top.resolve(), *top.resolve().parents)
-    study = next((one for one in there if (one / PROFILE).is_file()), there[0])
+    study = next((one for one in (top, *top.parents) if (one / PROFILE).is_file()), top)
     with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
-        home = Path(name, there[0].relative_to(study))
+        home = Path(name, top.relative_to(study))
         if (study / PROFILE).is_file():
             shutil.copy(study / PROFILE, name)
         if top.is_dir() and not inside:
@@ -103,7 +111,7 @@ def unpacked(path: Path) -> Iterator[Path]:
                         place = home / run.relative_to(top) / one
                         place.parent.mkdir(parents=True, exist_ok=True)
                         place.write_bytes(archive.read(one))
-        yield home / path.relative_to(top)
+        yield home / full.relative_to(top)
 
 
 def store(run: Path, folders: Sequence[Path]) -> None:

@@ -33,7 +33,7 @@ PACKAGES = ("realitygap", "numpy", "scipy", "numba", "mujoco-core", "opencv-pyth
 KINDS = (".py", ".toml", ".npz", ".json", ".csv", ".cpp")
 """Which of realitygap's own files they may depend on."""
 TRIES = 3
-"""How often the scheduler may give up a job, which it tries more than once itself."""
+"""How often the scheduler may give up a job, which it itself tries several times."""
 WAIT_S = 10.0
 PATIENCE_S = 600.0
 """How long there may be no word of the scheduler's."""

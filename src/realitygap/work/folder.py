@@ -91,7 +91,7 @@ class RunFolder:
         if not path.is_file():
             raise StudyError(f"{path}: missing. {cure}")
         table = read_toml(path, StudyError, cure, broken=cure)
-        if table.get(SEALS, {}).get(self.file) not in (None, self._digest(table)):
+        if table.get(SEALS, {}).get(self.file) != self._digest(table):
             raise self._edited(path)
         return settings_in(table)
 

@@ -196,7 +196,7 @@ class ProgressLine:
         )
 
     def _print(self, event: Progress, says: str) -> None:
-        """A line now and then, and at the begin and the end of a phase."""
+        """A line now and then, and at the beginning and the end of a phase."""
         now = time.monotonic()
         finished = (event.done, event.runs_done) == (event.total, event.runs_total)
         if event.phase != self._printed or finished or now >= self._next:
