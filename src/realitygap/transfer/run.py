@@ -14,7 +14,7 @@ import math
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from functools import cache
 from os import PathLike
@@ -144,11 +144,18 @@ def run_transfer(
             (place / FOLDER).mkdir(exist_ok=True)
             if mark is not None:
                 mark.write(place, finished=False)
-        with _interrupted(place, real=bool(real)):
+        try:
             if real and operator is not None:
                 _by_hand(study, place, real, options, operator)
             done = len(requested) - len(own)
             _by_themselves(study, place, own, done=done, pool=pool, on_progress=on_progress)
+        except (RobotStoppedError, KeyboardInterrupt) as stop:
+            if real and isinstance(stop, RobotStoppedError):
+                raise  # which says where the robot's recording is
+            kept = f"Finished trials in {place / FOLDER} are kept"
+            raise StudyInterruptedError(
+                f"stopped. {kept}; the same command continues with the others."
+            ) from None
         with file_errors(place / FOLDER):
             for run in {(place / spec.folder).parent for spec in requested if spec.robot.unit is not None}:
                 archive(run)  # also what an interrupted transfer left
@@ -180,18 +187,6 @@ def _facts(study: Study, options: Transfer, requested: Sequence[TrialSpec]) -> d
         "marker": str(options.worn),
         **{key: getattr(options, key) for key in keys},
     }
-
-
-@contextmanager
-def _interrupted(folder: Path, *, real: bool) -> Iterator[None]:
-    """Turn Ctrl-C into one message; stopping a real robot has a message of its own."""
-    try:
-        yield
-    except (RobotStoppedError, KeyboardInterrupt) as stop:
-        if real and isinstance(stop, RobotStoppedError):
-            raise
-        kept = f"Finished trials in {folder / FOLDER} are kept; the same command continues with the others."
-        raise StudyInterruptedError(f"stopped. {kept}") from None
 
 
 # A trial
@@ -389,8 +384,12 @@ def _by_hand(
         RobotError: the line was lost; the recording is kept.
         RobotStoppedError: Ctrl-C; the robot stands, the recording is kept.
     """
-    worker = TrialWorker(study, place, place)
-    with _overhead(options, operator) as overhead:
+    worker, overhead = TrialWorker(study, place, place), None
+    with ExitStack() as held:
+        if options.camera is not None and options.camera_device is not None:
+            given = options.camera
+            camera, asks = given if isinstance(given, CameraModel) else load_camera(given), operator[1:]
+            overhead = held.enter_context(LiveOverhead(options.camera_device, camera, options.worn, *asks))
         for robot in dict.fromkeys(spec.robot for spec in todo):
             specs = [spec for spec in todo if spec.robot == robot]
             body = robot.open(baud=specs[0].baud)
@@ -405,14 +404,6 @@ def _by_hand(
                 body.abandon()  # it was told to stop first, wherever this came from
                 raise
             body.close()
-
-
-def _overhead(options: Transfer, operator: Operator) -> AbstractContextManager[LiveOverhead | None]:
-    """The camera over real robots, if there is one."""
-    if options.camera is None or options.camera_device is None:
-        return nullcontext()
-    camera = options.camera if isinstance(options.camera, CameraModel) else load_camera(options.camera)
-    return LiveOverhead(options.camera_device, camera, options.worn, operator.confirm_pose, operator.says)
 
 
 # By workers

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -107,16 +108,50 @@ def trial_specs(study: Study, options: Transfer) -> Iterator[TrialSpec]:
         UsageError: a study of another robot, or runs and individuals that do not exist or are to be filmed
             but do not drive.
     """
-    runs = chosen_runs(study, options)
+    runs, own = chosen_runs(study, options), options.named
     _check_films({run.id for run in runs}, options)
-    if options.named is not None:
-        for task in {run.task: None for run in runs}:
-            controller_for(study, task, options.named)  # refuses an invalid one before anything is done
+    tasks = dict.fromkeys(run.task for run in runs)
+    if own is not None:
+        for task in tasks:
+            controller_for(study, task, own)  # refuses an invalid one before anything is done
+    who = options.individual if own is None else own.name
+    seed = study.config.seed if options.seed is None else options.seed
     for robot in options.bodies:
-        placed, source = _without_camera(robot, study, {run.task: None for run in runs}, options.path_from)
-        for run in runs:
-            for start in range(1, options.starts + 1):
-                yield _trial_spec(study, options, robot, run, start, placed=placed, source=source)
+        twin, (placed, usual) = (
+            robot.unit is not None,
+            _without_camera(robot, study, tasks, options.path_from),
+        )
+        camera, worn = twin or options.camera_device is not None, options.worn
+        usual = "camera" if camera and options.path_from == "camera" else usual
+        for run, start in product(runs, range(1, options.starts + 1)):
+            source = "film" if camera and options.films(run.id, start) else usual
+            if source is None:
+                raise UsageError(
+                    f"robot {robot}: expected a way to know where it is: a camera above it (--camera-device, "
+                    "--camera), `pose` of its own, counters, or `speeds` that it measures."
+                )
+            name = run.name.replace("/", "-") + ("" if who == WHO[1] else f"-{who}")
+            yield TrialSpec(
+                run=run.id,
+                name=run.name,
+                task=run.task,
+                noise=run.noise,
+                individual=who,
+                evaluation=number_of(run, who) if own is None else None,
+                robot=robot,
+                twin_noise=options.noise,
+                seed=seed,
+                start=start,
+                seconds=study.task(run.task).seconds if options.seconds is None else options.seconds,
+                baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
+                stream=transfer_stream(seed, run, start),
+                source=source,
+                view=options.view,
+                placed=placed,
+                marker=worn if camera and (isinstance(worn, Tag) or not twin) else None,  # a twin's disk
+                controller=own,
+                folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
+            )
 
 
 def _without_camera(
@@ -148,46 +183,6 @@ def _check_films(driven: set[int], options: Transfer) -> None:
             raise UsageError(f"film: expected {expected}, got {one}.")
 
 
-def _trial_spec(
-    study: Study, options: Transfer, robot: Address, run: Run, start: int, *, placed: bool, source: str | None
-) -> TrialSpec:
-    own, twin = options.named, robot.unit is not None
-    if twin or options.camera_device is not None:
-        source = "camera" if options.path_from == "camera" else source
-        source = "film" if options.films(run.id, start) else source
-    if source is None:
-        raise UsageError(
-            f"robot {robot}: expected a way to know where it is: a camera above it (--camera-device, "
-            "--camera), `pose` of its own, counters, or `speeds` that it measures."
-        )
-    number = number_of(run, options.individual) if own is None else None
-    who = options.individual if own is None else own.name
-    seed = study.config.seed if options.seed is None else options.seed
-    name = run.name.replace("/", "-")
-    name += "" if who == WHO[1] else f"-{who}"
-    return TrialSpec(
-        run=run.id,
-        name=run.name,
-        task=run.task,
-        noise=run.noise,
-        individual=who,
-        evaluation=number,
-        robot=robot,
-        twin_noise=options.noise,
-        seed=seed,
-        start=start,
-        seconds=study.task(run.task).seconds if options.seconds is None else options.seconds,
-        baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
-        stream=transfer_stream(seed, run, start),
-        source=source,
-        view=options.view,
-        placed=placed,
-        marker=_marker(options, twin),
-        controller=own,
-        folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
-    )
-
-
 def controller_for(study: Study, task: str, named: Named) -> OwnController | NetworkController:
     """A controller of your own at a task of a study.
 
@@ -196,13 +191,6 @@ def controller_for(study: Study, task: str, named: Named) -> OwnController | Net
     """
     facts = study.facts(task)
     return named_controller(named.spec, str(facts["feeds"]), len(facts["sensors"]))
-
-
-def _marker(options: Transfer, twin: bool) -> Marker | None:
-    """The marker for a camera over the robot, unless it is the default."""
-    if twin:
-        return options.worn if isinstance(options.worn, Tag) else None
-    return None if options.camera_device is None else options.worn
 
 
 def transfer_stream(seed: int, run: Run, start: int) -> int:
