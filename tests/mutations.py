@@ -38,7 +38,7 @@ ROOM = ("tests/calibration/test_room.py",)
 PHYSICS = ("tests/twin/test_physics.py",)
 
 GPU = ("tests/simulation/test_cuda.py",)
-FLEET = ("tests/study/test_fleet.py",)
+BATCHED = ("tests/study/test_batched.py",)
 EVOLUTION = ("tests/evolution/test_algorithms.py",)
 SELECTION = ("tests/evolution/test_selection.py",)
 
@@ -48,10 +48,10 @@ MUTATIONS = (
              "(*before(rows, t), rows[i][t])", "(*before(rows, t), rows[i][0])", GPU),
     Mutation("simulation/cuda.py", "a later part of a batch has the streams of the first",
              "which[some], flat[some])", "which[some], flat[: len(which[some])])", GPU),
-    Mutation("study/fleet.py", "every child has two parents",
-             "if crosses(rates.crossover, stream):", "if cell >= 0:", FLEET),
-    Mutation("study/fleet.py", "a fleet's numbers are the first's",
-             "living.numbers[at] = start + done + k", "living.numbers[at] = start + done", FLEET),
+    Mutation("study/batched.py", "every child has two parents",
+             "if crosses(rates.crossover, stream):", "if cell >= 0:", BATCHED),
+    Mutation("study/batched.py", "a batch's numbers are the first's",
+             "living.numbers[at] = start + done + k", "living.numbers[at] = start + done", BATCHED),
     Mutation("evolution/ga.py", "a random search keeps whatever comes",
              "return np.greater(fitness, residents)", "return np.isfinite(fitness)", EVOLUTION),
     Mutation("evolution/ga.py", "the best mates as often as the others",

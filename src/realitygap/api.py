@@ -150,7 +150,7 @@ def merge(
     Raises:
         StudyError: a shard is missing, unfinished or of another study; or `out` exists.
     """
-    from realitygap.study.folder import agree
+    from realitygap.study.folder import trust_programs
     from realitygap.study.runner import WORK, merge_runs
     from realitygap.work.shard import all_shards, read_mark, whole_of
 
@@ -163,7 +163,7 @@ def merge(
             cure = "`realitygap merge` puts together what other commands made"
             raise StudyError(f"{folder}: expected a shard of a study. {cure}.")
         if trust:
-            agree(folder)
+            trust_programs(folder)
     target = whole_of(folders[0]) if out is None else Path(out)
     study = merge_runs(found, target)
     for difference in different_versions([study.versions()]):
@@ -344,7 +344,7 @@ def study_config(
         StudyError: `config` names a program that this user neither named nor agreed to run.
     """
     from realitygap.study.config import Condition, StudyConfig
-    from realitygap.study.folder import agree_to, exists, own_config, refuse_strange
+    from realitygap.study.folder import exists, own_config, require_trusted, trust_contents
     from realitygap.tasks import load_task
 
     if config is not None:
@@ -370,8 +370,8 @@ def study_config(
         theirs = set(begun.own_files().values()) & set(made.own_files().values())
         programs = [file for file in theirs if file.is_file()]
         if trust:
-            agree_to(file.read_bytes() for file in programs)
-        refuse_strange(config, programs, "--trust")
+            trust_contents(file.read_bytes() for file in programs)
+        require_trusted(config, programs, "--trust")
     if arena is not None:
         made = replace(made, arenas={name: arena})
     return replace(made, **_given(**fields))

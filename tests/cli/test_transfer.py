@@ -17,8 +17,8 @@ from realitygap import Genotype, load_study, load_transfers, marks_of
 from realitygap.cli.transfer import _found as found
 from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.runner import run_study
-from realitygap.transfer.record import trial_content
 from realitygap.values import Pose
+from realitygap.work.archive import read_file
 
 SHORT = ("--seconds", 0.5, "--workers", 1)
 WHEELS = ("--path-from", "wheels")
@@ -70,7 +70,7 @@ def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of,
         folder = study / "controllers" / "champion" / "transfer" / "twin-1"
         assert Path(mine["folder"]).parents[1] == folder and mine["pose"] == theirs["pose"]
         for name in ("simulated.csv", "situated.csv"):
-            assert trial_content(Path(mine["folder"]), name) == trial_content(Path(theirs["folder"]), name)
+            assert read_file(Path(mine["folder"]), name) == read_file(Path(theirs["folder"]), name)
     turned = json_of(*words, "--controller", f"{own}:Turn")["transfers"]
     assert [(one["run"], one["individual"]) for one in turned] == [(1, "own-Turn"), (2, "own-Turn")]
     assert len(load_transfers(study)) == 1 and turned[0]["fitness_situated"] < 0.5
@@ -83,6 +83,7 @@ def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of,
     [
         (("--robot", "serial:/dev/null", "--film"), "realitygap camera track"),
         (("--robot", "serial:/dev/null", "--camera-device", "0"), "--camera FILE"),
+        (("--robot", "serial:/dev/null", "--camera", "camera.json"), "--camera-device DEVICE"),
         (("--robot", "twin", "--marker", "aruco:4x4_50:99"), "has the numbers 0 to 49, got 99"),
     ],
 )

@@ -37,8 +37,8 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Study:
     unit = folder / "calibration" / "unit-1" / "robot.toml"  # its recordings were removed to save space
     unit.parent.mkdir(parents=True)
     shutil.copy(folder / "profile.toml", unit)
-    transfer(study, [1], starts=2, watch=False, workers=1)
-    transfer(study, [2], watch=False, workers=1)
+    transfer(study, [1], starts=2, path_from="wheels", workers=1)
+    transfer(study, [2], path_from="wheels", workers=1)
     with pytest.MonkeyPatch.context() as patch:
         draw_nothing(patch)
         build_report(folder)

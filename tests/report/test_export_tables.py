@@ -7,7 +7,7 @@ from click.testing import CliRunner
 from realitygap import load_transfers, marks_of
 from realitygap.cli import realitygap
 from realitygap.export import TABLES, table
-from realitygap.transfer.record import trial_content
+from realitygap.work.archive import read_file
 
 KINDS = ("parquet", "csv")
 
@@ -52,4 +52,4 @@ def test_trials_bear_their_scores(played):
     assert rows["run"].tolist() == [one.run for one in trials] and set(rows["robot"]) == {"twin-1"}
     marks = {one.run: one for one in marks_of(played) if one.kind}
     assert rows["behaviour"].tolist() == [marks[one.run].behaviour for one in trials]
-    assert trial_content(played.folder / rows["folder"][0], "transfer.toml")
+    assert read_file(played.folder / rows["folder"][0], "transfer.toml")

@@ -19,7 +19,7 @@ from realitygap.report.player import LOST, activity, pack
 from realitygap.report.transfers import pairs_of
 from realitygap.robots.drive import Recording
 from realitygap.study.load import Study
-from realitygap.transfer.record import unpacked
+from realitygap.work.archive import unpacked
 from tests.report.scenes import random_genotype
 
 AVOID, LIGHT = 0, 1

@@ -235,9 +235,9 @@ def ask_trust(study: Path) -> None:
     Raises:
         click.Abort: the answer is no.
     """
-    from realitygap.study.folder import agree, programs
+    from realitygap.study.folder import trust_programs, untrusted_programs
 
-    found = programs(study)
+    found = untrusted_programs(study)
     if found and not at_terminal():
         return
     for file in found:
@@ -246,4 +246,4 @@ def ask_trust(study: Path) -> None:
         )
     if found:
         click.confirm("Do you trust its author?", abort=True, err=True)
-        agree(study)
+        trust_programs(study)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -215,21 +215,10 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None) -> None:
     from realitygap.correspondence.setting import setting_of
     from realitygap.correspondence.trials import doubts_of, read_transfer, read_trials
     from realitygap.tasks.load import load_task
-    from realitygap.transfer.record import unpacked
 
-    whose = None
-
-    with ExitStack() as stack:
-
-        def there(path: str) -> Path:
-            return stack.enter_context(unpacked(Path(path)))
-
-        if b is None:
-            sets = read_transfer(there(a))
-            whose = _task_of(Path(a), there(a)) if task is None else None
-        else:
-            sets = read_trials(there(a)), read_trials(there(b))
-        others = read_trials(there(ceiling)) if ceiling is not None else None
+    whose = _task_of(Path(a)) if b is None and task is None else None
+    sets = read_transfer(a) if b is None else (read_trials(a), read_trials(b))
+    others = read_trials(ceiling) if ceiling is not None else None
     every = [trial for trials in (*sets, others or []) for trial in trials]
     setting = setting_of(every, load_task(task)) if task else setting_of([] if whose else every, whose)
     made = compare(sets[0], sets[1], setting, ceiling=others)
@@ -238,19 +227,20 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None) -> None:
     warn(warnings)
 
 
-def _task_of(folder: Path, trials: Path) -> Task | None:
+def _task_of(folder: Path) -> Task | None:
     """The task of a transfer in its study, whose arena it is; None for trials that left their study, and
     where the task is a program that nobody agreed to run."""
-    from realitygap.correspondence.trials import TRANSFER
     from realitygap.files import read_toml
     from realitygap.study.load import load_study
     from realitygap.study.store import DATABASE
+    from realitygap.work.archive import TRIAL, unpacked
 
     above = next((one for one in folder.resolve().parents if (one / DATABASE).is_file()), None)
     with suppress(RealityGapError):
         if above is not None:
-            name = read_toml(next(trials.rglob(TRANSFER)), TrackError, "Transfer again.")["task"]
-            return load_study(above).task(name)
+            with unpacked(folder) as trials:
+                facts = read_toml(next(trials.rglob(TRIAL), folder), TrackError, "Transfer again.")
+            return load_study(above).task(facts["task"])
     return None
 
 
@@ -291,10 +281,8 @@ def classify(tracks: str, task: str | None) -> None:
     from realitygap.correspondence.setting import setting_of
     from realitygap.correspondence.trials import doubts_of, read_trials
     from realitygap.tasks.load import load_task
-    from realitygap.transfer.record import unpacked
 
-    with unpacked(Path(tracks)) as there:
-        trials = read_trials(there)
+    trials = read_trials(tracks)
     setting = setting_of(trials, load_task(task) if task else None)
     warnings = doubts_of(trials)
     named = namer(setting, trials[0].radius_cm).name(trials, setting)

@@ -50,7 +50,7 @@ class TransferSettings(TypedDict):
     film: bool
     view: str
     camera: str | None
-    eye: str | None
+    camera_device: str | None
     twin_noise: float | None
     seconds: float | None
     baud: int | None
@@ -93,7 +93,6 @@ class TransferSettings(TypedDict):
 @click.option("--camera", metavar="FILE", help="Calibration of the live camera (camera.json).")
 @click.option(
     "--camera-device",
-    "eye",
     metavar="DEVICE",
     help="The live camera over a real robot: its number, a video file or a stream.",
 )
@@ -136,8 +135,8 @@ def transfer(
 
     loaded = load_trusted(study)
     disk, tag = (marker, None) if (marker or "").endswith(".toml") else (None, marker)
-    asked = Transfer(watch=path_from == "camera", disk=disk, marker=tag, **settings)
-    carry = partial(_carry, seen=asked.eye is not None)
+    asked = Transfer(path_from=path_from, disk=disk, marker=tag, **settings)
+    carry = partial(_carry, seen=asked.camera_device is not None)
     home = place_of(loaded.folder, asked) if shard is None else shard_folder(loaded.folder, shard)
     operator = Operator(carry, _found, partial(click.echo, err=True))
     try:

@@ -19,11 +19,12 @@ from realitygap.errors import ConfigError, TrackError
 from realitygap.files import as_path, read_toml
 from realitygap.track import COLUMNS, Track, Trajectory, read_tracks
 from realitygap.values import Floats
+from realitygap.work.archive import SIMULATED, SITUATED, TRIAL, unpacked
 from realitygap.world.robot import load_profile
 
 __all__ = [
-    "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "TRANSFER", "Trial", "doubt_of_disk", "doubts_of",
-    "read_transfer", "read_trials", "resampled", "trial_of",
+    "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "Trial", "doubt_of_disk", "doubts_of", "read_transfer",
+    "read_trials", "resampled", "trial_of",
 ]  # fmt: skip
 
 RADIUS_CM = 2.9
@@ -182,9 +183,6 @@ def resampled(
 
 # From files
 
-SIMULATED, SITUATED = "simulated.csv", "situated.csv"
-TRANSFER = "transfer.toml"
-"""A folder with this file is a trial of `realitygap transfer`, in which several files have tracks."""
 MOVES_CM, ENOUGH_CM = 0.5, 20.0
 """Movement over two steps that shows a direction, and the sum of it that is needed."""
 CONTRADICTS, EXPLAINS, BETTER = 0.3, 0.9, 0.1
@@ -207,18 +205,23 @@ def read_trials(path: str | Path) -> list[Trial]:
     have start (separates several trials), unit (which robot) and quality (0: lost), as `realitygap
     camera track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every
     such file is read and its name is the start; subfolders are units. From a trial of `realitygap transfer`
-    the situated track is read, and its folder's name is the start; an archive of trials is unzipped first.
+    the situated track is read, and its folder's name is the start; archived trials are read like others.
 
     Raises:
         TrackError: names the file, the line and the column.
     """
-    place = as_path(path, "tracks")
+    with unpacked(as_path(path, "tracks")) as place:
+        return _read(place, path)
+
+
+def _read(place: Path, path: str | Path) -> list[Trial]:
+    """The same, of a place without archives; `path` is for messages."""
     if not place.exists():
         raise TrackError(f"{path}: no such file or folder. Give a CSV file of tracks, or a folder of them.")
     if not place.is_dir():
         return _read_file(place, start="1", unit="")
     found = sorted(p for p in place.rglob("*") if p.suffix.lower() in (".csv", ".json") and _is_track(p))
-    found = [p for p in found if p.name == SITUATED or not (p.parent / TRANSFER).exists()]
+    found = [p for p in found if p.name == SITUATED or not (p.parent / TRIAL).exists()]
     if not found:
         raise TrackError(
             f"{path}: expected CSV files with columns {', '.join(COLUMNS)} in this folder, got none."
@@ -236,17 +239,18 @@ def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
     Raises:
         TrackError: no such folder, or several controllers in it; names the file, the line and the column.
     """
-    place = Path(path)
-    folders = sorted(file.parent for file in place.rglob(TRANSFER)) if place.is_dir() else []
-    if not folders:
-        raise TrackError(
-            f"{path}: expected a folder of trials that `realitygap transfer` made, since there is no second "
-            "set of tracks. Give one."
+    with unpacked(as_path(path, "tracks")) as place:
+        folders = sorted(file.parent for file in place.rglob(TRIAL)) if place.is_dir() else []
+        if not folders:
+            raise TrackError(
+                f"{path}: expected a folder of trials that `realitygap transfer` made, since there is no "
+                "second set of tracks. Give one."
+            )
+        _require_one_controller(place, folders)
+        simulated, situated = (
+            [t for folder in folders for t in _read_in(place, folder / name)]
+            for name in (SIMULATED, SITUATED)
         )
-    _require_one_controller(place, folders)
-    simulated, situated = (
-        [t for folder in folders for t in _read_in(place, folder / name)] for name in (SIMULATED, SITUATED)
-    )
     return simulated, situated
 
 
@@ -266,8 +270,8 @@ def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
 
 
 def _require_one_controller(place: Path, folders: Sequence[Path]) -> None:
-    """Trials of several are no behaviour as one set, and would all be scored in one arena."""
-    facts = [read_toml(folder / TRANSFER, TrackError, "Transfer again.") for folder in folders]
+    """Refuse trials of several: as one set they are no behaviour, and would all be scored in one arena."""
+    facts = [read_toml(folder / TRIAL, TrackError, "Transfer again.") for folder in folders]
     whose = [tuple(one.get(key) for key in ("task", "name", "individual", "controller")) for one in facts]
     if len(set(whose)) > 1:
         last = folders[-1] if folders[-1].parent == place else folders[-1].parent
@@ -279,7 +283,7 @@ def _require_one_controller(place: Path, folders: Sequence[Path]) -> None:
 
 def _read_in(place: Path, file: Path) -> list[Trial]:
     """A file's trials, named after its place in the folder."""
-    own = (file.parent / TRANSFER).exists()
+    own = (file.parent / TRIAL).exists()
     start, above = (file.parent.name, file.parent.parent) if own else (file.stem, file.parent)
     inside = above != place and above.is_relative_to(place)
     unit = str(above.relative_to(place)) if inside else ""

@@ -22,7 +22,7 @@ from realitygap.study.folder import exists
 from realitygap.study.load import Study
 from realitygap.study.provenance import versions
 from realitygap.study.runner import COMPILING, FINISHED, run_study
-from realitygap.work.folder import RunFolder, file_errors, lock, refuse_strangers
+from realitygap.work.folder import RunFolder, file_errors, lock, require_only_own
 from realitygap.work.pool import Pool, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
 from realitygap.work.shard import MARK, Mark, Shard
@@ -109,7 +109,7 @@ def open_folder(
     if not place.begun:
         if requested is None:
             raise StudyError(f"{folder}: no {kind.WHAT} there. Start it without --resume.")
-        refuse_strangers(folder, kind.WHAT, (MARK,))
+        require_only_own(folder, kind.WHAT, (MARK,))
         head = f"# {kind.WHAT.capitalize()}: all that its results depend on.\n"
         again = f"# To continue it: {requested.resuming('THIS_FOLDER')}\n"
         if mark is not None:  # first: without its mark, a shard would be continued as the whole

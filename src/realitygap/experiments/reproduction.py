@@ -11,7 +11,7 @@ from realitygap.errors import StudyError
 from realitygap.study.config import LARGEST, StudyConfig, whole
 from realitygap.study.folder import exists, gather, open_to_begin, own_config
 from realitygap.study.load import Study
-from realitygap.study.run import Bench
+from realitygap.study.run import ConditionRunner
 from realitygap.tasks import load_task
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.record import TransferredTrial, load_transfers
@@ -172,7 +172,7 @@ def compile_ahead() -> None:
     others record the robot."""
     materials = gather(StudyConfig.reproduction())
     for condition in range(len(materials.tasks)):
-        Bench(materials, condition).compile()
+        ConditionRunner(materials, condition).compile()
 
 
 def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:
