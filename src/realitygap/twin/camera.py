@@ -206,6 +206,7 @@ class _Drawing:
         self._samples = np.float32(SUB * lens.focal / lens.position[2])  # a metre
         self._reach, self._top, self._axes = BODY_RADIUS, DISK_HEIGHT, np.empty((3, 2))
         self._soft, self._worn = np.empty((2, 0, 0), np.float32), DISK_HEIGHT
+        self._disk = np.array([DISK_RADIUS, MIDDLE_RADIUS, FRONT_RADIUS, FRONT_AHEAD], np.float32)
         if plate is not None:
             self._soft, self._axes = plate.softened(1 / float(self._samples)), plate.axes
             self._reach, self._top = max(BODY_RADIUS, plate.reach), max(DISK_HEIGHT, plate.height)
@@ -273,7 +274,7 @@ class _Drawing:
         )
         rays = self._over[rows, columns], self._rays[rows, columns]
         for n, paints in enumerate(self._paints.T):
-            shapes = self._samples, paints, self._soft, self._axes
+            shapes = self._samples, paints, self._disk, self._soft, self._axes
             _draw_robot(still[..., n], *rays, place, *shapes, out[..., n])
         return out
 
@@ -292,14 +293,15 @@ def _share(off_x: Any, off_y: Any, radius: Any, samples: Any) -> Any:
 
 @jit
 def _draw_robot(
-    still: Any, over: Any, rays: Any, place: Any, samples: Any, paints: Any, soft: Any,
+    still: Any, over: Any, rays: Any, place: Any, samples: Any, paints: Any, disk: Any, soft: Any,
     axes: Any, out: Any,
 ) -> None:  # fmt: skip
     """A box of the picture with the robot in it, one colour of it, into [rows, columns].
 
     `still`, `over` and `rays` are the drawing's, of the box's samples; `place` is x, y (m), cosine
     and sine of the heading, the height of what the robot wears and how far both reach (m); `paints` its
-    body's, black and white; `soft` and `axes` a plate's, `soft` without parts if it has none.
+    body's, black and white; `disk` the radii of the disk and its patches and how far ahead the front one is;
+    `soft` and `axes` a plate's, `soft` without parts if it has none.
     """
     x, y, c, s, height, reach = place[0], place[1], place[2], place[3], place[4], place[5]
     body, black, white, last = paints[0], paints[1], paints[2], soft.shape[1] - 1
@@ -323,10 +325,10 @@ def _draw_robot(
                     level = body
                 off_x, off_y = off_x + slope_x * height, off_y + slope_y * height
                 if last < 0:
-                    level += _share(off_x, off_y, np.float32(DISK_RADIUS), samples) * (black - level)
-                    level += _share(off_x, off_y, np.float32(MIDDLE_RADIUS), samples) * (white - level)
-                    off_x, off_y = off_x - np.float32(FRONT_AHEAD) * c, off_y - np.float32(FRONT_AHEAD) * s
-                    level += _share(off_x, off_y, np.float32(FRONT_RADIUS), samples) * (white - level)
+                    level += _share(off_x, off_y, disk[0], samples) * (black - level)
+                    level += _share(off_x, off_y, disk[1], samples) * (white - level)
+                    off_x, off_y = off_x - disk[3] * c, off_y - disk[3] * s
+                    level += _share(off_x, off_y, disk[2], samples) * (white - level)
                 else:
                     ahead, left = c * off_x + s * off_y - axes[0, 0], c * off_y - s * off_x - axes[0, 1]
                     across = math.floor(ahead * axes[1, 0] + left * axes[1, 1]) + 2 * TEXELS
