@@ -28,7 +28,7 @@ from realitygap.simulation.simulation import Simulation, batch_streams
 from realitygap.study.config import StudyConfig
 from realitygap.study.folder import gather
 from realitygap.study.plan import plans
-from realitygap.study.run import Bench, advance, begin
+from realitygap.study.run import ConditionRunner, advance, begin
 from realitygap.tasks import load_task
 from realitygap.world.robot import load_profile
 
@@ -98,14 +98,14 @@ def proportional_mb(pid: int) -> float:
 def serial_share(task: str) -> tuple[float, float]:
     """Microseconds of an evaluation in all, and of its trials with their scores alone."""
     materials = gather(StudyConfig.single(task))
-    bench, plan = Bench(materials, 0), plans(materials)[0]
-    simulation, state, pairs = bench.simulation(bench.noise), begin(bench, plan), []
+    runner, plan = ConditionRunner(materials, 0), plans(materials)[0]
+    simulation, state, pairs = runner.simulation(runner.noise), begin(runner, plan), []
     for _ in range(8):  # the first compiles, and fills the cells
-        start, trials, told, run = time.thread_time(), 0.0, None, advance(bench, plan, state, 300)
+        start, trials, told, run = time.thread_time(), 0.0, None, advance(runner, plan, state, 300)
         try:
             while True:
                 asked = run.send(told)
-                networks = bench.encoding.decode(asked.genes.copy())
+                networks = runner.encoding.decode(asked.genes.copy())
                 before = time.thread_time()
                 told = simulation.scores(networks, asked.streams)
                 trials += time.thread_time() - before

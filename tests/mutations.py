@@ -38,7 +38,7 @@ ROOM = ("tests/calibration/test_room.py",)
 PHYSICS = ("tests/twin/test_physics.py",)
 
 GPU = ("tests/simulation/test_cuda.py",)
-FLEET = ("tests/study/test_fleet.py",)
+BATCHED = ("tests/study/test_batched.py",)
 EVOLUTION = ("tests/evolution/test_algorithms.py",)
 SELECTION = ("tests/evolution/test_selection.py",)
 
@@ -48,10 +48,10 @@ MUTATIONS = (
              "(*before(rows, t), rows[i][t])", "(*before(rows, t), rows[i][0])", GPU),
     Mutation("simulation/cuda.py", "a later part of a batch has the streams of the first",
              "which[some], flat[some])", "which[some], flat[: len(which[some])])", GPU),
-    Mutation("study/fleet.py", "every child has two parents",
-             "if crosses(rates.crossover, stream):", "if cell >= 0:", FLEET),
-    Mutation("study/fleet.py", "a fleet's numbers are the first's",
-             "living.numbers[at] = start + done + k", "living.numbers[at] = start + done", FLEET),
+    Mutation("study/batched.py", "every child has two parents",
+             "if crosses(rates.crossover, stream):", "if cell >= 0:", BATCHED),
+    Mutation("study/batched.py", "a batch's numbers are the first's",
+             "living.numbers[at] = start + done + k", "living.numbers[at] = start + done", BATCHED),
     Mutation("evolution/ga.py", "a random search keeps whatever comes",
              "return np.greater(fitness, residents)", "return np.isfinite(fitness)", EVOLUTION),
     Mutation("evolution/ga.py", "the best mates as often as the others",
@@ -194,7 +194,7 @@ MUTATIONS = (
              "shrink = float(np.sqrt((1 / starts_a + 1 / starts_b) / 2))", "shrink = 1.0", SCORE),
     Mutation("correspondence/score.py", "the scale is not straight",
              "return EDGE * ceiling / distance", "return EDGE", SCORE),
-    Mutation("correspondence/score.py", "the energy forgets one side's own spread",
+    Mutation("correspondence/distances.py", "the energy forgets one side's own spread",
              "return 2 * mean(wa, wb) - mean(wa, wa) - mean(wb, wb)",
              "return 2 * mean(wa, wb) - 2 * mean(wa, wa)", SCORE),
     Mutation("correspondence/descriptors.py", "going backward is going forward",
@@ -214,8 +214,8 @@ MUTATIONS = (
              PHYSICS),
     Mutation("calibration/model.py", "rows of a second recording are read at the first's places",
              "[scene.row + begin for scene", "[scene.row for scene", ROOM),
-    Mutation("correspondence/statistics.py", "a two-sample p may be 0",
-             "return (1 + at_least) / (1 + permutations)", "return at_least / permutations", SCORE),
+    Mutation("correspondence/distances.py", "a two-sample p may be 0",
+             "(right >= right[0] - 1e-12)", "(right[1:] >= right[0] - 1e-12)", SCORE),
     Mutation("experiments/noise.py", "every unit is compared with the home unit's simulation",
              "self.simulation(one.task, unit, one.home, level)",
              "self.simulation(one.task, one.home, one.home, level)", STUDY),

@@ -49,7 +49,7 @@ for run in study.runs:
 # The best fitness is the highest of many noisy values, so it flatters. This is how fitness grew:
 
 # %%
-from realitygap.report.evolution import Curves, curves_figure, running_best
+from realitygap.report.evolution import curves_figure, running_best
 
 grown = {
     noise: [
@@ -59,7 +59,7 @@ grown = {
     ]
     for noise in (0.0, 1.0)
 }
-curves_figure(Curves(runs=grown, names={0.0: "zero noise", 1.0: "observed noise"}))
+curves_figure(grown, {0.0: "zero noise", 1.0: "observed noise"})
 
 # %% [markdown]
 # Curves are means of three runs. The bands are 95 % intervals of the mean; they are wide because there are
@@ -72,7 +72,7 @@ curves_figure(Curves(runs=grown, names={0.0: "zero noise", 1.0: "observed noise"
 # trial, drawn as in the paper, with a tail from the robot's centre to its front at each step of 0.1 s:
 
 # %%
-from realitygap.report.drawing import PathPanel, Scene, panels_figure
+from realitygap.report.drawing import PathPanel, Scene, paths_figure
 
 task, robot = study.task("obstacle-avoidance"), study.profile
 drives = []
@@ -89,7 +89,7 @@ for run in (
             noise=run.noise, title=f"{run.name}: {score:.2f}", trajectory=trajectory
         )
     )
-panels_figure(Scene.of(task, robot), drives)
+paths_figure(Scene.of(task, robot), [drives])
 
 # %% [markdown]
 # Both panels show the same trial (stream 7) at observed noise: same start, same disturbances. This is the

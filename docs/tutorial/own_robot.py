@@ -110,7 +110,7 @@ situated = Track(
 # Here it is beside its simulation from the same pose:
 
 # %%
-from realitygap.report.drawing import PathPanel, Scene, panels_figure
+from realitygap.report.drawing import PathPanel, Scene, paths_figure
 from realitygap.report.style import SITUATED
 
 simulated, score = realitygap.Simulation(
@@ -118,13 +118,11 @@ simulated, score = realitygap.Simulation(
 ).trajectory(
     study.networks(champion.task, champion.champion), stream=1, pose=places[0]
 )
-panels_figure(
-    Scene.of(task, profile),
-    [
-        PathPanel(noise=1.0, title=f"simulated: {score:.2f}", trajectory=simulated),
-        PathPanel(noise=1.0, title="driven", trajectory=situated, look=SITUATED),
-    ],
-)
+drives = [
+    PathPanel(noise=1.0, title=f"simulated: {score:.2f}", trajectory=simulated),
+    PathPanel(noise=1.0, title="driven", trajectory=situated, look=SITUATED),
+]
+paths_figure(Scene.of(task, profile), [drives])
 
 # %% [markdown]
 # The constants were guessed, so this is the reality gap before any calibration. To narrow it, measure.

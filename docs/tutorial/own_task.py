@@ -71,7 +71,7 @@ for run in study.runs:
     print(f"{run.name}: {fresh.mean():.2f} turns, sd {fresh.std(ddof=1):.2f}")
 
 # %%
-from realitygap.report.drawing import PathPanel, Scene, panels_figure
+from realitygap.report.drawing import PathPanel, Scene, paths_figure
 
 task, robot = study.task("circles"), study.profile
 simulation = realitygap.Simulation(task, robot, noise="observed")
@@ -87,7 +87,7 @@ for run in study.runs:
             trajectory=trajectory,
         )
     )
-panels_figure(Scene.of(task, robot), drives)
+paths_figure(Scene.of(task, robot), [drives])
 
 # %% [markdown]
 # Evolution often finds a behaviour that the author of the score did not intend: it takes the score literally.

@@ -26,12 +26,9 @@ from studies.correspondence.kinds import KINDS, Behaviour, exemplar, family_of  
 from studies.correspondence.wide import FAMILIES  # noqa: E402
 
 import realitygap  # noqa: E402
+from realitygap.correspondence.distances import Distances  # noqa: E402
 from realitygap.correspondence.names import LARGE, Namer, descriptors_of, rows_of, shares  # noqa: E402
-from realitygap.correspondence.score import (  # noqa: E402
-    CALM,
-    PARTS,
-    Distances,
-)
+from realitygap.correspondence.score import CALM, PARTS  # noqa: E402
 from realitygap.correspondence.trials import Trial  # noqa: E402
 from realitygap.tasks.load import load_task  # noqa: E402
 from realitygap.world.arena import Arena  # noqa: E402

@@ -22,8 +22,13 @@ from common import told
 
 from realitygap.correspondence.setting import Setting
 from realitygap.experiments.experiment import write_table
-from realitygap.experiments.noise import Controller, NoiseConfig, NoiseExperiment, Trials
-from realitygap.experiments.noise_run import noise_experiment
+from realitygap.experiments.noise import (
+    Controller,
+    NoiseConfig,
+    NoiseExperiment,
+    Trials,
+    noise_experiment,
+)
 from realitygap.kernels.rng import substream
 from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import batch_streams

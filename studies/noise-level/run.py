@@ -17,8 +17,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from common import told
 
-from realitygap.experiments.noise import Controller, NoiseConfig, NoiseExperiment
-from realitygap.experiments.noise_run import noise_experiment
+from realitygap.experiments.noise import Controller, NoiseConfig, NoiseExperiment, noise_experiment
 from realitygap.study.plan import named
 
 

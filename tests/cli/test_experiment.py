@@ -9,14 +9,14 @@ from tests.experiments.noise_parts import quick_units
 
 from realitygap.experiments.experiment import open_folder
 from realitygap.experiments.noise import NoiseConfig
-from realitygap.experiments.realities import AT_HAND, Realities
+from realitygap.experiments.robots import KNOWN, RobotsConfig
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 ROBOT, BASE = f"{EXAMPLES / 'own_robot.py'}:FiveEyes", str(EXAMPLES / "five_eyes.toml")
 SMALL = ("--levels", "0,1", "--starts", 2, "--evaluations", 40, "--seconds", 2, "--workers", 1)
 NOISE = ("experiment", "noise", *SMALL, "--runs", 3, "--units", 1, "--tasks", "avoidance")
 ROBOTS = ("experiment", "robots", *SMALL, "--runs", 1)
-TABLE = "report/tables/realities.csv"
+TABLE = "report/tables/robots.csv"
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_robots_come_to_a_matrix(units, no_enki, json_of, call, refused, tmp_pat
     """The twin is carried through, Enki is left out and says how to get it; resumed, all is the same."""
     out = tmp_path / "study"
     made = json_of(*ROBOTS, "--out", out)
-    assert [one["robot"] for one in made["left_out"]] == list(AT_HAND[1:])
+    assert [one["robot"] for one in made["left_out"]] == list(KNOWN[1:])
     assert all("apt install libenki-dev g++" in one["why"] for one in made["left_out"])
     (twin,) = made["robots"]
     (error,) = twin["model_error_over_noise"]
@@ -72,6 +72,8 @@ def test_robots_come_to_a_matrix(units, no_enki, json_of, call, refused, tmp_pat
     assert "score at" not in page.split("</table>")[0]  # of a single run a level
     again = call("experiment", "robots", "--out", out, "--resume", "--workers", 1)
     assert again.exit_code == 0 and "enki:epuck is left out" in again.stderr
+    Path(made["report"]).unlink()
+    assert json_of("report", out)["robots"][0]["tasks"] == twin["tasks"] and Path(made["report"]).is_file()
     assert (out / TABLE).read_text() == before and "--resume" in refused(*ROBOTS, "--out", out)
 
 
@@ -81,7 +83,7 @@ def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
     with monkeypatch.context() as patch:
         patch.setattr("realitygap.experiments.noise.Rig.drive", stopped)
         noise = call(*NOISE, "--out", tmp_path / "noise")
-        robots = call(*ROBOTS, "--only", "--robot", "twin", "--out", tmp_path / "robots")
+        robots = call(*ROBOTS, "--robot", "twin", "--out", tmp_path / "robots")
     for name, result in (("noise", noise), ("robots", robots)):
         assert (result.exit_code, result.stdout) == (130, "")
         last = f"realitygap experiment {name} --out {tmp_path / name} --resume"
@@ -89,7 +91,7 @@ def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
     assert (
         call("experiment", "robots", "--out", tmp_path / "robots", "--resume", "--workers", 1).exit_code == 0
     )
-    assert call(*ROBOTS, "--only", "--robot", "twin", "--out", tmp_path / "whole").exit_code == 0
+    assert call(*ROBOTS, "--robot", "twin", "--out", tmp_path / "whole").exit_code == 0
     for file in (TABLE, "twin-1/results/cells.csv", "twin-1/results/controllers.csv"):
         assert (tmp_path / "robots" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
 
@@ -97,8 +99,8 @@ def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
 FIRST = {
     "realitygap.study.runner.open_folder": ("evolve", "light"),
     "realitygap.experiments.reproduction.open_to_begin": ("reproduce",),
-    "realitygap.experiments.noise_run.check_robot": ("experiment", "noise"),
-    "realitygap.experiments.realities.check_robot": ("experiment", "robots", "--only", "--robot", "twin"),
+    "realitygap.experiments.noise.check_robot": ("experiment", "noise"),
+    "realitygap.experiments.robots.check_robot": ("experiment", "robots", "--robot", "twin"),
 }
 """Commands, by what each calls before it keeps its settings."""
 
@@ -129,7 +131,7 @@ def test_what_cannot_be_done_is_refused(no_enki, refused, tmp_path):
 def test_a_program_that_a_folder_names_is_not_run_before_a_person_has(refused, tmp_path):
     """Who resumes with a robot of one's own names it again; the twin is no synonym for it."""
     made = NoiseConfig(units=1, tasks=("obstacle-avoidance",), robot=ROBOT, base=BASE)
-    asked = Realities(robots=(ROBOT,), only=True, base=BASE)
+    asked = RobotsConfig(robots=(ROBOT,), base=BASE)
     for name, settings in (("noise", made), ("robots", asked)):
         (tmp_path / name).mkdir()
         open_folder(tmp_path / name, type(settings), settings, resume=False)

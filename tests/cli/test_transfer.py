@@ -17,8 +17,8 @@ from realitygap import Genotype, load_study, load_transfers, marks_of
 from realitygap.cli.transfer import _found as found
 from realitygap.study.config import Condition, StudyConfig
 from realitygap.study.runner import run_study
-from realitygap.transfer.record import trial_content
 from realitygap.values import Pose
+from realitygap.work.archive import read_file
 
 SHORT = ("--seconds", 0.5, "--workers", 1)
 WHEELS = ("--path-from", "wheels")
@@ -70,7 +70,7 @@ def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of,
         folder = study / "controllers" / "champion" / "transfer" / "twin-1"
         assert Path(mine["folder"]).parents[1] == folder and mine["pose"] == theirs["pose"]
         for name in ("simulated.csv", "situated.csv"):
-            assert trial_content(Path(mine["folder"]), name) == trial_content(Path(theirs["folder"]), name)
+            assert read_file(Path(mine["folder"]), name) == read_file(Path(theirs["folder"]), name)
     turned = json_of(*words, "--controller", f"{own}:Turn")["transfers"]
     assert [(one["run"], one["individual"]) for one in turned] == [(1, "own-Turn"), (2, "own-Turn")]
     assert len(load_transfers(study)) == 1 and turned[0]["fitness_situated"] < 0.5
@@ -81,13 +81,9 @@ def test_a_controller_of_ones_own_drives_in_an_individuals_place(study, json_of,
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (("9", "--robot", "twin"), "'9'"),
-        (("--robot", "twn"), "twn"),
-        (("--robot", "serial:/dev/no-such-port"), "/dev/no-such-port"),
         (("--robot", "serial:/dev/null", "--film"), "realitygap camera track"),
         (("--robot", "serial:/dev/null", "--camera-device", "0"), "--camera FILE"),
         (("--robot", "serial:/dev/null", "--camera", "camera.json"), "--camera-device DEVICE"),
-        (("--robot", "serial:/dev/null", "--twin-noise", "2"), "--twin-noise scales a twin's noise"),
         (("--robot", "twin", "--marker", "aruco:4x4_50:99"), "has the numbers 0 to 49, got 99"),
     ],
 )
@@ -124,8 +120,8 @@ def test_a_person_is_told_where_the_camera_sees_the_robot(monkeypatch, capsys):
     assert "does not see the robot" in said and "1.0 cm and 5° from the requested pose" in said
 
 
-def test_ctrl_c_says_how_to_go_on(study, call, monkeypatch):
-    """In one line with the command that goes on, and no half trial counts; of a shard it names the folder."""
+def test_ctrl_c_says_how_to_go_on(study):
+    """In one line with the command that goes on, and no half trial counts."""
     words = ["transfer", str(study), "--robot", "twin", "--starts", "500", "--workers", "2", *WHEELS]
     command = [sys.executable, "-m", "realitygap", *words]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as made:
@@ -135,13 +131,6 @@ def test_ctrl_c_says_how_to_go_on(study, call, monkeypatch):
         last = made.stderr.read().splitlines()[-1]
     assert made.returncode == 130 and last.startswith("stopped; finished trials are kept")
     assert f"`realitygap {' '.join(words)}`" in last and load_transfers(study)
-
-    def stopped(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("realitygap.transfer.run.run_transfer", stopped)
-    said = call("transfer", study, "--robot", "twin", "--shard", "1/2").stderr
-    assert f"trials are kept in {study}-transfer-shard-1-of-2/transfer; the same command" in said
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -10,20 +10,19 @@ from studies.correspondence.ladders import against, behaviours, climb, ladders_o
 
 from realitygap.control.genotype import Genotype
 from realitygap.correspondence.descriptors import chosen
-from realitygap.correspondence.judging import read_marks
+from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.score import (
-    Distances,
     behaviour_score,
     compare,
     differences,
     ends_of,
     exemplar_scale,
-    matched_starts,
     noisiness,
+    parting_s,
+    transferability,
 )
-from realitygap.correspondence.statistics import parting_s, transferability
 from realitygap.correspondence.trials import Trial, trial_of
-from realitygap.errors import TrackError, UsageError
+from realitygap.errors import UsageError
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.transfer import paths
@@ -198,7 +197,7 @@ def test_pairs_part_and_transfer():
     a = lives(TURNER)
     other = lives(Behaviour(task=TURNER.task, kind="one way looper"))
     assert matched_starts(a, other) and not matched_starts(a, lives(TURNER, starts=3))
-    assert parting_s(a, a) == [None] * 12 and transferability(a, a) == 0
+    assert parting_s(a, a) == [np.inf] * 12 and transferability(a, a) == 0
     assert np.median(parting_s(a, other)) < 5 and transferability(a, other) < -0.3
 
 
@@ -241,24 +240,15 @@ def test_noise_of_the_simulation_is_seen():
     assert all(noisiness(one, other) > 0.1 for one, other in itertools.pairwise(sets))
 
 
-def test_two_judges_of_one_name_are_noticed(tmp_path):
-    """A pair has one mark of a judge."""
-    file = tmp_path / "marks.csv"
-    file.write_text("pair,judge,mark\n1,A,5\n1,A,9\n")
-    with pytest.raises(TrackError, match="judge 'A' gives it 5 and 9"):
-        read_marks(file)
-
-
 @pytest.mark.parametrize(
     ("odd", "says"),
     [
-        ({"x": np.append(np.ones(200), np.nan)}, "finite arrays"),
+        ({"x": np.append(np.ones(200), np.nan)}, "finite x and y"),
         ({"heading": np.where(np.arange(201) < 100, 3.1, -3.1)}, "π from row to row, got 6.2. Unwrap it"),
-        ({"radius_cm": -2}, "positive radius_cm, got -2"),
     ],
 )
 def test_a_trial_holds_what_can_be_compared(odd, says):
-    """Finite rows; radians, unwrapped; a body of some size."""
+    """Finite rows; radians, unwrapped."""
     good = {name: np.ones(201) for name in ("x", "y", "heading")}
     with pytest.raises(UsageError, match=says):
         Trial(**good | odd, source="t.csv")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from realitygap.errors import StudyError
-from realitygap.experiments.noise import NoiseConfig, NoiseExperiment
-from realitygap.experiments.noise_run import merge_noise, noise_experiment
-from realitygap.report.experiment import build_noise_page, noise_summary
+from realitygap.experiments.noise import NoiseConfig, NoiseExperiment, merge_noise, noise_experiment
+from realitygap.report.experiment import NoiseData, build_noise_page, noise_summary
 from realitygap.work.pool import Here
 from realitygap.work.shard import Shard, all_shards
 from realitygap.world.robot import load_profile
@@ -127,7 +126,7 @@ def test_a_robot_of_ones_own_takes_the_twins_place(tmp_path, own, monkeypatch):
     before = tables(results)
     page = build_noise_page(folder).read_text()
     assert "own_robot.py:FiveEyes" in page and "simulated." not in page.split("“The robot” is")[1][:80]
-    assert noise_summary(folder)["tasks"]["obstacle-avoidance"]["levels"][0]["runs"] == 1
+    assert noise_summary(NoiseData.read(folder))["tasks"]["obstacle-avoidance"]["levels"][0]["runs"] == 1
     for place in ("situated", "simulated", "results"):
         shutil.rmtree(folder / place)
     assert tables(noise_experiment(folder, workers=1, resume=True)) == before

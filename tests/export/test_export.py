@@ -324,22 +324,3 @@ def test_another_robot(tmp_path):
     write_source(board, "micropython", tmp_path)
     assert (board.vectors.readings.max(), np.abs(board.vectors.commands).max()) > (2000, 100)
     run(sys.executable, "-c", "import test_controller", cwd=tmp_path)
-
-
-def test_refusals(study, tmp_path):
-    """A name that is none in C, a step of no whole milliseconds, and counts beyond int16_t."""
-    one = study.runs[0]
-    for name in ("2fast", "a b", "class"):
-        with pytest.raises(UsageError, match="name: expected a lower-case letter"):
-            on_board(one, "fittest", one.fittest, name=name)
-    paper = load_profile("paper")
-    wide = replace(paper, infrared=replace(paper.infrared, top=65535.0))
-    for kind, said in (
-        (replace(paper, period_s=0.0625), "expected a period of whole milliseconds.* got 62.5 ms"),
-        (wide, r"up to 32766 \(int16_t\), got readings up to 65535 and commands up to 10"),
-    ):
-        (tmp_path / "robot.toml").write_text(kind.to_toml())
-        config = small(evaluations=2, profile=str(tmp_path / "robot.toml"))
-        odd = run_study(tmp_path / f"study-{kind.period_s:g}", config, workers=1).runs[0]
-        with pytest.raises(StudyError, match=said):
-            on_board(odd, "fittest", odd.fittest)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from realitygap.control.encoding import Variation
 from realitygap.control.slots import decode
 from realitygap.kernels.types import Networks
-from tests.controller.reference import ReferenceNetwork
-from tests.controller.strategies import SMALL, drives, genotypes
+from tests.control.reference import ReferenceNetwork
+from tests.control.strategies import SMALL, drives, genotypes
 from tests.kernels import calls
 from tests.kernels.scenes import PAPER, work_for
 

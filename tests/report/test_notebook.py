@@ -22,9 +22,9 @@ def cells() -> list[str]:
     text = (
         EXAMPLE.read_text("utf-8")
         .replace("evaluations=150", SMALL)
-        .replace("starts=1)", "starts=1, watch=False)")
+        .replace("starts=1)", 'starts=1, path_from="wheels")')
     )
-    assert SMALL in text and "watch=False" in text
+    assert SMALL in text and 'path_from="wheels"' in text
     parts = text.split("\n# %%")[1:]
     return [part.partition("\n")[2] for part in parts if not part.startswith(" [markdown]")] + [AGAIN]
 

@@ -9,86 +9,39 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
 
-from realitygap.report import build_report, style
-from realitygap.report.drawing import PathPanel, Scene, pairs_figure
+from realitygap.report import build_report
+from realitygap.report.drawing import Scene
 from realitygap.report.evolution import parts_of
 from realitygap.report.page import Figures
 from realitygap.report.transfers import (
-    Situated,
+    Pair,
     groups_of,
+    pair_figures,
     pairs_of,
     robots_of,
     shown_pair,
-    situated_of,
     transfers_csv,
 )
-from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
-from realitygap.study.runner import run_study
-from realitygap.tasks import load_task
-from realitygap.track import Track
 from realitygap.transfer.spec import shown_runs
-from realitygap.world.robot import load_profile
-from tests.report.scenes import draw_only
-from tests.report.situations import STEPS, write_transfer
+from tests.report.scenes import STEPS, draw_only, write_transfer
 
-PAPER = load_profile("paper")
 AVOID, LIGHT = "obstacle-avoidance", "light-seeking"
 
 
-@pytest.fixture(scope="module")
-def evolved(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The paper's six conditions, two short runs each, without transfers."""
-    config = StudyConfig.reproduction(runs=2, evaluations=70, seed=3)
-    config = config.with_settings(["task.seconds=0.5", "retest_trials=2", "fresh_trials=3"])
-    return run_study(tmp_path_factory.mktemp("paper") / "study", config, workers=1).folder
-
-
 @pytest.fixture
-def study(evolved: Path, tmp_path: Path) -> Study:
+def study(paper: Study, tmp_path: Path) -> Study:
     """A copy to which transfers may be added."""
-    return load_study(shutil.copytree(evolved, tmp_path / "study"))
+    ignored = shutil.ignore_patterns("report")
+    return load_study(shutil.copytree(paper.folder, tmp_path / "study", ignore=ignored))
 
 
-def _built(study: Study) -> str:
-    return build_report(study.folder).read_text("utf-8")
-
-
-def _situated(study: Study, figures: Figures | None = None) -> Situated:
-    """Obstacle avoidance's situated part, without drawing."""
+def _shown(study: Study, figures: Figures) -> list[Pair]:
+    """The pairs in obstacle avoidance's figures, which are added, not drawn."""
     part = parts_of(study)[0]
-    report, scene = study.folder / "report", Scene.of(part.task, study.profile)
-    pairs = pairs_of(study, [part])[AVOID]
-    return situated_of(part, pairs, scene, "", Figures() if figures is None else figures, report)
-
-
-def test_pairs_stand_one_above_the_other() -> None:
-    """Two rows; the noise level's colour in both, but another line, width and body: never colour alone."""
-    route = Track.from_degrees([0.0, 0.1], [20.0, 25.0], [25.0, 25.0], [0.0, 0.0])
-    rows = [
-        [PathPanel(noise=1.0, title="simulated: 1", trajectory=route)],
-        [PathPanel(noise=1.0, title="twin unit 1: 2", trajectory=route, look=style.SITUATED)],
-    ]
-    with style.styled():
-        figure = pairs_figure(Scene.of(load_task("avoidance"), PAPER), ["observed noise, #1"], rows)
-    above, below = figure.axes
-    assert above.get_position().y0 > below.get_position().y1 and not above.get_xlabel()
-    assert [text.get_text() for text in figure.texts] == ["observed noise, #1"]
-
-    def tail(ax) -> Line2D:
-        return max(ax.lines, key=lambda line: len(line.get_xdata()))
-
-    assert tail(above).get_color() == tail(below).get_color()
-    assert tail(above).get_linewidth() < tail(below).get_linewidth()
-    assert tail(above).is_dashed() != tail(below).is_dashed()
-    bodies = [
-        {p.get_facecolor() for p in ax.patches if isinstance(p, Circle) and p.zorder == 5}
-        for ax in (above, below)
-    ]
-    assert bodies[0].isdisjoint(bodies[1])
+    scene, pairs = Scene.of(part.task, study.profile), pairs_of(study, [part])[AVOID]
+    return pair_figures(part, pairs, scene, "", figures)["shown"]
 
 
 def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_path, monkeypatch) -> None:
@@ -96,14 +49,14 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_p
     that is made anew is shown anew; the twin is never called real."""
     for run in study.runs:
         write_transfer(study, run, fitness=(0.5 + 0.01 * run.id, 0.4))
-    shown = _situated(study).shown
+    shown = _shown(study, Figures())
     assert [pair.run for pair in shown] == [run.id for run in shown_runs(study)[:3]]
     shutil.rmtree(shown[1].folder)
     film = write_transfer(study, study.run(shown[1].run), film=True) / "film.mp4"
     draw_only(monkeypatch, lambda name: "-pairs" in name)
     for content in (b"a film", b"another film"):
         film.write_bytes(content)
-        text = _built(study)
+        text = build_report(study.folder).read_text("utf-8")
         away = shutil.copytree(study.folder / "report", tmp_path / content.decode())
         links = re.findall(r'<a href="([^"#][^"]*)"', text)
         assert all((away / link).resolve().is_relative_to(away.resolve()) for link in links)
@@ -123,7 +76,7 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_p
     around = [
         words[m.start() - 40 : m.end() + 30] for m in re.finditer(r"\breal(ity)?\b", words, re.IGNORECASE)
     ]
-    allowed = ("pseudo-reality", "reality gap", "ran them on the real robot", "stands in for the real robot")
+    allowed = ("reality gap", "ran them on the real robot", "stands in for the real robot")
     assert around and all(any(one in place.lower() for one in allowed) for place in around), around
     assert "no robot was driven" in words and '<td class="text">film</td>' in words
 
@@ -134,31 +87,35 @@ def test_the_table_has_every_transfer(study: Study) -> None:
     for robot in ("serial-ttyUSB0", "twin-1", "twin-2"):
         for start in (1, 2):
             write_transfer(study, run, robot=robot, start=start, fitness=(0.7, 0.1 * start))
-    made, part = _situated(study), parts_of(study)[0]
-    rows = list(csv.DictReader(transfers_csv(part.task, made.groups, study.folder).splitlines()))
+    part = parts_of(study)[0]
+    groups = groups_of(part, pairs_of(study, [part])[AVOID])
+    rows = list(csv.DictReader(transfers_csv(part.task, groups, study.folder).splitlines()))
     assert [(row["robot"], row["start"]) for row in rows] == [
         (robot, start) for robot in ("serial-ttyUSB0", "twin-1", "twin-2") for start in "12"
     ]
     for row in rows:
         assert row["name"] == run.name and (study.folder / row["folder"] / "situated.csv").is_file()
         assert float(row["drop"]) == pytest.approx(0.7 - 0.1 * int(row["start"]))
-    assert [(group.kind, len(group.pairs)) for group in made.groups] == [("robot", 2), ("twin", 4)]
-    means = [made.groups[1].mean(of).value for of in ("simulated", "situated", "drop")]
-    assert means == pytest.approx([0.7, 0.15, 0.55]) and made.kinds == ["robot", "twin"]
+    assert [(group.kind, len(group.pairs)) for group in groups] == [("robot", 2), ("twin", 4)]
+    means = [groups[1].mean(of).value for of in ("fitness_simulated", "fitness_situated", "drop")]
+    assert means == pytest.approx([0.7, 0.15, 0.55])
 
 
 def test_a_mean_is_over_runs(study: Study) -> None:
-    """A run with many transfers counts as much as one with few; twins and robots are kept apart."""
+    """A run with many transfers counts as much as one with few; twins and robots are kept apart, and the
+    champion and the best during evolution."""
     one, two = (run for run in study.runs if run.task == AVOID and run.noise == 1.0)
     write_transfer(study, one, fitness=(1.0, 0.0))
     for start in (1, 2, 3):
         write_transfer(study, two, start=start, fitness=(1.0, 0.6))
     write_transfer(study, two, robot="serial-ttyUSB0", fitness=(1.0, 1.0))
+    write_transfer(study, two, start=4, fitness=(1.0, -9.0), individual="fittest")
     parts = parts_of(study)
-    robot, twin = groups_of(parts[0], pairs_of(study, parts)[AVOID])
+    robot, twin, best = groups_of(parts[0], pairs_of(study, parts)[AVOID])
     assert (robot.kind, twin.kind, robot.level, twin.level) == ("robot", "twin", 1.0, 1.0)
+    assert best.individual == "fittest" and best.mean("drop").value == 10.0
     assert twin.mean("drop").value == pytest.approx(0.7) and twin.mean("drop").count == 2
-    assert robot.mean("situated").value == 1.0
+    assert robot.mean("fitness_situated").value == 1.0
 
 
 def test_a_figure_shows_one_robot_of_each_kind(study: Study) -> None:
@@ -174,10 +131,10 @@ def test_a_figure_shows_one_robot_of_each_kind(study: Study) -> None:
     alone = [pair for pair in pairs if pair.run == runs[1].id]
     assert shown_pair(parts[0].conditions[0], alone) is alone[0]
     figures = Figures()
-    made = _situated(study, figures)
+    shown = _shown(study, figures)
     assert {f"{AVOID}-pairs", f"{AVOID}-pairs-twin-1-noise-2.0"} <= set(figures)
-    assert made.shown[-1].where == "twin unit 1, 2.0 × noise"
-    assert made.groups[-1].kind == "twin with 2.0 times its noise"
+    assert shown[-1].where == "twin unit 1, 2.0 × noise"
+    assert groups_of(parts[0], pairs)[-1].kind == "twin with 2.0 times its noise"
 
 
 def test_a_path_is_thinned_to_the_simulations_steps(study: Study) -> None:

@@ -65,20 +65,10 @@ def test_settings_change_what_they_name():
     ("setting", "words"),
     [
         ("runns=3", "runns: unknown key. Did you mean 'runs'?"),
-        ("variation.mutatoin=1", "variation.mutatoin: unknown key. Did you mean 'mutation'?"),
         ("seed.deep=1", "seed.deep: unknown key"),
         ("runs=0", "runs: expected a whole number from 1 to 1000000, got 0"),
-        ("runs=1.5", "runs: expected a whole number"),
-        ("seed=-1", "seed: expected a whole number, 0 or more, got -1"),
-        ("variation.mutation=2", "variation.mutation: expected a probability"),
-        ("evolution.rows=2", "evolution.algorithm 'torus': rows"),
         ("evolution.algorithm=tours", "evolution.algorithm 'tours'"),
-        ("task.sensors=3", "task.sensors: expected a list"),
-        ("task.trials=0", "task.trials: expected a whole number"),
-        ("encoding.slots=500", "encoding.slots: expected a whole number from 3 to 128"),
-        ("conditions=[]", "conditions: expected one or more"),
         ("conditions=[{task='light', noise='loud'}]", "conditions[0].noise: expected zero, observed, double"),
-        ("arenas=3", "arenas: expected task names with an arena each"),
         ("runs", "expected a setting key=value"),
     ],
 )
@@ -92,7 +82,6 @@ def test_wrong_settings_are_refused_by_key(setting, words):
     ("text", "words"),
     [
         ("seed = \nruns = 1", "not a TOML file: .*line 1"),
-        ("sede = 3", "sede: unknown key. Did you mean 'seed'"),
         ("seed = 3", "conditions: expected one or more"),
         ('[[conditions]]\nnoise = "zero"', r"conditions\[0\].task: missing"),
     ],

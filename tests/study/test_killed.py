@@ -14,7 +14,6 @@ import pytest
 from realitygap.errors import StudyBusyError
 from realitygap.study.load import load_study
 from realitygap.study.runner import run_study
-from realitygap.work.folder import LOCK, lock
 from tests.study.helpers import content, end, small, start, wait_for
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes in /proc")
@@ -74,19 +73,6 @@ def test_a_second_process_is_refused(requested):
     finally:
         first.kill()
         end(first)
-
-
-def test_whoever_holds_a_folder_is_named(tmp_path):
-    """By what it wrote into the lock: on another machine too, and of a folder that holds no study."""
-    with lock(tmp_path):
-        with pytest.raises(StudyBusyError, match=r": this very process is working"), lock(tmp_path):
-            pass
-        (tmp_path / LOCK).write_text("123\nnode-7\n")
-        with pytest.raises(StudyBusyError, match=r"another process \(pid 123 on node-7\)"), lock(tmp_path):
-            pass
-        (tmp_path / LOCK).write_text("")
-        with pytest.raises(StudyBusyError, match=r": another process is working"), lock(tmp_path):
-            pass
 
 
 def test_ctrl_c_ends_workers_at_once(requested):

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from realitygap.errors import ConfigError, TaskError
-from realitygap.study.config import Condition, StudyConfig
+from realitygap.errors import ConfigError
+from realitygap.study.config import StudyConfig
 from realitygap.study.folder import gather, own
 from realitygap.study.plan import plans, run_stream, trial_streams
 from realitygap.world.arena import load_arena
@@ -60,22 +60,6 @@ def test_another_arena_takes_the_tasks_place(tmp_path):
     assert gather(config).tasks[0].arena.sliding == 0.5
     with pytest.raises(ConfigError, match=r"arenas.avoid: no such task .* Did you mean 'obstacle-avoidance'"):
         gather(StudyConfig.single("avoidance", arenas={"avoid": "light-seeking"}))
-
-
-def test_what_does_not_fit_together_is_refused_before_a_folder_is_made(mine):
-    """A sensor that the robot lacks, too few slots, or one task named twice are refused by key."""
-    with pytest.raises(TaskError, match="sensors"):
-        gather(StudyConfig.single("light").with_settings(["task.sensors=[99]"]))
-    with pytest.raises(ValueError, match="slots"):
-        gather(StudyConfig.single("light").with_settings(["encoding.slots=9"]))
-    other = mine.with_name("other.py")
-    other.write_text(TASK)
-    two = StudyConfig(conditions=(Condition(task=str(mine)), Condition(task=str(other))))
-    with pytest.raises(ConfigError, match="both named 'touch'"):
-        gather(two)
-    twice = StudyConfig(conditions=(Condition(task="light"), Condition(task="light-seeking")))
-    with pytest.raises(ConfigError, match="appears twice"):
-        gather(twice)
 
 
 def test_runs_are_numbered_condition_by_condition():

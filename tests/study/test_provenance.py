@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
 from pathlib import Path
@@ -10,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from realitygap.errors import StudyInterruptedError
-from realitygap.study import provenance
 from realitygap.study.load import load_study
-from realitygap.study.provenance import UNKNOWN, project_commit, versions
+from realitygap.study.provenance import project_commit, versions
 from realitygap.study.runner import EVOLVING, Progress, run_study
 from tests.study.helpers import small
 
@@ -39,21 +37,6 @@ def test_a_checkout_tells_its_commit_and_whether_it_was_changed(tmp_path: Path) 
     assert project_commit(package) == head
     (package / "extra.py").write_text("")
     assert project_commit(package) == f"{head} + changes"
-
-
-def test_what_pip_recorded_of_a_repository_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """PEP 610: pip install git+https://… writes the commit down; without any record nothing is known."""
-
-    class Installed:
-        record: str | None = json.dumps({"url": "https://x", "vcs_info": {"vcs": "git", "commit_id": "abc"}})
-
-        def read_text(self, name: str) -> str | None:
-            return self.record if name == "direct_url.json" else None
-
-    monkeypatch.setattr(provenance, "distribution", lambda name: Installed())
-    assert project_commit(tmp_path) == "abc"
-    monkeypatch.setattr(Installed, "record", None)
-    assert project_commit(tmp_path) == UNKNOWN
 
 
 def test_a_study_knows_all_machines_that_worked_on_it(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import pickle
 import shutil
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -15,13 +17,13 @@ from realitygap.errors import ConfigError, StudyError, StudyInterruptedError, Ta
 from realitygap.kernels.rng import substream
 from realitygap.simulation.simulation import Simulation
 from realitygap.streams import TRIALS
-from realitygap.study import fleet
+from realitygap.study import batched
 from realitygap.study.config import Condition
 from realitygap.study.folder import gather
-from realitygap.study.jobs import Advanced, Job, Workshop
+from realitygap.study.jobs import Advanced, Job, StudyExecutor
 from realitygap.study.load import load_study
 from realitygap.study.plan import plans
-from realitygap.study.run import Bench, advance, begin
+from realitygap.study.run import ConditionRunner, advance, begin
 from realitygap.study.runner import run_study
 from realitygap.work.pool import Here
 from tests.study.helpers import content, small
@@ -46,7 +48,7 @@ def test_a_stored_individual_lives_again(finished):
     task, table = finished.task(run.task), finished.evaluations(run.id)
     simulation = Simulation(task, finished.profile, run.noise)
     for number in (0, 63, 89):
-        stream = substream(np.uint64(substream(run.plan.stream, TRIALS)), number)
+        stream = substream(np.uint64(substream(run.stream, TRIALS)), number)
         streams = np.array([[substream(np.uint64(stream), t) for t in range(2)]], np.uint64)
         network = finished.networks(run.task, finished.genotype(run.id, number))
         assert simulation.scores(network, streams)[0].tolist() == [
@@ -74,18 +76,18 @@ def test_the_fittest_and_the_champion(finished):
 def test_how_a_run_is_cut_changes_no_bit():
     """advance by 40 is advance by 1, 7 and 32."""
     materials = gather(small())
-    bench, plan = Bench(materials, 0), plans(materials)[0]
+    runner, plan = ConditionRunner(materials, 0), plans(materials)[0]
 
     def answered(state, n):
-        asking, scores = advance(bench, plan, state, n), None
+        asking, scores = advance(runner, plan, state, n), None
         while True:
             try:
-                scores = bench.scores(asking.send(scores))
+                scores = runner.scores(asking.send(scores))
             except StopIteration as end:
                 return end.value
 
-    whole, records = answered(begin(bench, plan), 40)
-    state, pieces = begin(bench, plan), []
+    whole, records = answered(begin(runner, plan), 40)
+    state, pieces = begin(runner, plan), []
     for n in (1, 7, 32):
         state, piece = answered(state, n)
         pieces.append(piece)
@@ -96,12 +98,12 @@ def test_how_a_run_is_cut_changes_no_bit():
 
 def test_runs_side_by_side_are_those_one_by_one(monkeypatch):
     """Whatever is asked for at a time is scored as if it were alone: as those go that are no arrays."""
-    monkeypatch.setattr(fleet, "fits", lambda bench: False)
+    monkeypatch.setattr(batched, "supports", lambda runner: False)
     config, alone = small(runs=3, evaluations=70), []
     jobs = [Job(plan.id, None) for plan in plans(gather(config))]
-    together = [message for some in Workshop(gather(config)).messages(jobs) for message in some]
+    together = [message for some in StudyExecutor(gather(config)).messages(jobs) for message in some]
     for job in jobs:
-        Workshop(gather(config)).carry_out(job, alone.append)
+        StudyExecutor(gather(config)).carry_out(job, alone.append)
     assert len(together) == len(alone) == 6 * 5
     assert [m.run for m in together if m.run < 4][:6] == [1, 2, 3, 1, 2, 3]
     for job in jobs:
@@ -150,29 +152,22 @@ def test_a_wrong_configuration_makes_no_folder(folder):
     assert not folder.exists()
 
 
-def test_other_peoples_files_are_left_alone(folder):
-    """A folder that holds something else is no place for a study."""
-    folder.mkdir()
-    (folder / "thesis.tex").write_text("…")
-    with pytest.raises(StudyError, match=r"holds no study, but other files \(thesis.tex\)"):
-        run_study(folder, small())
-    with pytest.raises(StudyError, match=r"holds no study"):
-        run_study(folder, resume=True)
-
-
 def test_a_study_that_was_killed_while_it_was_made_is_made_anew(finished, folder):
     """Everything but the database was written: resuming makes the study, and sweeps what was half written."""
     shutil.copytree(finished.folder, folder, ignore=shutil.ignore_patterns("study.db*"))
-    half = folder / ".part-999999999-study.db"
-    half.write_bytes(b"half")
-    assert run_study(folder, small(), workers=1, resume=True).runs[0].finished and not half.exists()
+    half, writing = folder / ".part-1-study.db", folder / ".part-2-index.html"
+    for part, age_s in ((half, 7200.0), (writing, 0.0)):
+        part.write_bytes(b"half")
+        os.utime(part, (0.0, time.time() - age_s))
+    assert run_study(folder, small(), workers=1, resume=True).runs[0].finished
+    assert not half.exists() and writing.exists()
     assert content(folder) == content(finished.folder)
 
 
 def test_a_moved_study_goes_on(finished, folder):
     """A study is self-contained: a copy elsewhere, cut back to the middle, resumes to the same bits."""
     config = small()
-    workshop = Workshop(gather(config))
+    executor = StudyExecutor(gather(config))
     from realitygap.study.folder import open_folder
     from realitygap.study.store import Store
 
@@ -180,7 +175,7 @@ def test_a_moved_study_goes_on(finished, folder):
     open_folder(folder, gather(config), resume=False)
     with Store(folder / "study.db") as store:
         messages: list = []
-        workshop.carry_out(Job(2, None), messages.append)
+        executor.carry_out(Job(2, None), messages.append)
         assert all(isinstance(message, Advanced) for message in messages[:2])
         store.keep(messages[:2])
     half = load_study(folder)

@@ -68,7 +68,6 @@ def test_looking_runs_no_code(stranger):
     assert run.champion.shape == study.encoding("touch").shape and study.encoding("touch").inputs == 2
     assert study.facts("touch")["feeds"] == "proximity" and study.profile.name == "paper"
     assert len(study.genotypes(1)) == len(study.evaluations()["number"]) == 66
-    assert run.plan.name == run.name
     assert not trace.exists()
 
 
@@ -77,7 +76,7 @@ def test_running_asks_first(stranger):
     folder, trace = stranger
     for work in (lambda: load_study(folder).task("touch"), lambda: build_report(folder),
                  lambda: run_study(folder, resume=True)):  # fmt: skip
-        with pytest.raises(StudyError, match=r"brings a program, .*touch.py, .* --trust .*trust=True"):
+        with pytest.raises(StudyError, match=r"brings a program, .*touch.py, .* --trust.*trust=True"):
             work()
     with pytest.raises(UsageError, match="trust: expected a bool, got 'no'"):
         load_study(folder, trust="no")
@@ -146,7 +145,7 @@ def test_an_edited_task_is_not_ignored(theirs, tmp_path):
     mine = tmp_path / "touch.py"
     text = (folder / "tasks/touch/touch.py").read_text()
     mine.write_text(text.replace("1.0 - ", "2.0 - "))
-    words = r"keeps a different tasks/touch/touch.py from the one given now"
+    words = r"keeps a different tasks/touch/touch.py"
     with pytest.raises(StudyError, match=words):
         run_study(folder, requested(mine), resume=True)
     (folder / "tasks/touch/touch.py").write_text(mine.read_text())

@@ -106,8 +106,8 @@ def test_marks_are_computed_once(study: Study, monkeypatch) -> None:
     drive(study, AVOIDER)
     before = marks_of(study)
     made = []
-    original = module.ScoreJob.mark
-    monkeypatch.setattr(module.ScoreJob, "mark", lambda job: made.append(job.run.id) or original(job))
+    original = module.ScoreJob.row
+    monkeypatch.setattr(module.ScoreJob, "row", lambda job: made.append(job.run.id) or original(job))
     assert marks_of(load_study(study.folder)) == before and made == []
     drive(study, SEEKER)
     marks_of(study)

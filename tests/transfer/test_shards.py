@@ -6,7 +6,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 from shutil import ignore_patterns
-from zipfile import ZipFile
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import pytest
 
@@ -15,17 +15,18 @@ from realitygap.files import to_toml
 from realitygap.robots.address import Address
 from realitygap.study.load import load_study
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.record import archive, load_transfers, merge_trials, trial_content, unpacked
+from realitygap.transfer.record import archive, load_transfers, merge_trials
 from realitygap.transfer.replay import Replays
 from realitygap.transfer.run import WORK, run_transfer
 from realitygap.transfer.scores import jobs_of
 from realitygap.values import Pose
+from realitygap.work.archive import read_file, unpacked
 from realitygap.work.shard import Mark, Shard, all_shards
 
 
 def drive(study: Path, *, shard: Shard | str | None = None, starts: int = 2) -> list[Path]:
     """Both champions by their counters; the folders of the trials."""
-    options = Transfer(robots=("twin:1",), starts=starts, seconds=0.5, watch=False)
+    options = Transfer(robots=("twin:1",), starts=starts, seconds=0.5, path_from="wheels")
     return [one.folder for one in run_transfer(study, options, workers=1, shard=shard)]
 
 
@@ -55,11 +56,11 @@ def test_shards_of_a_transfer_are_the_whole(finished, whole, tmp_path):
     )
     for trial in trials:
         for name in ("simulated.csv", "situated.csv"):
-            assert trial_content(trial, name) == trial_content(parts / trial.relative_to(whole), name)
+            assert read_file(trial, name) == read_file(parts / trial.relative_to(whole), name)
     made[0].folder.mkdir(parents=True)
     (made[0].folder / "situated.csv").write_text("another")  # a kill may leave part of what is archived
     assert len(load_transfers(parts)) == len(merge_trials(all_shards(folders), parts)) == 4
-    text = trial_content(made[0].folder, "transfer.toml")
+    text = read_file(made[0].folder, "transfer.toml")
     (made[0].folder / "transfer.toml").write_bytes(text)
     with pytest.raises(StudyError, match=r": a trial other than .* is there, and is not overwritten"):
         merge_trials(all_shards(folders), parts)
@@ -131,15 +132,21 @@ def test_a_trial_of_two_shards_is_taken_once(finished, tmp_path):
 
 @pytest.mark.parametrize("name", ["../../evil/transfer.toml", "/etc/evil", "start-1/../evil", "x.toml"])
 def test_an_archive_of_others_writes_nowhere_else(tmp_path, name):
-    """A name that leads out of its place is refused, whoever would unpack it."""
-    (tmp_path / "transfer" / "twin-1").mkdir(parents=True)
-    with ZipFile(tmp_path / "transfer" / "twin-1" / "run.zip", "w") as packed:
-        packed.writestr(name, "evil")
-        packed.writestr("start-1/transfer.toml", "")
-    with pytest.raises(StudyError, match=r"run\.zip: .* is not a trial's file"), unpacked(tmp_path):
-        pass
-    with pytest.raises(StudyError, match=r"is not a trial's file"):
-        load_transfers(tmp_path)
+    """A name that leads out of its place is refused, whoever would unpack it; so is what no trial holds."""
+    packed = tmp_path / "transfer" / "twin-1" / "run.zip"
+    packed.parent.mkdir(parents=True)
+    bomb = {"start-1/transfer.toml": bytes(2**24)}
+    for content, says in (
+        ({name: b"evil"}, "is not a trial's file"),
+        (bomb, "is more than a trial can hold"),
+    ):
+        with ZipFile(packed, "w", ZIP_DEFLATED) as made:
+            made.writestr(*content.popitem())
+            made.writestr("start-2/transfer.toml", "")
+        with pytest.raises(StudyError, match=rf"run\.zip: .* {says}"), unpacked(tmp_path):
+            pass
+        with pytest.raises(StudyError, match=says):
+            load_transfers(tmp_path)
 
 
 def test_other_archives_are_left_alone(whole, tmp_path):

@@ -104,7 +104,7 @@ def test_the_eye_reads_the_start_and_films_the_drive(study, robot, camera, video
         return seen is not None
 
     settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera, "found": found}
-    one = transfer(study, [1], eye=str(video), film=True, **settings)[0]
+    one = transfer(study, [1], camera_device=str(video), film=True, **settings)[0]
     assert told[:COVERED] == [None] * COVERED and len(told) == COVERED + 1
     assert math.dist((one.pose.x, one.pose.y), (STANDS.x, STANDS.y)) < 0.05
     assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0)
@@ -130,10 +130,10 @@ def test_an_eye_that_only_watches_keeps_no_film(study, robot, camera, video):
     port, carry = robot
     settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera}
     settings["found"] = lambda one, requested, seen: seen is not None
-    counted = transfer(study, [1], eye=str(video), watch=False, **settings)[0]
+    counted = transfer(study, [1], camera_device=str(video), path_from="wheels", **settings)[0]
     assert counted.situated_from == "counters"
     assert counted.situated.x[0] == pytest.approx(STANDS.x, abs=0.05)
-    one = transfer(study, [1], eye=str(video), **settings)[0]
+    one = transfer(study, [1], camera_device=str(video), **settings)[0]
     assert one.situated_from == "camera" and not one.filmed and one.lost_steps == 0
     assert not (one.folder / "film.mp4").exists() and (one.folder / "track.csv").is_file()
     assert (one.folder.parent / "start-1.earlier-1" / "steps.csv").is_file()  # nothing is thrown away
@@ -151,7 +151,13 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
     video, mine = seen_from_above(tmp_path / "eye.mp4", arena), tmp_path / "mine.toml"
     mine.write_text("centre_radius_cm = 0.45\nfront_radius_cm = 0.7\n")
     port, carry = robot
-    settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera, "eye": str(video)}
+    settings = {
+        "robots": (port,),
+        "seconds": SECONDS,
+        "carry": carry,
+        "camera": camera,
+        "camera_device": str(video),
+    }
     settings["found"] = lambda one, requested, seen: seen is not None
     for film in (False, True):
         one = transfer(study, [1], disk=mine, film=film, **settings)[0]
@@ -170,7 +176,7 @@ def test_a_robot_may_wear_a_tag(study, robot, tag_camera, arena, tmp_path):
     video = seen_from_above(tmp_path / "eye.mp4", arena, plate_of(tag))
     port, carry = robot
     settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": tag_camera}
-    settings |= {"eye": str(video)}
+    settings |= {"camera_device": str(video)}
     settings["found"] = lambda one, requested, seen: seen is not None
     one = transfer(study, [1], marker=str(tag), **settings)[0]
     assert one.pose.heading_deg == pytest.approx(STANDS.heading_deg, abs=1.0) and one.lost_steps == 0
@@ -187,8 +193,10 @@ def test_a_start_that_is_not_seen_may_be_taken_on_a_persons_word(study, robot, c
     port, carry = robot
     settings = {"robots": (port,), "seconds": SECONDS, "carry": carry, "camera": camera}
     with pytest.raises(FilmError, match="not seen where it was carried"):
-        transfer(study, [1], eye=str(video), **settings)
-    one = transfer(study, [1], eye=str(video), watch=False, found=lambda *_: True, **settings)[0]
+        transfer(study, [1], camera_device=str(video), **settings)
+    one = transfer(
+        study, [1], camera_device=str(video), path_from="wheels", found=lambda *_: True, **settings
+    )[0]
     facts = tomllib.loads((one.folder / "transfer.toml").read_text())
     assert facts["wished"] == facts["pose"]
 
@@ -197,20 +205,14 @@ def test_an_eye_that_cannot_be_used_is_refused(study, camera, video, tmp_path):
     """By name: no calibration, no camera, no robot under it, nothing that opens, pictures of another size."""
     port, carry = "serial:/dev/no-such-port", lambda one, pose: None
     settings = {"robots": (port,), "carry": carry}
-    with pytest.raises(UsageError, match="eye: expected camera"):
-        transfer(study, eye=0, **settings)
-    with pytest.raises(UsageError, match="camera: expected eye"):
+    with pytest.raises(UsageError, match=r"camera_device: expected the camera above .* and its calibration"):
+        transfer(study, camera_device=0, **settings)
+    with pytest.raises(UsageError, match="camera: expected the camera above"):
         transfer(study, camera=camera, **settings)
-    with pytest.raises(UsageError, match="a twin has a camera of its own"):
-        transfer(study, camera=camera, eye=0)
-    with pytest.raises(UsageError, match="disk: expected eye too"):
-        transfer(study, disk="mine.toml", **settings)
-    with pytest.raises(UsageError, match="a twin has a disk of its own"):
+    with pytest.raises(UsageError, match="a camera and a disk of its own"):
         transfer(study, disk="mine.toml")
-    with pytest.raises(FilmError, match=r"mine\.toml: no such file"):
-        transfer(study, camera=camera, eye=0, disk="mine.toml", **settings)
     with pytest.raises(FilmError, match="it cannot be opened"):
-        transfer(study, camera=camera, eye=str(tmp_path / "none.mp4"), **settings)
+        transfer(study, camera=camera, camera_device=str(tmp_path / "none.mp4"), **settings)
     with pytest.raises(FilmError, match="it cannot be opened"):
         LiveCamera(tmp_path / "none.mp4")
     with LiveCamera(video) as live:

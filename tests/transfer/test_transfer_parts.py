@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -56,15 +55,6 @@ def test_counters_tell_straight_ways_and_circles():
     table = of_counters(wheels, Pose(x=0, y=0, heading=0), cm_per_pulse=(1 / 120, 1 / 120), axle_cm=5.3)
     assert (table.x[20], table.y[20]) == pytest.approx((0, 20), abs=0.1)
     assert (table.x[-1], table.y[-1]) == pytest.approx((0, 0), abs=0.1)
-
-
-def test_a_calibrated_robots_counters_are_as_long_as_measured():
-    """Pulses per mm come from the profile's calibration, left and right apart; a Khepera's 12 without one."""
-    pulses = np.stack([np.linspace(0, 1188, 11), np.linspace(0, 1200, 11)], 1)
-    measured = replace(PAPER.provenance, pulses_per_mm=(11.88, 12.0)).cm_per_pulse(12.0)
-    table = of_counters(pulses, Pose(x=5, y=5, heading=0.0), cm_per_pulse=measured, axle_cm=5.3)
-    assert (table.end.x, table.end.y) == pytest.approx((15, 5))
-    assert PAPER.provenance.cm_per_pulse(12.0) == (0.1 / 12.0, 0.1 / 12.0)
 
 
 def track_of(t, quality, heading=0.0) -> Track:

@@ -18,7 +18,7 @@ from realitygap.study.load import Study
 from realitygap.study.runner import run_study
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.rig import driven
-from realitygap.transfer.run import TransferContext, run_transfer
+from realitygap.transfer.run import TrialWorker, run_transfer
 from realitygap.transfer.spec import trial_specs
 from realitygap.values import Command, Pose
 from tests.robots.aseba import Node, at_a_node
@@ -60,7 +60,7 @@ def behind_a_node(pose: Pose, room: dict[str, object]) -> Iterator[tuple[Body, E
 @needs_enki
 def test_it_drives_enkis_thymio(study: Study) -> None:
     """From profile to paths: the same start in simulation and on Enki, whose scale is 5 counts longer."""
-    (made,) = run_transfer(study, Transfer(robots=("enki:thymio2:1",), watch=False), workers=1)
+    (made,) = run_transfer(study, Transfer(robots=("enki:thymio2:1",), path_from="wheels"), workers=1)
     assert made.situated_from == "robot" and made.late_steps == 0 and made.missed_steps is None
     assert made.situated.t[-1] == SECONDS and made.lost_steps == 0
     assert (made.situated.x[0], made.situated.y[0]) == pytest.approx((made.pose.x, made.pose.y))
@@ -72,7 +72,10 @@ def test_its_path_is_reckoned_from_the_speeds_that_its_motors_measure(study: Stu
     """Over the line a Thymio tells no pose and counts no turns: by speeds its path ends near Enki's."""
     (one,) = trial_specs(study, Transfer(robots=("thymio:somewhere:33333",)))
     assert one.source == "speeds"
-    pose, task = TransferContext(study).simulation(one.task, one.noise).start(one.stream), study.task(TASK)
+    pose, task = (
+        TrialWorker(study, study.folder, study.folder).simulation(one.task, one.noise).start(one.stream),
+        study.task(TASK),
+    )
     controller = study.controller(TASK, study.genotype(one.run, one.evaluation))
     profile = replace(
         study.profile, wheels=replace(study.profile.wheels, speed_per_unit_cm_s=(0.0332, 0.0332))
@@ -80,7 +83,7 @@ def test_its_path_is_reckoned_from_the_speeds_that_its_motors_measure(study: Stu
     with behind_a_node(pose, task.arena.plain()) as (body, enki):
         made = driven(body, controller, task=task, profile=profile, seconds=SECONDS)
         there = enki.pose
-    path = made.counted(pose, profile)
+    path = made.path(pose, task, profile)
     gone = np.hypot(there.x - pose.x, there.y - pose.y)
     assert gone > 2.0 and np.hypot(path.x[-1] - there.x, path.y[-1] - there.y) < 0.15 * gone
     assert made.recording.missed_steps == 0 and np.isfinite(made.recording.speeds).all()

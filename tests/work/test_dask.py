@@ -20,9 +20,9 @@ from realitygap.errors import ConfigError, StudyError
 from realitygap.study.runner import run_study
 from realitygap.testing import PoolContract
 from realitygap.transfer.options import Transfer
-from realitygap.transfer.record import unpacked
 from realitygap.transfer.run import run_transfer
 from realitygap.work import cluster
+from realitygap.work.archive import unpacked
 from realitygap.work.cluster import Dask, named_pool
 from realitygap.work.pool import Setup
 from tests.study.helpers import content, small

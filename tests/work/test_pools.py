@@ -6,8 +6,8 @@ import pytest
 
 from realitygap.errors import ConfigError
 from realitygap.study.folder import gather, input_files, open_folder
-from realitygap.study.jobs import Job, Workshop
-from realitygap.study.runner import workshop_of
+from realitygap.study.jobs import Job, StudyExecutor
+from realitygap.study.runner import executor_for
 from realitygap.testing import PoolContract
 from realitygap.work.cluster import named_pool
 from realitygap.work.pool import Here, Processes, opened
@@ -31,11 +31,11 @@ class TestProcesses(PoolContract):
 
 
 def test_a_worker_needs_nothing_but_messages(tmp_path):
-    """Where a study's folder is not to be seen, its files' content makes the same workshop."""
+    """Where a study's folder is not to be seen, its files' content makes the same executor."""
     folder = tmp_path / "study"
     folder.mkdir()
-    own = Workshop(open_folder(folder, gather(small()), resume=False))
-    far = workshop_of((str(tmp_path / "elsewhere"), input_files(folder)))
+    own = StudyExecutor(open_folder(folder, gather(small()), resume=False))
+    far = executor_for((str(tmp_path / "elsewhere"), input_files(folder)))
     near, away = ([], [])
     own.carry_out(Job(1, None), near.append)
     far.carry_out(Job(1, None), away.append)

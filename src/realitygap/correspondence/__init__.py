@@ -1,4 +1,4 @@
-"""How similar simulated and situated behaviour are, and the names of behaviours (tables 1 and 2)."""
+"""How alike behaviour in simulation and on a robot is, and the names of behaviours (tables 1 and 2)."""
 
 from realitygap.lazy import names_of
 

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from realitygap.correspondence.setting import Around, around, fits
 from realitygap.correspondence.trials import STEP_S, Trial, resampled
 from realitygap.errors import TrackError
-from realitygap.files import must_be
 from realitygap.kernels.types import Path
 from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
@@ -147,7 +146,6 @@ def describe(
     Raises:
         TrackError: trials shorter than two seconds, or outside the task's arena.
     """
-    must_be(path, Path, "path", "Simulation.tracks makes one.")
     made = np.array((path.x, path.y, path.heading), np.float64)
     (x, y), steps = made[:2], made.shape[-1]
     task, profile, seen = load_task(task), load_profile(profile), np.isfinite(x) & np.isfinite(y)

@@ -14,22 +14,13 @@ from realitygap.errors import TrackError
 from realitygap.files import read_table
 from realitygap.values import Floats
 
-__all__ = ["Agreement", "Correlation", "Pair", "agreement", "blind_pairs", "correlation", "read_marks"]
+__all__ = ["Agreement", "Pair", "agreement", "blind_pairs", "read_marks"]
 
 Row = dict[str, Any]
 MARKS = ("pair", "judge", "mark")
 FRAMES_HZ = 10
 MARGIN_CM = 4.0
 """Around the tracks, where no arena is known."""
-
-
-class Correlation(NamedTuple):
-    """Correlation of two figures over `pairs`: Pearson's r, Spearman's rho, and r's interval (95 %)."""
-
-    r: float
-    rho: float
-    interval: tuple[float, float]
-    pairs: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,44 +39,25 @@ class Pair:
     score: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Agreement:
+class Agreement(NamedTuple):
     """Agreement of ratings and score, over pairs.
 
     Attributes:
         judges: number of judges.
         pairs: number of rated pairs.
-        correlation: of the mean rating with the score.
+        r, rho: Pearson's and Spearman's correlation of mean rating and score; NaN if one is constant.
+        interval: of r, 95 %, by bootstrap over the pairs.
         difference: mean rating minus score.
         between_judges: mean Pearson r of a judge with the mean of the others; None for one judge.
     """
 
     judges: int
     pairs: int
-    correlation: Correlation
+    r: float
+    rho: float
+    interval: tuple[float, float]
     difference: float
     between_judges: float | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON."""
-        found = self.correlation
-        return {
-            "judges": self.judges, "pairs": self.pairs, "r": found.r, "rho": found.rho,
-            "interval": found.interval, "difference": self.difference, "between_judges": self.between_judges,
-        }  # fmt: skip
-
-
-def correlation(first: Sequence[float] | Floats, second: Sequence[float] | Floats) -> Correlation:
-    """Of two lists of numbers, with a bootstrap over their pairs; NaN where one of them is constant."""
-    from scipy.stats import rankdata
-
-    x, y = np.asarray(first, np.float64), np.asarray(second, np.float64)
-    rows = np.random.default_rng(0).integers(0, len(x), (2000, len(x)))
-    with np.errstate(invalid="ignore"):
-        made = [float(np.corrcoef(x[row], y[row])[0, 1]) for row in rows]
-        r, rho = (float(np.corrcoef(*two)[0, 1]) for two in ((x, y), (rankdata(x), rankdata(y))))
-    low, high = np.nanquantile(made, [0.025, 0.975]) if np.isfinite(made).any() else (np.nan, np.nan)
-    return Correlation(r, rho, (float(low), float(high)), len(x))
 
 
 def blind_pairs(
@@ -111,14 +83,14 @@ def blind_pairs(
     return {"size_cm": size, "rate": FRAMES_HZ, "pairs": shown}, key
 
 
-def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
-    """Ratings by pair and judge, from a CSV file with columns pair, judge, mark, or a folder of them.
+def read_marks(*paths: str | Path) -> dict[int, dict[str, float]]:
+    """Ratings by pair and judge, from CSV files with columns pair, judge, mark, or folders of them.
 
     Raises:
         TrackError: names file and line.
     """
-    place = Path(path)
-    files = sorted(place.glob("*.csv")) if place.is_dir() else [place]
+    places = [Path(path) for path in paths]
+    files = [one for place in places for one in (sorted(place.glob("*.csv")) if place.is_dir() else [place])]
     marks: dict[int, dict[str, float]] = defaultdict(dict)
     for file in files:
         table = read_table(file, TrackError, needs=MARKS)
@@ -128,10 +100,11 @@ def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
         for pair, judge, mark in zip(pairs.tolist(), table.texts("judge"), given.tolist(), strict=True):
             if (earlier := marks[pair].setdefault(judge or "judge", mark)) != mark:
                 raise TrackError(
-                    f"{file}: pair {pair}: judge {judge!r} gives it {earlier:g} and {mark:g}. Leave one out."
+                    f"{file}: pair {pair}: judge {judge!r} gives it {earlier:g} and {mark:g}. Leave one out; "
+                    "two judges need two names."
                 )
     if not marks:
-        raise TrackError(f"{path}: expected ratings, columns {', '.join(MARKS)}; got none.")
+        raise TrackError(f"{places[0]}: expected ratings, columns {', '.join(MARKS)}; got none.")
     return dict(marks)
 
 
@@ -141,6 +114,8 @@ def agreement(marks: dict[int, dict[str, float]], scores: dict[int, float]) -> A
     Raises:
         TrackError: a rating of a pair that is not in the key, or fewer than three pairs.
     """
+    from scipy.stats import rankdata
+
     strange = sorted(set(marks) - set(scores))
     if strange:
         raise TrackError(f"ratings: pair {strange[0]} is not in the key. Give the key of their page.")
@@ -150,13 +125,15 @@ def agreement(marks: dict[int, dict[str, float]], scores: dict[int, float]) -> A
     means = np.array([np.mean(list(marks[n].values())) for n in numbers])
     computed = np.array([scores[n] for n in numbers])
     judges = sorted({judge for of in marks.values() for judge in of})
+    rows = np.random.default_rng(0).integers(0, len(means), (2000, len(means)))
+    with np.errstate(invalid="ignore"):
+        made = [float(np.corrcoef(computed[row], means[row])[0, 1]) for row in rows]
+        r, rho = (float(np.corrcoef(*map(of, (computed, means)))[0, 1]) for of in (np.asarray, rankdata))
+    low, high = np.nanquantile(made, [0.025, 0.975]) if np.isfinite(made).any() else (np.nan, np.nan)
     return Agreement(
-        judges=len(judges),
-        pairs=len(numbers),
-        correlation=correlation(computed, means),
-        difference=float((means - computed).mean()),
-        between_judges=_between(marks, judges),
-    )
+        len(judges), len(numbers), r, rho, (float(low), float(high)), float((means - computed).mean()),
+        _between(marks, judges),
+    )  # fmt: skip
 
 
 def _between(marks: dict[int, dict[str, float]], judges: Sequence[str]) -> float | None:

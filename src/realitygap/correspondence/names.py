@@ -31,9 +31,8 @@ from realitygap.correspondence.descriptors import (
     mirrored,
 )
 from realitygap.correspondence.setting import Setting, around
-from realitygap.correspondence.trials import RADIUS_CM, STEP_S, Trial, require_trials
+from realitygap.correspondence.trials import RADIUS_CM, STEP_S, Trial
 from realitygap.errors import TrackError
-from realitygap.files import must_be
 from realitygap.tasks.load import load_task
 from realitygap.values import Floats
 from realitygap.world.arena import Arena
@@ -115,11 +114,8 @@ class Namer:
         """A name for each trial.
 
         Raises:
-            UsageError: something else than trials.
             TrackError: a setting of another task.
         """
-        require_trials(trials)
-        must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
         rows = rows_of(trials, setting.arena, large=self._large)
         if rows.shape[1] != len(self._signs):
             raise TrackError(
@@ -206,10 +202,6 @@ def namer(setting: Setting, radius_cm: float = RADIUS_CM) -> Namer:
     Raises:
         TrackError: an unknown setting: names need walls and lamps.
     """
-    must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
-    must_be(radius_cm, float | int, "radius_cm", "Give the body's, as profile.body.radius_cm has it.")
-    if not 0 < radius_cm < np.inf:
-        raise TrackError(f"radius_cm: expected a positive number, got {radius_cm!r}.")
     task = setting.exemplars
     if task is None:
         raise TrackError(
@@ -219,9 +211,7 @@ def namer(setting: Setting, radius_cm: float = RADIUS_CM) -> Namer:
     place = files("realitygap.correspondence.exemplars").joinpath("exemplars.npz")
     with place.open("rb") as file, np.load(file) as kept:
         large = radius_cm > LARGE_CM and f"{task}{LARGE} rows" in kept
-        of, arena = f"{task}{LARGE}" if large else task, load_task(task).arena
-        if kept[f"{of} descriptors"].tolist() != [d.name for d in descriptors_of(arena, large)]:
-            raise RuntimeError("exemplars.npz is older than the descriptors. Install realitygap again.")
+        of = f"{task}{LARGE}" if large else task
         fitted = {what: float(kept[f"{of} {what}"]) for what in ("reach", "temperature")}
         return Namer(task, kept[f"{of} rows"], kept[f"{of} names"], large=large, **fitted)
 

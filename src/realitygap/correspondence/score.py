@@ -1,194 +1,33 @@
-"""How alike two sets of trials are, 0 to 10, with words for how they differ; and how good a behaviour is.
+"""The scores of tables 1 and 2, 0 to 10: how alike two sets of trials are, and how good a behaviour is.
 
-Two distances between the sets are measured: of behaviour, and of layout (where the robot was). A scale turns
-them into scores: its floor is the distance of the same robot from itself, its ceiling that of another
-behaviour. Distances are precomputed for all pairs of trials, so that a bootstrap only changes weights. Both
-are unbiased: two sets of one robot's trials have distance 0 on average, with any number of trials. Two trials
-of one start are never compared, within a set or across: a common start would make any two robots similar.
-
-Sources: Székely and Rizzo, "Energy statistics" (J. Stat. Plan. Inference 143, 2013); Lin, "Divergence
-measures based on the Shannon entropy" (IEEE Trans. Inf. Theory 37, 1991).
+A scale turns the distances of two sets, of behaviour and of layout, into scores: its floor is the distance of
+the same robot from itself, its ceiling that of another behaviour.
 """
 
 import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.correspondence.descriptors import chosen, describe_all, in_units
+from realitygap.correspondence.descriptors import describe_all
+from realitygap.correspondence.distances import Distances, matched_starts
 from realitygap.correspondence.setting import Setting
-from realitygap.correspondence.statistics import parting_s, resampled_weights, transferability, two_sample_p
-from realitygap.correspondence.trials import SHORTEST_S, STEP_S, Trial, require_trials
+from realitygap.correspondence.trials import RADIUS_CM, SHORTEST_S, STEP_S, Trial
 from realitygap.errors import TrackError, UsageError
-from realitygap.files import must_be
 from realitygap.tasks.task import Task
 from realitygap.values import Floats
-from realitygap.world.arena import Arena
 from realitygap.world.robot import Profile
 
 __all__ = [
-    "ANOTHER", "CALM", "EDGE", "PARTS", "Comparison", "Distances", "Scale", "behaviour_score", "comparable",
-    "compare", "differences", "ends_of", "exemplar_scale", "matched_starts", "noisiness",
-    "signed",
+    "ANOTHER", "CALM", "EDGE", "PARTS", "Comparison", "Scale", "behaviour_score", "compare", "differences",
+    "ends_of", "exemplar_scale", "noisiness", "parting_s", "transferability",
 ]  # fmt: skip
-
-
-# Distances
-
-BLUR_CM = 4.0
-"""Standard deviation of the blur of an occupancy map: a little more than a body's radius."""
-ANYWHERE_PER_CM2 = 1e-6
-"""Occupancy added everywhere: limits the weight of places that no robot visits."""
-EVERY = 5
-"""Every fifth row, two a second, represents a trial in its map."""
-ROUNDING = 1e-12
-"""A squared distance below this is 0: a set compared with itself gives only rounding errors."""
-SAME_CM, SAME_RAD = 1.5, np.radians(15)
-"""Two robots set down by hand within these have the same start."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Distances:
-    """Precomputed distances of two sets of trials, `a` and `b`, for any weights.
-
-    Attributes:
-        a, b: the trials, two at least in each.
-        arena: where they were; None: only the tracks' own motion is compared.
-        matched: whether starts of one name are the same start in both sets.
-        jitter: whether the descriptor "jitter" is included.
-    """
-
-    a: Sequence[Trial]
-    b: Sequence[Trial]
-    arena: Arena | None = None
-    matched: bool = False
-    jitter: bool = True
-
-    @cached_property
-    def described(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
-        """Descriptors by name of a's and of b's trials, in their own units."""
-        return describe_all(self.a, self.arena), describe_all(self.b, self.arena)
-
-    @cached_property
-    def rows(self) -> Floats:
-        """Descriptors of both sets' trials, [n, d]: a's, then b's."""
-        kept = [d for d in chosen(self.arena) if self.jitter or d.name != "jitter"]
-        return np.vstack([in_units(one, kept) for one in self.described])
-
-    @cached_property
-    def starts(self) -> NDArray[np.int64]:
-        """[n] number of each trial's start."""
-        names = [("" if self.matched else "a", t.start) for t in self.a]
-        names += [("" if self.matched else "b", t.start) for t in self.b]
-        number = {name: i for i, name in enumerate(dict.fromkeys(names))}
-        return np.array([number[name] for name in names])
-
-    @cached_property
-    def counts(self) -> NDArray[np.bool_]:
-        """[n, n] which pairs of trials are compared: those of different starts."""
-        starts, n = self.starts, len(self.a)
-        few = len(set(starts[:n])) < 2 or len(set(starts[n:])) < 2
-        names = np.arange(len(starts)) if few else starts
-        return np.asarray(names[:, None] != names[None, :])
-
-    @cached_property
-    def sides(self) -> tuple[Floats, Floats]:
-        """Weights [n] that count each trial of `a`, or each of `b`, once."""
-        ours = (np.arange(len(self.a) + len(self.b)) < len(self.a)).astype(np.float64)
-        return ours, 1.0 - ours
-
-    def behaviour(self, wa: Floats | None = None, wb: Floats | None = None) -> Floats:
-        """√ of the energy distance of the descriptors, in just-noticeable amounts; 0 or more."""
-        return _root(self.energy(wa, wb))
-
-    def energy(self, wa: Floats | None = None, wb: Floats | None = None) -> Floats:
-        """The energy distance of the descriptors: `2 E|X − Y| − E|X − X'| − E|Y − Y'|`; may be below 0.
-
-        Weights [..., n] of the trials on either side, by default a and b; a distance [...] for each row.
-        """
-        wa, wb = self._weights(wa, wb)
-        counts, far = self.counts, self._between * self.counts
-
-        def mean(one: Floats, other: Floats) -> Floats:
-            total = np.vecdot(one @ counts, other)
-            # row by row: a product of two matrices has other last bits than that of one row
-            summed = np.vecdot((one[..., np.newaxis, :] @ far)[..., 0, :], other)
-            return np.asarray(summed / np.where(total > 0, total, np.nan))
-
-        return 2 * mean(wa, wb) - mean(wa, wa) - mean(wb, wb)
-
-    def layout(self, wa: Floats | None = None, wb: Floats | None = None) -> Floats:
-        """Jensen-Shannon distance (√, base 2) of the occupancy maps; 0 to 1. Weights as of `energy`."""
-        wa, wb = self._weights(wa, wb)
-        density = []
-        for weights in (wa, wb):
-            # which trials form the map that another is compared with
-            makers = weights[..., np.newaxis] * self.counts
-            made = np.einsum("...ij,ijp->...jp", makers, self._occupancy)
-            mass = np.maximum(makers.sum(axis=-2), 1e-12)
-            density.append(made / mass[..., np.newaxis] + ANYWHERE_PER_CM2)
-        both = density[0] + density[1]
-        gain = [np.log2(2 * own / both).mean(axis=-1) for own in density]
-        gained = np.vecdot(wa, gain[0]) / wa.sum(axis=-1) + np.vecdot(wb, gain[1]) / wb.sum(axis=-1)
-        return np.minimum(1.0, _root(gained / 2))
-
-    def _weights(self, wa: Floats | None, wb: Floats | None) -> tuple[Floats, Floats]:
-        return self.sides[0] if wa is None else wa, self.sides[1] if wb is None else wb
-
-    @cached_property
-    def _between(self) -> Floats:
-        rows = self.rows
-        return np.asarray(np.sqrt(((rows[:, None] - rows[None, :]) ** 2).sum(axis=2)))
-
-    @cached_property
-    def _occupancy(self) -> Floats:
-        """[i, j, p]: occupancy of trial i at the p-th place of trial j, a share per cm²."""
-        trials = [*self.a, *self.b]
-        count = min(len(t) for t in trials) // EVERY
-        places = np.array([np.column_stack([t.x, t.y])[: count * EVERY : EVERY] for t in trials])
-        places /= np.sqrt(2) * BLUR_CM
-        n = len(trials)
-        made = np.empty((n, n, count))
-        for i, own in enumerate(places):  # one table of distances serves both directions
-            later = places[i:].reshape(-1, 2)
-            near = np.subtract.outer(own[:, 0], later[:, 0]) ** 2
-            near += np.subtract.outer(own[:, 1], later[:, 1]) ** 2
-            np.negative(near, out=near)
-            np.exp(near, out=near)
-            near = near.reshape(count, n - i, count)
-            made[i, i:] = near.mean(axis=0)
-            made[i:, i] = near.mean(axis=2).T
-        return made / (2 * np.pi * BLUR_CM**2)
-
-
-def matched_starts(a: Sequence[Trial], b: Sequence[Trial]) -> frozenset[str]:
-    """The starts that are pairs: in both sets, of one name and one pose.
-
-    All common starts are, or none: none if a name has two poses, or fewer than half have a partner.
-    """
-    first = {t.start: t for t in a}
-    others = {t.start for t in b}
-    common = frozenset(first) & others
-    near = all(_near(first[t.start], t) for t in [*a, *b] if t.start in common)
-    return common if near and 2 * len(common) >= len(others | set(first)) else frozenset()
-
-
-def _near(one: Trial, other: Trial) -> bool:
-    away = np.hypot(one.x[0] - other.x[0], one.y[0] - other.y[0])
-    turned = (one.heading[0] - other.heading[0] + np.pi) % (2 * np.pi) - np.pi
-    return bool(away < SAME_CM and abs(turned) < SAME_RAD)
-
-
-def _root(square: Floats) -> Floats:
-    """√, with rounding errors as 0; NaN stays NaN, where there was nothing to compare."""
-    return np.sqrt(np.where(square <= ROUNDING, 0.0, square))
-
 
 # The scale
 
@@ -338,7 +177,7 @@ def _parted(distances: Distances, side: Floats, draw: np.random.Generator) -> tu
 
 # Words for differences (tables 1 and 2)
 
-Told = dict[str, Floats]
+Described = dict[str, Floats]
 """Descriptors of a set's trials, by name (`describe_all`)."""
 
 QUIET_DEG_S = 2.0
@@ -368,7 +207,7 @@ def noisiness(a: Sequence[Trial], b: Sequence[Trial]) -> float:
     return signed(describe_all(a, None), describe_all(b, None))[0]
 
 
-def signed(a: Told, b: Told) -> tuple[float, float | None, float]:
+def signed(a: Described, b: Described) -> tuple[float, float | None, float]:
     """Noisiness, responsiveness and looping of b relative to a, from both sets' descriptors.
 
     Responsiveness is the log2 ratio of how early b responds: the distance at which it turns from a surface
@@ -417,7 +256,7 @@ def _word(
     return abs(value) / steps[0], phrases[1 if value > 0 else -1][size]
 
 
-def _ratio(a: Told, b: Told, name: str, unseen: float) -> float:
+def _ratio(a: Described, b: Described, name: str, unseen: float) -> float:
     ours, theirs = float(a[name].mean()), float(b[name].mean())
     return math.log2((max(theirs, 0.0) + unseen) / (max(ours, 0.0) + unseen))
 
@@ -480,7 +319,7 @@ def compare(
     a: Sequence[Trial], b: Sequence[Trial], setting: Setting, *, ceiling: Sequence[Trial] | None = None,
     scale: Scale | None = None, resamples: int = RESAMPLES,
 ) -> Comparison:  # fmt: skip
-    """Compare b (situated) with a (simulated).
+    """Compare b (on a robot) with a (simulated).
 
     Args:
         a, b: trials, at least one of each.
@@ -492,32 +331,34 @@ def compare(
     Raises:
         TrackError: no trials, or too short ones.
     """
-    must_be(setting, Setting, "setting", "setting_of(trials) makes one.")
-    if scale is not None:
-        must_be(scale, Scale, "scale", "The `scale` of another comparison is one.")
-    for trials in (a, b, ceiling or []):
-        require_trials(trials)
     given = [a, b, *([ceiling] if ceiling else [])]
     cut, notes = comparable(given)
     pairs, lone = matched_starts(cut[0], cut[1]), min(map(len, given)) < 2
     ours, theirs = (_partners(trials, pairs, notes) for trials in cut[:2])
-    swapped = _order(theirs) < _order(ours)  # no figure depends on the order of the two
-    first, second = (theirs, ours) if swapped else (ours, theirs)
+    swapped = [t.x.tolist() for t in theirs] < [t.x.tolist() for t in ours]
+    first, second = (theirs, ours) if swapped else (ours, theirs)  # no figure depends on their order
     between = Distances(a=first, b=second, arena=setting.arena, matched=bool(pairs), jitter=setting.jitter)
     ends = scale or scale_of(
         between, task=setting.exemplars, ceiling=cut[2] if ceiling else None, whole=not lone
     )
     far = {name: float(getattr(between, name)()) for name in PARTS}
     score, behaviour = ends.score(far), ends.part("behaviour", far["behaviour"])
-    notes += [] if lone else _few(_starts(ours, theirs))
+    starts = min(len({t.start for t in trials}) for trials in (ours, theirs))
+    if starts < LEAST_STARTS and not lone:
+        notes.append(
+            f"{starts} start{'s' * (starts > 1)} only, so there is no interval, and the score says little: "
+            f"trials that differ may score near 10. Give {LEAST_STARTS} starts or more"
+        )
     noisy, response, loops = signed(*(between.described[::-1] if swapped else between.described))
+    parting = float(np.median(parting_s(ours, theirs))) if pairs else math.inf
     return Comparison(
-        behaviour=behaviour, layout=ends.part("layout", far["layout"]), score=score, matched=between.matched,
-        interval=_interval(between, ends, 0 if lone else resamples), noisiness=noisy, looping=loops,
-        differences=differences(score, behaviour, noisy, response, loops), responsiveness=response,
-        transferability=transferability(ours, theirs) if between.matched else None,
-        parting_s=_median(parting_s(ours, theirs) if between.matched else []), trials=(len(a), len(b)),
-        p=two_sample_p(between), distances=far, scale=ends, setting=setting.name, notes=tuple(notes),
+        behaviour=behaviour, layout=ends.part("layout", far["layout"]), score=score, matched=bool(pairs),
+        interval=None if lone or starts < LEAST_STARTS else _interval(between, ends, resamples),
+        differences=differences(score, behaviour, noisy, response, loops), noisiness=noisy,
+        responsiveness=response, looping=loops,
+        transferability=transferability(ours, theirs) if pairs else None,
+        parting_s=round(parting, 2) if math.isfinite(parting) else None, trials=(len(a), len(b)),
+        p=between.two_sample_p(), distances=far, scale=ends, setting=setting.name, notes=tuple(notes),
     )  # fmt: skip
 
 
@@ -568,31 +409,10 @@ def _partners(trials: list[Trial], pairs: frozenset[str], notes: list[str]) -> l
     return [t for t in trials if t.start in pairs]
 
 
-def _starts(a: Sequence[Trial], b: Sequence[Trial]) -> int:
-    """How many different starts the set with fewer has."""
-    return min(len({t.start for t in trials}) for trials in (a, b))
-
-
-def _few(starts: int) -> list[str]:
-    """A note on starts that are too few for an interval."""
-    if starts >= LEAST_STARTS:
-        return []
-    return [
-        f"{starts} start{'s' * (starts > 1)} only, so there is no interval, and the score says little: "
-        f"trials that differ may score near 10. Give {LEAST_STARTS} starts or more"
-    ]
-
-
-def _order(trials: Sequence[Trial]) -> list[list[float]]:
-    return [t.x.tolist() for t in trials]
-
-
 def _interval(between: Distances, scale: Scale, resamples: int) -> tuple[float, float] | None:
-    draw, scores = np.random.default_rng(0), []
-    if _starts(between.a, between.b) < LEAST_STARTS:
-        return None
+    draw, scores = np.random.default_rng(0), list[float]()
     for first in range(0, resamples, TOGETHER):
-        weights = resampled_weights(between, draw, min(TOGETHER, resamples - first))
+        weights = between.resampled(draw, min(TOGETHER, resamples - first))
         far = np.column_stack([getattr(between, name)(*weights) for name in PARTS])
         compared = far[np.isfinite(far).all(axis=1)].tolist()
         scores += [scale.score(dict(zip(PARTS, row, strict=True))) for row in compared]
@@ -602,11 +422,34 @@ def _interval(between: Distances, scale: Scale, resamples: int) -> tuple[float, 
     return float(low), float(high)
 
 
-def _median(times: Sequence[float | None]) -> float | None:
-    if not times:
-        return None
-    middle = float(np.median([np.inf if t is None else t for t in times]))
-    return round(middle, 2) if np.isfinite(middle) else None
+def parting_s(a: Sequence[Trial], b: Sequence[Trial]) -> list[float]:
+    """The time at which each pair of trials of one start was a body's radius apart, s; ∞: never while both
+    lasted."""
+    found = []
+    for one, other in _pairs(a, b):
+        n = min(len(one), len(other))
+        apart = np.hypot(one.x[:n] - other.x[:n], one.y[:n] - other.y[:n]) > RADIUS_CM
+        found.append(float(apart.argmax()) * STEP_S if apart.any() else math.inf)
+    return found
+
+
+def transferability(a: Sequence[Trial], b: Sequence[Trial]) -> float:
+    """Minus the disparity of paired trajectories: 0 is perfect (Koos, Mouret and Doncieux 2013).
+
+    The disparity is the mean squared distance between robots with a common start, over the mean squared
+    distance of both from it. −1: as far from each other as from the start.
+    """
+    apart, gone = 0.0, 0.0
+    for one, other in _pairs(a, b):
+        n = min(len(one), len(other))
+        apart += float(((one.x[:n] - other.x[:n]) ** 2 + (one.y[:n] - other.y[:n]) ** 2).mean())
+        for t in (one, other):
+            gone += float(((t.x[:n] - t.x[0]) ** 2 + (t.y[:n] - t.y[0]) ** 2).mean()) / 2
+    return -apart / max(gone, 1e-9)
+
+
+def _pairs(a: Sequence[Trial], b: Sequence[Trial]) -> list[tuple[Trial, Trial]]:
+    return [(one, other) for one in a for other in b if one.start == other.start]
 
 
 def behaviour_score(scores: Sequence[float] | NDArray[np.float64], ends: tuple[float, float]) -> float:
@@ -622,11 +465,8 @@ def behaviour_score(scores: Sequence[float] | NDArray[np.float64], ends: tuple[f
         scores: of many trials, at the noise level that the controller evolved under.
         ends: the score of doing nothing, and of the ideal (`ends_of`).
     """
-    values = np.asarray(scores, np.float64).ravel()
     low, high = ends
-    if len(values) == 0 or not np.isfinite(values).all() or not low < high:
-        raise UsageError("behaviour score: expected finite trial scores, and a second end above the first.")
-    return 10 * float(np.clip((values - low) / (high - low), 0, 1).mean())
+    return 10 * float(np.clip((np.asarray(scores, np.float64) - low) / (high - low), 0, 1).mean())
 
 
 def ends_of(task: Task, profile: Profile) -> tuple[float, float]:

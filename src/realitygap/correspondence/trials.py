@@ -16,14 +16,15 @@ from typing import Any, Self
 import numpy as np
 
 from realitygap.errors import ConfigError, TrackError
-from realitygap.files import as_path, must_be, read_toml
+from realitygap.files import as_path, read_toml
 from realitygap.track import COLUMNS, Track, Trajectory, read_tracks
 from realitygap.values import Floats
+from realitygap.work.archive import SIMULATED, SITUATED, TRIAL, unpacked
 from realitygap.world.robot import load_profile
 
 __all__ = [
-    "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "TRANSFER", "Trial", "doubt_of_disk", "doubts_of",
-    "read_transfer", "read_trials", "require_trials", "resampled", "trial_of",
+    "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "Trial", "doubt_of_disk", "doubts_of", "read_transfer",
+    "read_trials", "resampled", "trial_of",
 ]  # fmt: skip
 
 RADIUS_CM = 2.9
@@ -59,8 +60,7 @@ class Trial:
         doubt: a warning; "" for none.
 
     Raises:
-        TrackError: arrays that are not finite, or a heading that is not in radians or not unwrapped; a radius
-            that is not positive.
+        TrackError: arrays that are not finite, or a heading that is not in radians or not unwrapped.
     """
 
     x: Floats
@@ -75,19 +75,13 @@ class Trial:
     doubt: str = ""
 
     def __post_init__(self) -> None:
-        where = f"{self.source}, start {self.start}: expected"
-        rows = np.array((self.x, self.y, self.heading), np.float64)
-        if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
+        turn = float(np.abs(np.diff(self.heading)).max(initial=0.0))
+        if not (turn <= LARGEST_TURN and np.isfinite((self.x, self.y)).all()):
             raise TrackError(
-                f"{where} x, y and heading as finite arrays [n]. resampled(track) bridges losses."
+                f"{self.source}, start {self.start}: expected finite x and y, and a heading in rad that "
+                f"turns by at most π from row to row, got {turn:.3g}. Unwrap it: "
+                "np.unwrap(np.radians(degrees)), or np.unwrap(radians)."
             )
-        if (turn := float(np.abs(np.diff(rows[2])).max(initial=0.0))) > LARGEST_TURN:
-            raise TrackError(
-                f"{where} a heading in rad that turns by at most π from row to row, got {turn:.3g}. "
-                "Unwrap it: np.unwrap(np.radians(degrees)), or np.unwrap(radians)."
-            )
-        if not 0 < self.radius_cm < math.inf:
-            raise TrackError(f"{where} a positive radius_cm, got {self.radius_cm!r}.")
 
     def __len__(self) -> int:
         return len(self.x)
@@ -145,8 +139,6 @@ def resampled(
     source = source or track.seen_by or "track"
     where = f"{source}, start {start}"
     rows = np.array([track.t, track.x, track.y, track.heading])
-    if not np.isfinite(rows[0]).all() or np.isinf(rows).any():
-        raise TrackError(f"{where}: expected finite numbers (empty or NaN where the robot was lost).")
     if (np.abs(rows[1:3]) > FARTHEST_CM).any():
         raise TrackError(f"{where}: expected x_cm and y_cm in cm, got {np.nanmax(np.abs(rows[1:3])):.3g}.")
     if (np.diff(rows[0]) <= 0).any():
@@ -157,19 +149,6 @@ def resampled(
         )
     rows = rows[:, np.isfinite(rows).all(axis=0)]
     t = rows[0]
-    _require_seen(t, where)
-    grid = t[0] + np.arange(math.floor((t[-1] - t[0]) * RATE_HZ + 1e-6) + 1) * STEP_S
-    usual = float(np.median(np.diff(t)))
-    gaps = np.diff(t)[np.diff(t) > 1.5 * usual]
-    x, y, heading = (np.interp(grid, t, values) for values in (rows[1], rows[2], np.unwrap(rows[3])))
-    return Trial(
-        x=x, y=y, heading=np.unwrap(heading), start=start, unit=unit, radius_cm=radius_cm, source=source,
-        bridged_s=float((gaps - usual).sum()), rate_hz=min(RATE_HZ, 1 / usual),
-    )  # fmt: skip
-
-
-def _require_seen(t: Floats, where: str) -> None:
-    """Refuse tracks with too few rows."""
     seconds = float(t[-1] - t[0]) if len(t) > 1 else 0.0
     if seconds < SHORTEST_S - 1e-6:
         raise TrackError(
@@ -188,30 +167,22 @@ def _require_seen(t: Floats, where: str) -> None:
             f"{where}: the robot is lost from {t[worst]:.2f} to {t[worst + 1]:.2f} s; at most "
             f"{LONGEST_GAP_S:g} s can be bridged. Leave this start out, or cut it there."
         )
-    lost = float(steps[steps > 1.5 * usual].sum())
-    if lost > seconds / 4:
+    gaps = steps[steps > 1.5 * usual]
+    if (lost := float(gaps.sum())) > seconds / 4:
         raise TrackError(
             f"{where}: the robot is lost for {lost:.1f} of {seconds:.1f} s; expected at most a quarter. "
             "Leave this start out."
         )
-
-
-def require_trials(trials: object) -> None:
-    """Refuse anything but a list of trials.
-
-    Raises:
-        UsageError: names what came.
-    """
-    must_be(trials, Sequence, "trials", "read_trials(path) reads them.")
-    for one in trials:  # type: ignore[attr-defined]
-        must_be(one, Trial, "trial", "read_trials(path) reads them.")
+    grid = t[0] + np.arange(math.floor(seconds * RATE_HZ + 1e-6) + 1) * STEP_S
+    x, y, heading = (np.interp(grid, t, values) for values in (rows[1], rows[2], np.unwrap(rows[3])))
+    return Trial(
+        x=x, y=y, heading=np.unwrap(heading), start=start, unit=unit, radius_cm=radius_cm, source=source,
+        bridged_s=float((gaps - usual).sum()), rate_hz=min(RATE_HZ, 1 / usual),
+    )  # fmt: skip
 
 
 # From files
 
-SIMULATED, SITUATED = "simulated.csv", "situated.csv"
-TRANSFER = "transfer.toml"
-"""A folder with this file is a trial of `realitygap transfer`, in which several files have tracks."""
 MOVES_CM, ENOUGH_CM = 0.5, 20.0
 """Movement over two steps that shows a direction, and the sum of it that is needed."""
 CONTRADICTS, EXPLAINS, BETTER = 0.3, 0.9, 0.1
@@ -234,18 +205,23 @@ def read_trials(path: str | Path) -> list[Trial]:
     have start (separates several trials), unit (which robot) and quality (0: lost), as `realitygap
     camera track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every
     such file is read and its name is the start; subfolders are units. From a trial of `realitygap transfer`
-    the situated track is read, and its folder's name is the start; an archive of trials is unzipped first.
+    the situated track is read, and its folder's name is the start; archived trials are read like others.
 
     Raises:
         TrackError: names the file, the line and the column.
     """
-    place = as_path(path, "tracks")
+    with unpacked(as_path(path, "tracks")) as place:
+        return _read(place, path)
+
+
+def _read(place: Path, path: str | Path) -> list[Trial]:
+    """The same, of a place without archives; `path` is for messages."""
     if not place.exists():
         raise TrackError(f"{path}: no such file or folder. Give a CSV file of tracks, or a folder of them.")
     if not place.is_dir():
         return _read_file(place, start="1", unit="")
     found = sorted(p for p in place.rglob("*") if p.suffix.lower() in (".csv", ".json") and _is_track(p))
-    found = [p for p in found if p.name == SITUATED or not (p.parent / TRANSFER).exists()]
+    found = [p for p in found if p.name == SITUATED or not (p.parent / TRIAL).exists()]
     if not found:
         raise TrackError(
             f"{path}: expected CSV files with columns {', '.join(COLUMNS)} in this folder, got none."
@@ -263,17 +239,18 @@ def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
     Raises:
         TrackError: no such folder, or several controllers in it; names the file, the line and the column.
     """
-    place = Path(path)
-    folders = sorted(file.parent for file in place.rglob(TRANSFER)) if place.is_dir() else []
-    if not folders:
-        raise TrackError(
-            f"{path}: expected a folder of trials that `realitygap transfer` made, since there is no second "
-            "set of tracks. Give one."
+    with unpacked(as_path(path, "tracks")) as place:
+        folders = sorted(file.parent for file in place.rglob(TRIAL)) if place.is_dir() else []
+        if not folders:
+            raise TrackError(
+                f"{path}: expected a folder of trials that `realitygap transfer` made, since there is no "
+                "second set of tracks. Give one."
+            )
+        _require_one_controller(place, folders)
+        simulated, situated = (
+            [t for folder in folders for t in _read_in(place, folder / name)]
+            for name in (SIMULATED, SITUATED)
         )
-    _require_one_controller(place, folders)
-    simulated, situated = (
-        [t for folder in folders for t in _read_in(place, folder / name)] for name in (SIMULATED, SITUATED)
-    )
     return simulated, situated
 
 
@@ -282,24 +259,9 @@ def doubts_of(trials: Iterable[Trial]) -> list[str]:
     return list(dict.fromkeys(trial.doubt for trial in trials if trial.doubt))
 
 
-def heading_agreement(trials: Sequence[Trial]) -> tuple[float, float, str]:
-    """Agreement of headings with movements: 1 along them, −1 across.
-
-    Returns:
-        The agreement; that of the best other reading of the heading; and its cure.
-    """
-    as_is, way = _agreement(trials, np.asarray)
-    if way < ENOUGH_CM:
-        return 1.0, 0.0, ""
-    cure, best = max(
-        ((cure, _agreement(trials, other)[0]) for cure, other in READINGS.items()), key=lambda pair: pair[1]
-    )
-    return as_is, best, cure
-
-
 def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
     """A question where a tracker's own heading contradicts the movement that it saw."""
-    if heading_agreement([trial])[0] >= CONTRADICTS:
+    if agreement([trial]) >= CONTRADICTS:
         return ()
     return (
         f"{trial.source}: heading_deg contradicts the way from row to row: is the disk turned on the "
@@ -309,7 +271,7 @@ def doubt_of_disk(trial: Trial) -> tuple[str, ...]:
 
 def _require_one_controller(place: Path, folders: Sequence[Path]) -> None:
     """Refuse trials of several: as one set they are no behaviour, and would all be scored in one arena."""
-    facts = [read_toml(folder / TRANSFER, TrackError, "Transfer again.") for folder in folders]
+    facts = [read_toml(folder / TRIAL, TrackError, "Transfer again.") for folder in folders]
     whose = [tuple(one.get(key) for key in ("task", "name", "individual", "controller")) for one in facts]
     if len(set(whose)) > 1:
         last = folders[-1] if folders[-1].parent == place else folders[-1].parent
@@ -321,7 +283,7 @@ def _require_one_controller(place: Path, folders: Sequence[Path]) -> None:
 
 def _read_in(place: Path, file: Path) -> list[Trial]:
     """A file's trials, named after its place in the folder."""
-    own = (file.parent / TRANSFER).exists()
+    own = (file.parent / TRIAL).exists()
     start, above = (file.parent.name, file.parent.parent) if own else (file.stem, file.parent)
     inside = above != place and above.is_relative_to(place)
     unit = str(above.relative_to(place)) if inside else ""
@@ -341,8 +303,11 @@ def _is_track(path: Path) -> bool:
     if path.suffix.lower() == ".json":
         found = _json(path)
         return found is None or (isinstance(found, dict) and all(name in found for name in COLUMNS))
-    head = _head(path)
-    return not head or sum(name in head for name in COLUMNS) >= 2
+    with suppress(OSError, UnicodeDecodeError), path.open(newline="", encoding="utf-8-sig") as file:
+        head = next((line for line in file if line.strip() and not line.startswith("#")), "")
+        cells = [cell.strip(' "\r\n').lower() for cell in re.split("[,;\t]", head)]
+        return not head or sum(name in cells for name in COLUMNS) >= 2
+    return True
 
 
 def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
@@ -377,22 +342,14 @@ def _json(path: Path) -> Any:
         return None
 
 
-def _head(path: Path) -> list[str]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            head = next((line for line in file if line.strip() and not line.startswith("#")), "")
-        return [cell.strip(' "\r\n').lower() for cell in re.split("[,;\t]", head) if head]
-    except (OSError, UnicodeDecodeError):
-        return []
-
-
 def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
     """The trials of one file, with a warning if the heading seems wrong.
 
     Raises:
         TrackError: the heading contradicts the movement, and another reading of it does not.
     """
-    as_is, best, cure = heading_agreement(trials)
+    as_is = agreement(trials)
+    best, cure = max((agreement(trials, other), cure) for cure, other in READINGS.items())
     found = f"{trials[0].source}: heading_deg contradicts the way from row to row"
     if best > EXPLAINS and best > as_is + BETTER:
         raise TrackError(f"{found}: {cure}.")
@@ -401,9 +358,9 @@ def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
     return [replace(trial, doubt=f"{found}: is it the robot's, in degrees?") for trial in trials]
 
 
-def _agreement(trials: Sequence[Trial], read: Callable[[Floats], Floats]) -> tuple[float, float]:
-    """Mean cosine of twice the angle between heading and movement, weighted by distance; and the distance,
-    cm."""
+def agreement(trials: Sequence[Trial], read: Callable[[Floats], Floats] = np.asarray) -> float:
+    """Agreement of headings, so read, with movements, weighted by distance: 1 along them, −1 across; 1 where
+    there is hardly any."""
     total = way = 0.0
     for trial in trials:
         dx, dy = trial.x[2:] - trial.x[:-2], trial.y[2:] - trial.y[:-2]
@@ -412,4 +369,4 @@ def _agreement(trials: Sequence[Trial], read: Callable[[Floats], Floats]) -> tup
         seen = length > MOVES_CM
         total += float((length * np.cos(2.0 * apart))[seen].sum())
         way += float(length[seen].sum())
-    return total / max(way, 1e-9), way / 2.0
+    return total / way if way >= 2 * ENOUGH_CM else 1.0

@@ -12,7 +12,7 @@ from realitygap.lazy import needed
 
 __all__ = ["stable_baselines"]
 
-SHARED = "the robots are one compiled batch. Make another RobotVectorEnv, with the profile, noise or arena you want"
+SHARED = "the robots are one compiled batch. Make another RobotVectorEnv with what it should have"
 
 
 def stable_baselines(env: RobotVectorEnv) -> Any:

@@ -1,7 +1,7 @@
 """The distributed genetic algorithm (§5.1), and two to compare it with.
 
 Who breeds (`select`) and who stays (`takes`) is told of any number of populations side by side: `ask` and
-`tell` have one, `study/fleet.py` has all runs of a condition.
+`tell` have one, `study/batched.py` has all runs of a condition.
 """
 
 import math

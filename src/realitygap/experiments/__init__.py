@@ -3,7 +3,6 @@
 from realitygap.lazy import names_of
 
 __all__, __getattr__ = names_of(__name__, {
-    "noise": "NoiseConfig",
-    "noise_run": "noise_experiment",
+    "noise": "NoiseConfig noise_experiment",
     "reproduction": "Reproduction",
 })  # fmt: skip

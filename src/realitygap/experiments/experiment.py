@@ -22,10 +22,10 @@ from realitygap.study.folder import exists
 from realitygap.study.load import Study
 from realitygap.study.provenance import versions
 from realitygap.study.runner import COMPILING, FINISHED, run_study
-from realitygap.work.folder import RunFolder, file_errors, lock, refuse_strangers
+from realitygap.work.folder import RunFolder, file_errors, lock, require_only_own
 from realitygap.work.pool import Pool, Setup, Workers, opened
 from realitygap.work.progress import OnProgress, Progress, Reporter
-from realitygap.work.shard import MARK
+from realitygap.work.shard import MARK, Mark, Shard
 from realitygap.world.toml import Value, build
 
 __all__ = [
@@ -89,7 +89,9 @@ class Settings(Value):
         return cls.from_folder(folder) if resume and (folder / cls.FILE).is_file() else cls()
 
 
-def open_folder(folder: Path, kind: type[S], requested: S | None, *, resume: bool) -> S:
+def open_folder(
+    folder: Path, kind: type[S], requested: S | None, *, resume: bool, mark: Mark | None = None
+) -> S:
     """Create the requested experiment in the folder, or open the one there; the lock is held.
 
     Args:
@@ -97,6 +99,7 @@ def open_folder(folder: Path, kind: type[S], requested: S | None, *, resume: boo
         kind: of experiment.
         requested: the settings; None: those in the folder.
         resume: whether to continue one.
+        mark: of a new one that is a shard.
 
     Raises:
         StudyError: there is one but `resume` is not set, or it was made with other settings, or
@@ -106,9 +109,12 @@ def open_folder(folder: Path, kind: type[S], requested: S | None, *, resume: boo
     if not place.begun:
         if requested is None:
             raise StudyError(f"{folder}: no {kind.WHAT} there. Start it without --resume.")
-        refuse_strangers(folder, kind.WHAT, (MARK,))
+        require_only_own(folder, kind.WHAT, (MARK,))
         head = f"# {kind.WHAT.capitalize()}: all that its results depend on.\n"
         again = f"# To continue it: {requested.resuming('THIS_FOLDER')}\n"
+        if mark is not None:  # first: without its mark, a shard would be continued as the whole
+            with file_errors(folder):
+                mark.write(folder, finished=False)
         place.begin(requested.to_dict(), head=head + again, versions=versions())
         return requested
     there = kind.from_folder(folder)
@@ -250,38 +256,44 @@ class Phases:
     def _parts(self, cost: float) -> Recorded:
         shares: dict[str, float] = {}
 
-        def heard(name: str, done: int, total: int) -> None:
+        def report(name: str, done: int, total: int) -> None:
             before = sum(shares.values())
             shares[name] = done / max(total, 1)
             self._reporter.add(cost * max(0.0, sum(shares.values()) - before))
             self._keep_time(KEEP_S)
 
-        return heard
+        return report
 
     def evolve(
-        self, phase: Phase, studies: Iterable[tuple[Path, StudyConfig, int]], **options: Any
+        self,
+        phase: Phase,
+        studies: Iterable[tuple[Path, StudyConfig, int]],
+        *,
+        engine: str = "cores",
+        shard: Shard | None = None,
     ) -> list[Study]:
         """Carry out studies one after the other: each a folder, a configuration and the number of its runs;
-        `options` are those of `run_study`."""
+        `engine` and `shard` are those of `run_study`."""
         made, before = [], 0
         with self._timed(phase, 0):
             for place, requested, runs in studies:
-                heard = self._runs(phase, before)
                 made.append(
-                    run_study(place, requested, workers=self._pool, resume=exists(place), on_progress=heard,
-                              **options)
+                    run_study(
+                        place, requested, workers=self._pool, engine=engine, resume=exists(place),
+                        shard=shard, on_progress=self._runs(phase, before),
+                    )
                 )  # fmt: skip
                 before += runs
         return made
 
     def _runs(self, phase: Phase, before: int) -> OnProgress:
-        def heard(event: Progress) -> None:
+        def report(event: Progress) -> None:
             share = event.done / max(event.total, 1) * event.runs_total
-            tell = self._reporter.found if event.phase in (COMPILING, FINISHED) else self._reporter.reach
-            tell(before + event.runs_done, phase.cost * (phase.total - before - share))
+            count = self._reporter.found if event.phase in (COMPILING, FINISHED) else self._reporter.reach
+            count(before + event.runs_done, phase.cost * (phase.total - before - share))
             self._keep_time(KEEP_S)
 
-        return heard
+        return report
 
     def drive(self, phase: Phase, setup: Callable[[], Setup], jobs: Iterable[Any]) -> None:
         """Have jobs done, each of which sends shares of its work and then its result.
@@ -289,7 +301,7 @@ class Phases:
         `setup`, for starting workers, is called if there is something to do.
         """
 
-        def heard(message: float | Made) -> None:
+        def receive(message: float | Made) -> None:
             if isinstance(message, Made):
                 with file_errors(self._folder):
                     file = self._folder / message.file
@@ -302,7 +314,7 @@ class Phases:
 
         with self._timed(phase, phase.total - phase.left):
             if phase.left:
-                self._pool.work(setup(), iter(jobs), heard)
+                self._pool.work(setup(), iter(jobs), receive)
 
     @contextmanager
     def _timed(self, phase: Phase, done: int) -> Iterator[None]:

@@ -6,20 +6,18 @@ The settings are saved first, so that `--resume` needs no options in any phase.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
 
-from realitygap.errors import ConfigError, StudyError
-from realitygap.files import read_toml
+from realitygap.errors import StudyError
 from realitygap.study.config import LARGEST, StudyConfig, whole
 from realitygap.study.folder import exists, gather, open_to_begin, own_config
 from realitygap.study.load import Study
-from realitygap.study.run import Bench
+from realitygap.study.run import ConditionRunner
 from realitygap.tasks import load_task
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.record import TransferredTrial, load_transfers
 from realitygap.transfer.run import run_transfer
 from realitygap.transfer.spec import shown_runs
-from realitygap.work.folder import RunFolder, lock, settings_in
+from realitygap.work.folder import RunFolder, lock
 from realitygap.work.pool import Workers, near
 from realitygap.work.progress import OnProgress
 from realitygap.world.robot import load_profile
@@ -66,24 +64,20 @@ class Reproduction(Value):
         plain = StudyConfig.reproduction(runs=self.runs, evaluations=self.evaluations, seed=self.seed)
         return replace(plain, profile=profile)
 
-    @classmethod
-    def from_toml(cls, path: Path) -> Self:
-        """From the settings' file of a reproduction.
 
-        Raises:
-            ConfigError: names the file and what is wrong with it.
-        """
-        cure = "Remove it, or choose another --out."
-        table = read_toml(path, ConfigError, cure, broken=cure)
-        try:
-            return build(cls, settings_in(table))
-        except ConfigError as error:
-            raise ConfigError(f"{path}: {error} {cure}") from None
+def _run_folder(folder: Path) -> RunFolder:
+    return RunFolder(folder, ASKED, "reproduction", ("starts",))
+
+
+def _saved(folder: Path) -> Reproduction | None:
+    """The settings that were requested first; None if none are saved there."""
+    place = _run_folder(folder)
+    return build(Reproduction, place.settings()) if place.begun else None
 
 
 def begun(folder: Path) -> Reproduction | None:
     """The settings of the reproduction in a folder, finished or not; None if there is none."""
-    asked = Reproduction.from_toml(folder / ASKED) if (folder / ASKED).is_file() else None
+    asked = _saved(folder)
     if not exists(folder):
         return asked
     config = own_config(folder)
@@ -152,14 +146,14 @@ def transferred(
 
 def again(study: Study) -> str:
     """The options of `realitygap reproduce` that make a study again; "" if it would make another."""
-    config, asked = study.config, study.folder / ASKED
+    config = study.config
     plain = StudyConfig.reproduction(runs=config.runs, evaluations=config.evaluations, seed=config.seed)
     free = {key: getattr(plain, key) for key in ("title", "checkpoint_every", "profile", "arenas")}
     if replace(config, **free) != plain:
         return ""
     if any(study.task(one.task).arena != load_task(one.task).arena for one in plain.conditions):
         return ""
-    requested = Reproduction.from_toml(asked) if asked.is_file() else None
+    requested = _saved(study.folder)
     words = ["--runs", config.runs, "--evaluations", config.evaluations, "--seed", config.seed]
     if requested is None or requested.profile:
         named = (name for name in shipped("profiles") if load_profile(name) == study.profile)
@@ -178,12 +172,12 @@ def compile_ahead() -> None:
     others record the robot."""
     materials = gather(StudyConfig.reproduction())
     for condition in range(len(materials.tasks)):
-        Bench(materials, condition).compile()
+        ConditionRunner(materials, condition).compile()
 
 
 def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:
     """Save the requested settings, or check that they equal the saved ones."""
-    place = RunFolder(folder, ASKED, "reproduction", ("starts",))
+    place = _run_folder(folder)
     if not place.begun:
         open_to_begin(folder)
         place.begin(requested.to_dict(), head=HEADER, versions={})
@@ -192,4 +186,4 @@ def _begin(folder: Path, requested: Reproduction, *, resume: bool) -> None:
         raise StudyError(
             f"{folder}: a reproduction was started there. Resume it (--resume) or choose another --out."
         )
-    place.refuse_other(Reproduction.from_toml(folder / ASKED).to_dict(), requested.to_dict())
+    place.refuse_other(place.settings(), requested.to_dict())

@@ -22,15 +22,13 @@ from realitygap.study.load import Run
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory, read_track
 from realitygap.transfer.record import (
-    SIMULATED,
-    SITUATED,
     TransferredTrial,
     load_transfers,
     read_trial,
-    trial_files,
 )
 from realitygap.transfer.replay import Replays
 from realitygap.values import Floats
+from realitygap.work.archive import SIMULATED, SITUATED, unpacked
 from realitygap.world.arena import Arena
 from realitygap.world.robot import Profile
 
@@ -112,7 +110,7 @@ def trial_log(
     replay = Replays(run.study).of(trial.folder)
     drove = replay.genotype
     drawing, slots = (None, []) if drove is None else network_drawing(drove, task, profile)
-    with trial_files(trial.folder) as here:
+    with unpacked(trial.folder) as here:
         paths = [read_track(here / name) for name in (SIMULATED, SITUATED)]
     if replay.simulated is not None:
         paths[0] = replay.simulated.track

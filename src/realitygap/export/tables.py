@@ -20,7 +20,7 @@ from realitygap.transfer.scores import ScoreRow, kind_of, marks_of
 __all__ = ["TABLES", "frame", "table", "write_tables"]
 
 ORDER = {"runs": "run", "evaluations": "run, number", "tests": "run, who, tested_noise, number, trial"}
-"""The views of a study's database, and the order of their rows."""
+"""What `study.query` selects from, and the order of the rows."""
 TABLES = (*ORDER, "trials", "scores")
 OF_TRIAL = (
     "run", "name", "task", "noise", "individual", "robot", "unit", "twin_noise", "start", "seconds",

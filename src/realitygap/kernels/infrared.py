@@ -30,8 +30,8 @@ from realitygap.kernels.rays import (
     from_segment,
     hand_over,
     is_beyond,
-    stand,
-    stands_clear,
+    is_clear,
+    place_sensors,
 )
 
 TURN = 0.15915494309189535
@@ -105,7 +105,7 @@ def receive(robot, arena, pose, p, out):
     for block in range(robot.proximity.rows.shape[0]):
         sensors = robot.proximity.rows[block]
         n = U(sensors.shape[1])
-        stand(n, sensors, arena, pose, p)
+        place_sensors(n, sensors, arena, pose, p)
         if measured or is_extended(robot, arena):
             cast_rays(n, arena, pose, cell, robot.radius, sensors, more, fan, p, shades)
             if measured:
@@ -130,7 +130,7 @@ def is_bright(arena):
 @step
 def by_rays(robot, arena, pose, p, out):
     """As `infrared`, for a robot without a table."""
-    if not is_bright(arena) and stands_clear(arena, pose[0], pose[1], robot.proximity.span):
+    if not is_bright(arena) and is_clear(arena, pose[0], pose[1], robot.proximity.span):
         for k in range(out.shape[0]):
             out[k] = 0.0
     else:
@@ -207,7 +207,7 @@ def turned(x, y):
 
 
 @step
-def meet(seen, reach, ex, ey, pose, out):
+def add_object(seen, reach, ex, ey, pose, out):
     """Add one object's contribution to `out`: its nearest point, or a cylinder's axis, lies at (ex, ey) from
     the robot's centre; `reach` is the part of that distance inside the robot and the cylinder."""
     at, added = seen.at, seen.added
@@ -233,7 +233,7 @@ def meet(seen, reach, ex, ey, pose, out):
 
 
 @step
-def meet_obstacles(table, radius, arena, pose, out):
+def add_obstacles(table, radius, arena, pose, out):
     """Add the contributions of cylinders and inner walls."""
     x, y = pose[0], pose[1]
     cell = cell_at(arena, x, y)
@@ -243,7 +243,7 @@ def meet_obstacles(table, radius, arena, pose, out):
             break
         j = arena.near_cylinders[cell, n]
         reach = radius + arena.cylinders[j, 2]
-        meet(table.cylinder, reach, arena.cylinders[j, 0] - x, arena.cylinders[j, 1] - y, pose, out)
+        add_object(table.cylinder, reach, arena.cylinders[j, 0] - x, arena.cylinders[j, 1] - y, pose, out)
     span = radius + table.wall.at[table.wall.at.shape[0] - 1] + SPARE
     for n in range(arena.segments.shape[0]):
         if arena.segment_gap[cell, n] > span:
@@ -251,7 +251,7 @@ def meet_obstacles(table, radius, arena, pose, out):
         j = arena.near_segments[cell, n]
         if not is_beyond(arena, j, x, y, span):
             dx, dy = from_segment(arena, j, x, y)
-            meet(table.wall, radius, -dx, -dy, pose, out)
+            add_object(table.wall, radius, -dx, -dy, pose, out)
 
 
 @step
@@ -260,10 +260,10 @@ def replay(table, radius, top, arena, pose, out):
     to `top`, unrounded)."""
     for k in range(out.shape[0]):
         out[k] = table.nothing[k]
-    meet(table.wall, radius, arena.size[0] - pose[0], 0.0, pose, out)
-    meet(table.wall, radius, -pose[0], 0.0, pose, out)
-    meet(table.wall, radius, 0.0, arena.size[1] - pose[1], pose, out)
-    meet(table.wall, radius, 0.0, -pose[1], pose, out)
-    meet_obstacles(table, radius, arena, pose, out)
+    add_object(table.wall, radius, arena.size[0] - pose[0], 0.0, pose, out)
+    add_object(table.wall, radius, -pose[0], 0.0, pose, out)
+    add_object(table.wall, radius, 0.0, arena.size[1] - pose[1], pose, out)
+    add_object(table.wall, radius, 0.0, -pose[1], pose, out)
+    add_obstacles(table, radius, arena, pose, out)
     for k in range(out.shape[0]):
         out[k] = min(max(out[k], 0.0), top)

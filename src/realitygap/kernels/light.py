@@ -32,9 +32,9 @@ from realitygap.kernels.rays import (
     cell_at,
     f32,
     hand_over,
+    place_sensors,
     root,
     rows,
-    stand,
     white_of,
 )
 from realitygap.kernels.types import LAMP_POINTS
@@ -363,7 +363,7 @@ def reflect_lamp(n, robot, arena, pose, lamp, bare, p):
 
 @step
 def add_reflected(n, robot, arena, pose, sensors, p):
-    """Add the light that the rays bring to the sums of the `n` sensors that `stand`."""
+    """Add the light that the rays bring to the sums of the `n` sensors placed."""
     things = arena.cylinders.shape[0] + arena.segments.shape[0] + arena.reflectance.shape[0]
     bare = things + robot.outline.shape[0] == 0 and (
         robot.light.lambertian == 0.0 or count_points(robot) == 1
@@ -424,7 +424,7 @@ def illuminate(robot, arena, reflecting, pose, p, out):
     for block in range(robot.ambient.rows.shape[0]):
         sensors = robot.ambient.rows[block]
         n = U(sensors.shape[1])
-        stand(n, sensors, arena, pose, p)
+        place_sensors(n, sensors, arena, pose, p)
         for i in range(n):
             p[SUM + i] = NONE
         for lamp in range(arena.lamp_points.shape[0]):

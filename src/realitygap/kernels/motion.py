@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from realitygap.compiled import step
-from realitygap.kernels.rays import SPARE, from_segment, is_beyond, stands_clear, unit
+from realitygap.kernels.rays import SPARE, from_segment, is_beyond, is_clear, unit
 from realitygap.kernels.rng import sin_cos
 from realitygap.kernels.types import STEP_S
 
@@ -141,7 +141,7 @@ def settle_once(arena, radius, x, y, dx, dy):
     The movement must be shorter than the radius, or it could end behind an inner wall.
     """
     to = Move(x + dx, y + dy, dx, dy)
-    if stands_clear(arena, to.x, to.y, radius):
+    if is_clear(arena, to.x, to.y, radius):
         return to.x, to.y, False
     slip = arena.sliding
     for _ in range(ROUNDS):
@@ -168,7 +168,7 @@ def settle_once(arena, radius, x, y, dx, dy):
                 nx, ny, gap = unit(vx, vy)
                 if gap < radius:
                     to = push(to, nx, ny, radius - gap, slip)
-        if stands_clear(arena, to.x, to.y, radius):
+        if is_clear(arena, to.x, to.y, radius):
             return to.x, to.y, True
     return x, y, True
 
@@ -310,7 +310,7 @@ def settle_outline(arena, robot, pose, dx, dy, turn):
     """
     x, y, turned, touched = pose[0], pose[1], 0.0, False
     way = math.sqrt(dx * dx + dy * dy)
-    if way < 0.5 * robot.radius and stands_clear(arena, x + dx, y + dy, robot.radius):
+    if way < 0.5 * robot.radius and is_clear(arena, x + dx, y + dy, robot.radius):
         return x + dx, y + dy, turn, False
     pieces = int((way + abs(turn) * robot.radius) / (PIECE * robot.radius)) + 1
     dx, dy, turn = dx / pieces, dy / pieces, turn / pieces
@@ -332,7 +332,7 @@ def settle_outline(arena, robot, pose, dx, dy, turn):
 def body_clear(robot, arena, x, y, heading):
     """True if the robot's body at a pose overlaps nothing (less than 1e-9 cm)."""
     if robot.outline.shape[0] == 0:
-        return stands_clear(arena, x, y, robot.radius)
+        return is_clear(arena, x, y, robot.radius)
     s, c = sin_cos(heading)
     inside = 0.0 <= x <= arena.size[0] and 0.0 <= y <= arena.size[1]
     for j in range(4 + arena.cylinders.shape[0] + arena.segments.shape[0]):

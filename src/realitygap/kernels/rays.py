@@ -25,7 +25,7 @@ def cell_at(arena, x, y):
 
 
 @step
-def stands_clear(arena, x, y, radius):
+def is_clear(arena, x, y, radius):
     """True if a disc at (x, y) overlaps nothing (less than 1e-9 cm)."""
     clear = radius - 1e-9
     if x < clear or y < clear or arena.size[0] - x < clear or arena.size[1] - y < clear:
@@ -119,7 +119,7 @@ def root(x):
 
 
 @step
-def stand(n, sensors, arena, pose, p):
+def place_sensors(n, sensors, arena, pose, p):
     """Places and directions of `n` sensors, and their distances to the outer walls."""
     c, s, west, south = f32(pose[3]), f32(pose[4]), f32(pose[0]), f32(pose[1])
     east, north = f32(arena.size[0] - pose[0]), f32(arena.size[1] - pose[1])
@@ -199,7 +199,7 @@ def place_cylinder(n, arena, pose, j, at, there, p):
 
 
 @step
-def meet_walls(n, arena, fan, p, shades):
+def cast_at_walls(n, arena, fan, p, shades):
     """Hold all rays against the outer walls."""
     white = white_of(arena, 0)
     for r in range(fan.shape[1]):
@@ -221,7 +221,7 @@ def nth(arena, cell, m):
 
 
 @step
-def meet_cylinders(n, arena, pose, cell, fan, first, p, shades):
+def cast_at_cylinders(n, arena, pose, cell, fan, first, p, shades):
     """Hold all rays against the block of cylinders from the `first` nearest on."""
     last = min(first + arena.together, arena.cylinders.shape[0])
     one = place_cylinder(n, arena, pose, nth(arena, cell, first), THING[0], True, p)
@@ -247,7 +247,7 @@ def meet_cylinders(n, arena, pose, cell, fan, first, p, shades):
 
 
 @step
-def meet_wall(n, arena, pose, j, fan, p, shades):
+def cast_at_wall(n, arena, pose, j, fan, p, shades):
     """Hold all rays against inner wall `j`: those between its ends meet it."""
     ax, ay = f32(arena.segments[j, 0] - pose[0]), f32(arena.segments[j, 1] - pose[1])
     bx, by = f32(arena.segments[j, 2] - pose[0]), f32(arena.segments[j, 3] - pose[1])
@@ -316,13 +316,13 @@ def are_known(n, sensors, more, pairs, gap, p):
 
 @step
 def cast_rays(n, arena, pose, cell, rim, sensors, more, fan, p, shades):
-    """1/d, and shade, of all rays of the `n` sensors that `stand`: nearest obstacles first, as long as they
+    """1/d, and shade, of all rays of the `n` sensors placed: nearest obstacles first, as long as they
     matter.
 
     rim: the farthest that a sensor is from the robot's middle; more: cm beyond the sensors' reach that may
     matter; shades: None, and no shade is wanted; or the weights of the cosine of incidence and of 1 in it.
     """
-    meet_walls(n, arena, fan, p, shades)
+    cast_at_walls(n, arena, fan, p, shades)
     for i in range(n):
         p[KEEN + i] = ONE
     j, k, cylinders, walls = 0, 0, arena.cylinders.shape[0], arena.segments.shape[0]
@@ -333,10 +333,10 @@ def cast_rays(n, arena, pose, cell, rim, sensors, more, fan, p, shades):
         if k % BLOCK == 0 and gap > NONE and are_known(n, sensors, more, fan.shape[1], gap, p):
             return
         if one <= other:
-            meet_cylinders(n, arena, pose, cell, fan, j, p, shades)
+            cast_at_cylinders(n, arena, pose, cell, fan, j, p, shades)
             j += arena.together
         else:
-            meet_wall(n, arena, pose, arena.near_segments[cell, k], fan, p, shades)
+            cast_at_wall(n, arena, pose, arena.near_segments[cell, k], fan, p, shades)
             k += 1
 
 

@@ -33,7 +33,7 @@ LAMP_POINTS = 5
 """Point sources that model one lamp (§3.3)."""
 
 
-class Seen(NamedTuple):
+class Contribution(NamedTuple):
     """Contribution of one kind of object to the readings of P proximity sensors."""
 
     at: F
@@ -47,8 +47,8 @@ class Table(NamedTuple):
 
     nothing: F
     """[P] readings with nothing near."""
-    wall: Seen
-    cylinder: Seen
+    wall: Contribution
+    cylinder: Contribution
 
 
 class Wheels(NamedTuple):

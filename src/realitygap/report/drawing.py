@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle, Wedge
 from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator
 
 from realitygap.errors import UsageError
 from realitygap.files import atomic_path
@@ -33,8 +34,8 @@ from realitygap.world.robot import Profile
 from realitygap.world.sensors import RAY_ANGLES_DEG
 
 __all__ = [ "LIT_RAYS_CM", "PICTURES", "WHEEL_CM", "PathPanel", "Scene", "arena_figure",
-    "draw_arena", "draw_path", "draw_robot", "frames", "front", "pairs_figure", "panels_figure", "rays_of",
-    "robot_figure", "save_animation", "save_picture", "sheet_figure", "shown_sensors", "tail",
+    "draw_arena", "draw_path", "draw_robot", "frames", "front", "paths_figure", "rays_of", "robot_figure",
+    "save_animation", "save_picture", "shown_sensors", "tail",
 ]  # fmt: skip
 
 WHEEL_CM = (1.9, 0.45)
@@ -95,26 +96,20 @@ def robot_figure(profile: Profile) -> Figure:
     ax = figure.add_subplot()
     span = robot.radius * 1.75
     draw_robot(ax, robot, (0.0, 0.0, math.pi / 2))
-    for place, ahead, name in shown_sensors(robot):
-        _draw_sensor(ax, place, ahead, name)
+    arrow = {"arrowstyle": "-|>", "color": style.RAY, "lw": 0.8, "mutation_scale": 6}
+    for place, ahead, name in shown_sensors(robot):  # a half disc in its direction, an arrow and a number
+        spot, facing = np.array([-place[1], place[0]]), math.atan2(ahead[1], ahead[0]) + math.pi / 2
+        out, turn = np.array([math.cos(facing), math.sin(facing)]), math.degrees(facing)
+        disc = Wedge(tuple(spot), DISC_CM, turn - 90, turn + 90, facecolor=style.RAY, edgecolor="none")
+        ax.add_artist(disc).set(zorder=6)
+        ax.annotate("", tuple(spot + 1.35 * out), tuple(spot + DISC_CM * out), zorder=6, arrowprops=arrow)
+        x, y = spot + 1.75 * out
+        ax.text(x, y, name, ha="center", va="center", fontsize=8, zorder=7)
     ax.plot([-robot.radius, robot.radius], [-span * 0.93] * 2, color=style.INK, linewidth=0.9, marker="|")
     ax.text(0, -span * 0.98, f"{2 * robot.radius:.3g} cm", ha="center", va="top", fontsize=7.5)
     ax.set(xlim=(-span, span), ylim=(-span * 1.12, span), aspect="equal")
     ax.axis("off")
     return figure
-
-
-def _draw_sensor(ax: Axes, place: Floats, ahead: Floats, name: str) -> None:
-    """A half disc in the sensor's direction, an arrow and a number."""
-    spot = np.array([-place[1], place[0]])
-    facing = math.atan2(ahead[1], ahead[0]) + math.pi / 2
-    out, turn = np.array([math.cos(facing), math.sin(facing)]), math.degrees(facing)
-    half = Wedge(tuple(spot), DISC_CM, turn - 90, turn + 90, facecolor=style.RAY, edgecolor="none", zorder=6)
-    ax.add_artist(half)
-    arrow = {"arrowstyle": "-|>", "color": style.RAY, "lw": 0.8, "mutation_scale": 6}
-    ax.annotate("", tuple(spot + 1.35 * out), tuple(spot + DISC_CM * out), zorder=6, arrowprops=arrow)
-    x, y = spot + 1.75 * out
-    ax.text(x, y, name, ha="center", va="center", fontsize=8, zorder=7)
 
 
 def shown_sensors(robot: Robot) -> Iterator[tuple[Floats, Floats, str]]:
@@ -141,7 +136,11 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     for x, y, radius in arena.cylinders.reshape(-1, 3):
         post = Circle((x, y), radius, facecolor=style.CYLINDER, edgecolor=style.WALL, linewidth=0.8, zorder=1)
         ax.add_artist(post)
-    _name_surfaces(ax, arena)
+    words: dict[str, Any] = {"color": style.INK, "fontsize": 6, "zorder": 1.5}
+    for (x, y, _), value in zip(arena.cylinders, arena.reflectance[1:], strict=False):
+        ax.text(x, y, f"×{value:g}", ha="center", va="center", **words)
+    for value in arena.reflectance[:1]:  # of surfaces that state one, relative to usual ones
+        ax.text(0.02 * width, 0.02 * depth, f"walls ×{value:g}", ha="left", va="bottom", **words)
     segments = arena.segments.reshape(-1, 2, 2)
     if len(segments):
         ax.add_collection(LineCollection(list(segments), colors=style.WALL, linewidths=1.6, zorder=1))
@@ -150,26 +149,11 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     ax.set(xlim=(-edge, right), ylim=(-edge, depth + edge), aspect="equal")
     ax.spines[:].set_visible(False)
     if labels:
-        ax.set(xlabel="x (cm)", ylabel="y (cm)", xticks=_ticks(width), yticks=_ticks(depth))
+        ax.set(xlabel="x (cm)", ylabel="y (cm)")
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     else:
         ax.set(xticks=[], yticks=[])
-
-
-def _name_surfaces(ax: Axes, arena: Arena) -> None:
-    """Write the reflectance on surfaces that state one, relative to usual ones."""
-    words: dict[str, Any] = {"color": style.INK, "fontsize": 6, "zorder": 1.5}
-    walls, posts = arena.reflectance[:1], zip(arena.cylinders, arena.reflectance[1:], strict=False)
-    for (x, y, _), value in posts:
-        ax.text(x, y, f"×{value:g}", ha="center", va="center", **words)
-    x, y = (0.02 * arena.size).tolist()
-    for value in walls:
-        ax.text(x, y, f"walls ×{value:g}", ha="left", va="bottom", **words)
-
-
-def _ticks(length: float) -> list[float]:
-    """Round values from 0 to `length`, at most seven."""
-    gap = next(g for g in (1, 2, 5, 10, 20, 50, 100, 200, 500, math.inf) if length / g <= 6)
-    return [k * gap for k in range(int(length / gap) + 1)] if gap < math.inf else [0.0, length]
 
 
 def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:
@@ -368,76 +352,47 @@ def draw_path(
     draw_robot(ax, scene.robot, (end.x, end.y, end.heading), look)
 
 
-def panels_figure(scene: Scene, panels: Sequence[PathPanel]) -> Figure:
-    """One panel a noise level, side by side."""
-    return _grid(scene, [list(panels)], wide=min(PAGE, 2.6 * len(panels) + 0.3), labels=True)
-
-
-def pairs_figure(scene: Scene, heads: Sequence[str], rows: Sequence[Sequence[PathPanel | None]]) -> Figure:
-    """Simulated paths above, situated ones below; a column a noise level, which `heads` name."""
-    wide = min(PAGE, 2.6 * len(heads) + 0.3)
-    return _grid(scene, rows, wide=wide, labels=True, heads=heads)
-
-
-def sheet_figure(scene: Scene, rows: Sequence[Sequence[PathPanel | None]]) -> Figure:
-    """Every run's path: a row a noise level (simulated, then situated), a column a run."""
-    return _grid(scene, rows, wide=PAGE, labels=False)
-
-
-def _grid(
-    scene: Scene,
-    rows: Sequence[Sequence[PathPanel | None]],
-    *,
-    wide: float,
-    labels: bool,
-    heads: Sequence[str] = (),
+def paths_figure(
+    scene: Scene, rows: Sequence[Sequence[PathPanel]], *, heads: Sequence[str] = (), small: bool = False
 ) -> Figure:
-    """Panels in rows; all arenas at the same scale, laid out by hand (cheap and deterministic)."""
-    styles = noise_styles([*scene.levels, *(panel.noise for row in rows for panel in row if panel)])
+    """Paths in rows of panels, all arenas at one scale.
+
+    Args:
+        scene: arena and robot.
+        rows: the panels; only `small` ones may be in rows of different lengths.
+        heads: a line above each column.
+        small: without axes, on a page's whole width: for many runs.
+    """
+    styles = noise_styles([*scene.levels, *(panel.noise for row in rows for panel in row)])
     columns = max(len(row) for row in rows)
-    left, bottom, gap, head = (0.46, 0.42, 0.14, 0.27) if labels else (0.06, 0.06, 0.1, 0.2)
-    if labels and columns == 1:
-        wide = 3.4
+    left, bottom, gap, head = (0.06, 0.06, 0.1, 0.2) if small else (0.46, 0.42, 0.14, 0.27)
+    wide = PAGE if small else 3.4 if columns == 1 else min(PAGE, 2.6 * columns + 0.3)
     cell = (wide - left - 0.06 - gap * (columns - 1)) / columns
     tall = cell * steepness(scene.arena)
     height = bottom + len(rows) * (tall + head) + (0.11 if heads else 0.0)
-    figure = new_figure(wide, height)
+    figure = new_figure(wide, height)  # laid out by hand: cheap and deterministic
     for c, text in enumerate(heads):
         spot = (left + c * (cell + gap)) / wide
         figure.text(spot, 1 - 0.02 / height, text, fontsize=9, fontweight="bold", color=style.INK, va="top")
     for r, row in enumerate(rows):
         for c, panel in enumerate(row):
-            if panel is None:
-                continue
             box = (left + c * (cell + gap), bottom + (len(rows) - 1 - r) * (tall + head))
             ax = figure.add_axes((box[0] / wide, box[1] / height, cell / wide, tall / height))
             colour = styles[panel.noise].colour
-            draw_path(ax, scene, panel.trajectory, colour=colour, look=panel.look, labels=labels)
-            if labels:
-                _spare_labels(ax, inner=c > 0, upper=r + 1 < len(rows) and rows[r + 1][c] is not None)
-            ax.set_title(panel.title, fontsize=8.5 if labels else 7, pad=3, loc="left", color=style.INK)
+            draw_path(ax, scene, panel.trajectory, colour=colour, look=panel.look, labels=not small)
+            if not small and c > 0:  # the neighbour to the left, or below, has them
+                ax.set(ylabel="", yticklabels=[])
+            if not small and r + 1 < len(rows):
+                ax.set(xlabel="", xticklabels=[])
+            ax.set_title(panel.title, fontsize=7 if small else 8.5, pad=3, loc="left", color=style.INK)
     return figure
-
-
-def _spare_labels(ax: Axes, *, inner: bool, upper: bool) -> None:
-    """Omit the cm labels of panels with a neighbour to the left or below."""
-    if inner:
-        ax.set_ylabel("")
-        ax.set_yticklabels([])
-    if upper:
-        ax.set_xlabel("")
-        ax.set_xticklabels([])
 
 
 # Pictures and films of one trajectory
 
 
 def checked_ending(path: str | Path, allowed: tuple[str, ...]) -> Path:
-    """The path, if its file ending is among the allowed ones.
-
-    Raises:
-        UsageError: it is not.
-    """
+    """The path, if its file ending is among the allowed ones."""
     path = Path(path)
     if path.suffix.lower() not in allowed:
         raise UsageError(
@@ -514,7 +469,7 @@ def frames(task: Task, profile: Profile, trajectory: Trajectory, title: str = ""
     with styled():
         figure, axes, bars, text = _stage(task, profile, trajectory, title)
         canvas = FigureCanvasAgg(figure)
-        strokes = tail(trajectory, front(robot)).reshape(-1, 3, 2)
+        strokes, readings = tail(trajectory, front(robot)).reshape(-1, 3, 2), fed(trajectory, task.feeds)
         draw_arena(axes, arena)
         canvas.draw()
         stroke = axes.plot([], [], color=style.INK, linewidth=0.9, animated=True, zorder=3)[0]
@@ -528,7 +483,9 @@ def frames(task: Task, profile: Profile, trajectory: Trajectory, title: str = ""
             for artist in draw_robot(axes, robot, pose):
                 axes.draw_artist(artist)
                 artist.remove()
-            _draw_bars(bars, trajectory, task.feeds, step)
+            for bar, value in zip(bars, (*readings[step], *trajectory.commands[step]), strict=True):
+                bar.set_height(float(value))
+                figure.draw_artist(bar)
             text.set_text(f"{trajectory.t[step]:5.1f} s" + ("   touches" if trajectory.contact[step] else ""))
             axes.draw_artist(text)
             yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
@@ -565,13 +522,6 @@ def _stage(
     ]
     text = axes.text(1.0, 1.03, "", ha="right", va="bottom", transform=axes.transAxes, animated=True)
     return figure, axes, bars, text
-
-
-def _draw_bars(bars: list[Rectangle], trajectory: Trajectory, feeds: str, step: int) -> None:
-    for bar, value in zip(bars, [*fed(trajectory, feeds)[step], *trajectory.commands[step]], strict=True):
-        bar.set_height(float(value))
-        assert bar.axes is not None
-        bar.axes.draw_artist(bar)
 
 
 def _save_gif(path: Path, pictures: Iterator[np.ndarray], seconds: float) -> None:

@@ -1,12 +1,13 @@
 """A study's results by task and noise level: the curves of figures 4 and 6, tables of fitness, differences.
 
 What a page shows of a task begins here (`parts_of`): its runs by the noise that they evolved under, with the
-scores of the evolved individuals on fresh trials.
+scores of the evolved individuals in test trials.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,19 +25,20 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.streams import PICTURES
 from realitygap.study.load import Run, Study
 from realitygap.tasks.task import Task
+from realitygap.track import Trajectory
 from realitygap.transfer.spec import median_run
 from realitygap.world.robot import NOISE_LEVELS, noise_level, noise_name
 
 __all__ = [
-    "PER_CONDITION", "WHO", "Curves", "Mean", "NoiseClass", "Paths", "Row", "TaskPart", "best_so_far",
-    "chosen", "counted", "curves_figure", "decimals", "difference", "ends_of_paths", "individual",
-    "mean_curve", "mean_of", "parts_of", "running_best", "table_csv",
+    "PER_CONDITION", "WHO", "Mean", "NoiseClass", "Paths", "Row", "TaskPart", "best_so_far",
+    "curves_figure", "decimals", "difference", "ends_of_paths", "individual", "mean_curve", "mean_of",
+    "parts_of", "running_best", "table_csv",
 ]  # fmt: skip
 
 PER_CONDITION = 5
 """Runs of a condition whose paths, networks and table rows a page shows at most."""
-WHO = ("fittest", "champion")
-"""The paper's individual (highest stored fitness) and the retested champion."""
+WHO = {"fittest": "best during evolution", "champion": "champion"}
+"""The individuals of a run, and what a page calls them; the paper's is the first."""
 
 
 # Means and their uncertainty
@@ -90,19 +92,19 @@ def running_best(fitness: ArrayLike) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One run, and its fresh trials by (who, noise level)."""
+    """One run, and its means over test trials by (who, noise level)."""
 
     run: Run
     means: Mapping[tuple[str, float], Mean]
 
     @property
-    def stored(self) -> float | None:
-        """The stored fitness of its fittest; None if there is none yet."""
+    def best(self) -> float | None:
+        """The best fitness during evolution; None if there is none yet."""
         best = self.run.best_fitness
         return best if best is not None and math.isfinite(best) else None
 
     def mean(self, who: str, level: float) -> Mean | None:
-        """Mean and 95 % interval over the fresh trials of the fittest or the champion at a noise level."""
+        """Of the best or the champion, over its test trials at a noise level."""
         return self.means.get((who, level))
 
 
@@ -117,16 +119,26 @@ class NoiseClass:
     @property
     def begun(self) -> tuple[Row, ...]:
         """Runs with an individual to show."""
-        return tuple(row for row in self.rows if row.stored is not None)
+        return tuple(row for row in self.rows if row.best is not None)
 
-    def means(self, who: str, level: float) -> np.ndarray:
-        """Each tested run's mean on fresh trials at a noise level."""
-        found = [row.mean(who, level) for row in self.rows]
-        return np.array([m.value for m in found if m is not None])
+    @cached_property
+    def chosen(self) -> Row | None:
+        """The run shown in a figure: the median one."""
+        run = median_run(row.run for row in self.begun)
+        return next((row for row in self.begun if row.run is run), None)
 
-    def stored(self) -> np.ndarray:
-        """Each run's stored fitness of the fittest."""
-        return np.array([row.stored for row in self.rows if row.stored is not None])
+    def shown(self, most: int) -> list[Row]:
+        """The first `most` runs with an individual to show, and the chosen one."""
+        rows = self.begun[:most]
+        return [*rows, *(row for row in (self.chosen,) if row is not None and row not in rows)]
+
+    def best(self) -> list[float]:
+        """Each run's best fitness during evolution."""
+        return [row.best for row in self.rows if row.best is not None]
+
+    def means(self, who: str, level: float) -> list[float]:
+        """Each tested run's mean over test trials at a noise level."""
+        return [mean.value for row in self.rows if (mean := row.mean(who, level)) is not None]
 
     def mean(self, who: str, level: float) -> Mean | None:
         """The mean of `means` over the runs."""
@@ -139,7 +151,7 @@ class TaskPart:
 
     Attributes:
         conditions: the runs by noise level, rising.
-        levels: the noise levels of the fresh trials, with their names.
+        levels: the noise levels of the test trials, with their names.
     """
 
     task: Task
@@ -153,13 +165,13 @@ class TaskPart:
 
     @property
     def tests(self) -> list[tuple[str, float]]:
-        """Individual and noise level of each fresh test, in the order of the columns."""
+        """Individual and noise level of each test, in the order of the columns."""
         return [(who, level) for who in WHO for level in self.levels]
 
     @property
     def places(self) -> int:
         """Decimal places that show three significant digits of the largest value."""
-        values = [v for c in self.conditions for v in (*c.stored(), *c.means("fittest", c.level))]
+        values = [v for c in self.conditions for v in (*c.best(), *c.means("fittest", c.level))]
         return decimals(max((abs(v) / self.task.fitness_scale for v in values), default=1.0))
 
     def show(self, mean: Mean | float | None) -> tuple[str, str]:
@@ -181,45 +193,31 @@ def decimals(largest: float) -> int:
     return int(min(6, max(0, 2 - math.floor(math.log10(largest)))))
 
 
-def counted(count: int, thing: str) -> str:
-    """ "1 run", "5 runs"."""
-    return f"{count} {thing}{'s' * (count != 1)}"
-
-
 def table_csv(table: TaskPart) -> str:
     """The table as CSV: a row a run and an average a noise class, fitness unscaled.
 
-    Columns `fittest_LEVEL_mean`, `_sd` and `_n` are over fresh trials; in an average's row over the runs'
+    Columns `fittest_LEVEL_mean`, `_sd` and `_n` are over test trials; in an average's row over the runs'
     means.
     """
     head = ["task", "noise", "row", "run", "name", "evaluations", "finished", "stored_fitness"]
-    head += [
-        f"{who}_{table.levels[level]}_{part}" for who, level in table.tests for part in ("mean", "sd", "n")
-    ]
+    head += [f"{who}_{table.levels[level]}_{of}" for who, level in table.tests for of in ("mean", "sd", "n")]
     lines: list[list[object]] = [[*head]]
+
+    def exact(value: float | None) -> str:
+        return "" if value is None or math.isnan(value) else repr(float(value))
+
+    def add(one: NoiseClass, of: Row | NoiseClass, facts: Sequence[object], best: float | None) -> None:
+        means = [of.mean(*test) or Mean(value=math.nan, half=math.nan, count=0) for test in table.tests]
+        cells = [cell for mean in means for cell in (exact(mean.value), exact(mean.deviation), mean.count)]
+        lines.append([table.task.name, one.name, *facts, exact(best), *cells])
+
     for one in table.conditions:
         for row in one.rows:
             run = row.run
-            facts = [run.index, run.id, run.name, run.evaluations, int(run.finished), _exact(row.stored)]
-            lines.append([table.task.name, one.name, *facts, *_cells(table, row)])
-        stored = mean_of(one.stored())
-        average = _exact(None if stored is None else stored.value)
-        lines.append([table.task.name, one.name, "average", "", "", "", "", average, *_cells(table, one)])
+            add(one, row, [run.index, run.id, run.name, run.evaluations, int(run.finished)], row.best)
+        best = mean_of(one.best())
+        add(one, one, ["average", "", "", "", ""], None if best is None else best.value)
     return to_csv(lines, end="\r\n")
-
-
-def _exact(value: float | None) -> str:
-    """All digits of a number; "" for None."""
-    return "" if value is None or math.isnan(value) else repr(float(value))
-
-
-def _cells(table: TaskPart, of: Row | NoiseClass) -> list[str]:
-    """Mean, deviation and count of each test, empty if there is none."""
-    cells: list[str] = []
-    for mean in (of.mean(*test) for test in table.tests):
-        known = (None, None) if mean is None else (mean.value, mean.deviation)
-        cells += [*map(_exact, known), str(0 if mean is None else mean.count)]
-    return cells
 
 
 # Of a study
@@ -229,28 +227,23 @@ def parts_of(study: Study) -> list[TaskPart]:
     """The study's runs by task and by noise level, tasks in the study's order, levels rising."""
     groups: dict[str, dict[float, list[Row]]] = {}
     for run in study.runs:
-        groups.setdefault(run.task, {}).setdefault(noise_level(run.noise), []).append(_row(run))
-    return [_part(study.task(name), levels) for name, levels in groups.items()]
-
-
-def _part(task: Task, groups: dict[float, list[Row]]) -> TaskPart:
-    """One task's runs as its table holds them."""
-    classes = tuple(
-        NoiseClass(level=level, name=noise_name(level), rows=tuple(rows))
-        for level, rows in sorted(groups.items())
-    )
-    tested = {level for rows in groups.values() for row in rows for _, level in row.means}
-    levels = {level: noise_name(level) for level in sorted(tested or NOISE_LEVELS.values())}
-    return TaskPart(task=task, conditions=classes, levels=levels)
-
-
-def _row(run: Run) -> Row:
-    means = {(who, noise_level(noise)): mean_of(scores) for (who, noise), scores in run.tests.items()}
-    return Row(run=run, means={key: mean for key, mean in means.items() if mean is not None})
+        means = {(who, noise_level(noise)): mean_of(scores) for (who, noise), scores in run.tests.items()}
+        row = Row(run=run, means={key: mean for key, mean in means.items() if mean is not None})
+        groups.setdefault(run.task, {}).setdefault(noise_level(run.noise), []).append(row)
+    parts = []
+    for name, rows_at in groups.items():
+        tested = {level for rows in rows_at.values() for row in rows for _, level in row.means}
+        classes = (
+            NoiseClass(level=level, name=noise_name(level), rows=tuple(rows_at[level]))
+            for level in sorted(rows_at)
+        )
+        levels = {level: noise_name(level) for level in sorted(tested or NOISE_LEVELS.values())}
+        parts.append(TaskPart(task=study.task(name), conditions=tuple(classes), levels=levels))
+    return parts
 
 
 def individual(run: Run) -> Genotype:
-    """The genotype shown for a run: its champion's, or its fittest's so far."""
+    """The genotype shown for a run: its champion's, or that of the best so far."""
     genes = run.fittest if run.champion is None else run.champion
     assert genes is not None  # the run has begun
     return run.study.slots(run.task, genes)
@@ -265,30 +258,30 @@ def best_so_far(study: Study, part: TaskPart) -> dict[float, list[np.ndarray]]:
     }
 
 
-def chosen(condition: NoiseClass) -> Row | None:
-    """The run shown in a figure: the condition's median one."""
-    run = median_run(row.run for row in condition.begun)
-    return next((row for row in condition.begun if row.run is run), None)
-
-
 class Paths:
-    """Simulates a study's individuals again, all of a task from the same start."""
+    """Simulates a study's individuals again, each once, all of a task from the same start."""
 
     def __init__(self, study: Study) -> None:
         self._study = study
         self._stream = int(substream(np.uint64(study.config.seed), np.uint64(PICTURES)))
         self._simulations: dict[tuple[str, float], Simulation] = {}
+        self._made: dict[int, tuple[Trajectory, float]] = {}
+
+    def of(self, part: TaskPart, condition: NoiseClass, row: Row) -> tuple[Trajectory, float]:
+        """One trial of a run's champion at the noise it evolved under, and its score."""
+        if row.run.id not in self._made:
+            key = (part.task.name, condition.level)
+            if key not in self._simulations:
+                self._simulations[key] = Simulation(part.task, self._study.profile, condition.level)
+            networks = individual(row.run).networks()
+            self._made[row.run.id] = self._simulations[key].trajectory(networks, stream=self._stream)
+        return self._made[row.run.id]
 
     def panel(self, part: TaskPart, condition: NoiseClass, row: Row, title: str) -> PathPanel:
-        """One trial of a run's champion at the noise it evolved under; the title may contain {score}."""
-        task = part.task
-        key = (task.name, condition.level)
-        if key not in self._simulations:
-            self._simulations[key] = Simulation(task, self._study.profile, condition.level)
-        networks = individual(row.run).networks()
-        trajectory, score = self._simulations[key].trajectory(networks, stream=self._stream)
-        shown = f"{score / task.fitness_scale:.2f}"
-        return PathPanel(noise=condition.level, title=title.format(score=shown), trajectory=trajectory)
+        """The same as a picture's panel, with its score after the title."""
+        trajectory, score = self.of(part, condition, row)
+        title = f"{title}: {score / part.task.fitness_scale:.2f}"
+        return PathPanel(noise=condition.level, title=title, trajectory=trajectory)
 
 
 def ends_of_paths(names: Mapping[float, str], rows: Sequence[Sequence[PathPanel]]) -> str:
@@ -316,50 +309,36 @@ def mean_curve(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return rows.mean(axis=0), half
 
 
-@dataclass(frozen=True, kw_only=True)
-class Curves:
-    """Data of figure 4 or 6, by noise level; fitness unscaled.
+def curves_figure(
+    curves: Mapping[float, Sequence[np.ndarray]], names: Mapping[float, str], *,
+    tested: Mapping[float, float] | None = None, scale: float = 1.0, unit: str = "",
+) -> Figure:  # fmt: skip
+    """Figure 4 or 6 in one column of a paper: a curve a noise level with its 95 % band.
 
-    Attributes:
-        runs: the running best fitness of each run, from evaluation 1.
+    Args:
+        curves: by noise level the running best fitness of each run, from evaluation 1, unscaled.
         names: of the page's noise levels, also of those without runs.
-        fresh: a mean on fresh trials, drawn as a mark behind the curve's end.
+        tested: a mean over test trials, drawn as a mark behind the curve's end.
         scale: divisor of fitness; unit: the resulting unit, shown on the axis.
     """
-
-    runs: Mapping[float, Sequence[np.ndarray]]
-    names: Mapping[float, str]
-    fresh: Mapping[float, float] = field(default_factory=dict)
-    scale: float = 1.0
-    unit: str = ""
-
-
-def curves_figure(curves: Curves) -> Figure:
-    """Figure 4 or 6 in one column of a paper: a curve a noise level with its 95 % band."""
     figure = new_figure(COLUMN * 1.25, COLUMN * 0.85, layout="constrained")
     ax = figure.add_subplot()
-    styles, scale = noise_styles(curves.names), curves.scale
-    drawn = {level: [run for run in runs if len(run)] for level, runs in curves.runs.items()}
-    longest = max(
-        (
-            _draw_one(ax, runs, curves.names[level], styles[level], scale)
-            for level, runs in drawn.items()
-            if runs
-        ),
-        default=1,
-    )
-    for level, value in curves.fresh.items():
+    styles, tested = noise_styles(names), tested or {}
+    begun = {level: some for level, runs in curves.items() if (some := [run for run in runs if len(run)])}
+    ends = [_draw_one(ax, runs, names[level], styles[level], scale) for level, runs in begun.items()]
+    longest = max(ends, default=1)
+    for level, value in tested.items():
         look = styles[level]
         ax.plot(
             [longest * 1.035], [value / scale], marker=look.marker, color=look.colour, markersize=5,
             markerfacecolor="none", clip_on=False, linestyle="none", zorder=4,
         )  # fmt: skip
-    seen = [float(end) for runs in drawn.values() for run in runs for end in (run.min(), run.max())]
-    low, *_, high = sorted([0.0, *seen, *curves.fresh.values()])
+    seen = [float(end) for runs in begun.values() for run in runs for end in (run.min(), run.max())]
+    low, *_, high = sorted([0.0, *seen, *tested.values()])
     ax.set(xlim=(0, longest * 1.06), xlabel="evaluations")
     # Two runs' interval may be many times as high as they: it is cut.
     ax.set_ylim(low / scale, min(ax.get_ylim()[1], (1.1 * high - 0.1 * low) / scale) or None)
-    ax.set_ylabel("fitness of the fittest" + (f" ({curves.unit})" if curves.unit else ""))
+    ax.set_ylabel("best fitness" + (f" ({unit})" if unit else ""))
     ax.grid(axis="y")
     ax.set_axisbelow(True)
     ax.legend()

@@ -1,11 +1,8 @@
-"""The page of a noise experiment, and the one that puts several robots side by side.
-
-Four figures and a table, without verdicts: what a design of one's own bears is for its author to say.
-"""
+"""The page of a noise experiment, and the one that puts several robots side by side: figures and a table."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -22,7 +19,7 @@ from realitygap.calibration.unit import PROFILE
 from realitygap.errors import StudyError
 from realitygap.experiments.experiment import RESULTS
 from realitygap.experiments.noise import FIGURES, calibration_folder
-from realitygap.experiments.realities import ASKED, Place
+from realitygap.experiments.robots import Place, RobotsConfig
 from realitygap.files import read_table, read_toml, to_csv
 from realitygap.report import style
 from realitygap.report.calibration import REAL
@@ -35,7 +32,10 @@ from realitygap.tasks import load_task
 from realitygap.values import Floats
 from realitygap.world.robot import load_profile, noise_name
 
-__all__ = ["NoiseData", "build_noise_page", "build_realities_page", "matrix", "noise_summary", "noise_table"]
+__all__ = [
+    "NoiseData", "build_noise_page", "build_robots_page", "matrix", "noise_summary", "noise_table",
+    "read_robots",
+]  # fmt: skip
 
 FEWEST = 3
 """Runs for an interval."""
@@ -80,6 +80,14 @@ class Span(NamedTuple):
         """As displayed: 8.5 (8.1 to 8.9)."""
         value, low, high = (_number(v / scale, places) for v in self)
         return value if math.isnan(self.low) else f"{value} ({low} to {high})"
+
+
+def _means(values: Floats) -> Floats:
+    """Means of the known values along the first axis; NaN where none is known."""
+    known = np.isfinite(values).sum(axis=0)
+    sums = np.nansum(values, axis=0)
+    means: Floats = np.divide(sums, known, out=np.full_like(sums, np.nan), where=known > 0)
+    return means
 
 
 def _number(value: float, places: int) -> str:
@@ -171,14 +179,8 @@ class NoiseData:
 
     def part(self, task: str) -> Self:
         """One task's controllers."""
-        keep, n = self.task == task, len(self.task)
-        every = {field.name: getattr(self, field.name) for field in fields(self)}
-        some = {
-            k: v[keep]
-            for k, v in every.items()
-            if isinstance(v, np.ndarray) and len(v) == n and k != "levels"
-        }
-        return replace(self, **some)
+        names = ("task", "evolved", "simulated", "situated", "score", "noisiness")
+        return replace(self, **{name: getattr(self, name)[self.task == task] for name in names})
 
     def at(self, level: float) -> NDArray[np.bool_]:
         """[n] which evolved at a level; tables hold five digits."""
@@ -188,7 +190,7 @@ class NoiseData:
     @property
     def matched(self) -> float:
         """The noise-matched level, where mean noisiness passes zero, linear in the level's root; or NaN."""
-        curve, root = np.nanmean(self.noisiness, axis=0), np.sqrt(self.levels)
+        curve, root = _means(self.noisiness), np.sqrt(self.levels)
         below = np.flatnonzero((curve[:-1] > 0) & (curve[1:] <= 0))
         if not len(below):
             return math.nan
@@ -198,7 +200,7 @@ class NoiseData:
     @property
     def matched_text(self) -> str:
         """The same in words, also beyond the levels."""
-        curve = np.nanmean(self.noisiness, axis=0)
+        curve = _means(self.noisiness)
         if math.isfinite(self.matched):
             return _number(self.matched, 2)
         if (curve > 0).all() or (curve < 0).all():
@@ -206,17 +208,8 @@ class NoiseData:
         return "–"
 
 
-class PageTable(NamedTuple):
-    """A table of the page, of texts; `name` is its file's."""
-
-    name: str
-    title: str
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-    def csv(self) -> str:
-        """As a file."""
-        return to_csv([self.head, *self.rows])
+Table = tuple[Sequence[str], Sequence[Sequence[str]]]
+"""A table's head and rows, of texts."""
 
 
 def _spans(part: NoiseData, level: float) -> tuple[dict[str, Span], int]:
@@ -229,7 +222,7 @@ def _spans(part: NoiseData, level: float) -> tuple[dict[str, Span], int]:
     return spans | {key: Span.of(values[at]) for key, values in fitness.items()}, int(at.sum())
 
 
-def noise_table(data: NoiseData) -> PageTable:
+def noise_table(data: NoiseData) -> Table:
     """A row for each task and evolved level."""
     level, rows = f"{data.levels[data.robot]:g}", []
     for task in data.tasks:
@@ -238,7 +231,7 @@ def noise_table(data: NoiseData) -> PageTable:
             spans, count = _spans(part, evolved)
             score, own, *fitness = spans.values()
             judged = part.score[part.at(evolved), part.robot]
-            failed = 100 * float(np.nanmean(np.where(np.isnan(judged), np.nan, judged < FAILED)))
+            failed = 100 * float(_means(np.where(np.isnan(judged), np.nan, judged < FAILED)))
             texts = [*(one.text(1) for one in (score, own)), _number(failed, 0)]
             texts += [one.text(3, unit) for one in fitness]
             rows.append([task, f"{evolved:g}", str(count), *texts])
@@ -246,12 +239,7 @@ def noise_table(data: NoiseData) -> PageTable:
         "task", "evolved at", "runs", f"score at {level}", "score at own level", "failures, %",
         "fitness, simulated", "fitness on the robot", "drop",
     )  # fmt: skip
-    title = (
-        "By evolved level: means with 95 % intervals over runs. Score: correspondence, 0 to 10, with the "
-        f"simulation at level {level}, and at the level evolved under. Failures: scores below {FAILED:g}. "
-        "Drop: fitness in simulation less that on the robot."
-    )
-    return PageTable("levels", title, head, rows)
+    return head, rows
 
 
 # Figures
@@ -265,17 +253,12 @@ def map_figure(data: NoiseData) -> Figure:
     """Mean score of every cell, evolved by compared level; the diagonal is framed, the robot's level bold."""
     tasks, count = data.tasks, len(data.levels)
     figure = new_figure(min(PAGE, 3.4 * len(tasks)), 3.1, layout="constrained")
-    every = {
-        task: np.array([np.nanmean(data.part(task).score[data.part(task).at(level)], axis=0)
-                        for level in data.levels])
-        for task in tasks
-    }  # fmt: skip
-    low = np.floor(min(np.nanmin(means) for means in every.values()))
-    high = max(np.ceil(max(np.nanmax(means) for means in every.values())), low + 1)
+    parts = [data.part(task) for task in tasks]
+    every = [np.array([_means(p.score[p.at(level)]) for level in p.levels]) for p in parts]
+    low = np.floor(np.nanmin(every))
+    high = max(np.ceil(np.nanmax(every)), low + 1)
     labels, ticks = [f"{level:g}" for level in data.levels], np.arange(count) + 0.5
-    for ax, (task, means) in zip(
-        figure.subplots(1, len(tasks), squeeze=False)[0], every.items(), strict=True
-    ):
+    for ax, task, means in zip(figure.subplots(1, len(tasks), squeeze=False)[0], tasks, every, strict=True):
         ax.pcolormesh(np.arange(count + 1), np.arange(count + 1), means, cmap=_HEAT, vmin=low, vmax=high)
         for i, j in np.ndindex(means.shape):
             colour = "#ffffff" if means[i, j] >= low + _DARK * (high - low) else "#1b1d22"
@@ -386,9 +369,7 @@ def _panel(
     looks = noise_styles(data.levels.tolist())
     for level, values in columns:
         known, look = values[np.isfinite(values)], looks[level]
-        spread = (
-            0.05 + 0.08 * np.modf(np.arange(len(known)) * 0.6180339887498949)[0]
-        )  # so that none hides another
+        spread = 0.05 + 0.08 * np.modf(np.arange(len(known)) * 0.618034)[0]  # so that none hides another
         ax.plot(np.sqrt(level) + spread, known, look.marker, color=look.colour, markersize=2, alpha=0.55,
                 markeredgewidth=0, zorder=2)  # fmt: skip
     ax.set_xticks(np.sqrt(data.levels), [f"{level:g}" for level in data.levels])
@@ -408,13 +389,11 @@ def _bars(
     ax: Axes, columns: Columns, label: str, *, marker: str = "o", line: Any = "-", aside: float = 0.0
 ) -> None:
     """Means joined by a line, with their intervals."""
-    spans = [Span.of(values) for _, values in columns]
-    x = np.sqrt([level for level, _ in columns]) + aside
-    y = np.array([span.value for span in spans])
-    half = np.nan_to_num([span.high - span.value for span in spans])
+    value, _, high = np.array([Span.of(values) for _, values in columns]).T
     ax.errorbar(
-        x, y, yerr=half, color=INK, marker=marker, markersize=4, capsize=2, linewidth=1.4, elinewidth=1,
-        linestyle=line, label=label, zorder=5, markerfacecolor=style.PAPER,
+        np.sqrt([level for level, _ in columns]) + aside, value, yerr=np.nan_to_num(high - value), color=INK,
+        marker=marker, markersize=4, capsize=2, linewidth=1.4, elinewidth=1, linestyle=line, label=label,
+        zorder=5, markerfacecolor=style.PAPER,
     )  # fmt: skip
 
 
@@ -432,16 +411,11 @@ def _legend(figure: Figure) -> None:
 def build_noise_page(out: str | Path, *, on_progress: OnProgress | None = None) -> Path:
     """Write the page of a finished noise experiment into its folder `report/`; return its path.
 
-    Args:
-        out: the experiment's folder, with `results/`.
-        on_progress: called with parts done, parts in all, and the name of the next one.
-
     Raises:
         StudyError: results are missing or broken: names the file and the line.
-        OSError: the page cannot be written.
     """
     data, figures = NoiseData.read(out), Figures()
-    who, table = "robot" if "robot" in data.settings else "twin", noise_table(data)
+    who, (head, rows) = "robot" if "robot" in data.settings else "twin", noise_table(data)
     for name, draw, alt in (
         ("noise-map", partial(map_figure, data), "Mean correspondence by evolved and compared level"),
         ("noise-scores", partial(scores_figure, data), "Correspondence score by level"),
@@ -450,13 +424,15 @@ def build_noise_page(out: str | Path, *, on_progress: OnProgress | None = None) 
     ):
         figures.add(name, draw, f"{alt}. The table has the figures.")
     facts = {
-        "data": data, "settings": data.settings, "cards": figures, "key": _key(data), "table": table,
+        "data": data, "settings": data.settings, "cards": figures, "key": _key(data), "head": head,
+        "rows": rows, "failed": FAILED,
         "matched": [(_titled(task), data.part(task).matched_text) for task in data.tasks],
-        "misfits": list(_misfits(data)), "real": REAL, "who": who,
+        "misfits": _misfits(data), "real": REAL, "who": who,
         "text": (Path(out) / RESULTS / "study.toml").read_text("utf-8"),
     }  # fmt: skip
+    tables = {"levels": to_csv([head, *rows])}
     target = report_folder(Path(out)) / "index.html"
-    return write_page(target, "noise.html.j2", figures, facts, on_progress, tables={table.name: table.csv()})
+    return write_page(target, "noise.html.j2", figures, facts, on_progress, tables=tables)
 
 
 def _key(data: NoiseData) -> list[tuple[str, str, str]]:
@@ -464,38 +440,33 @@ def _key(data: NoiseData) -> list[tuple[str, str, str]]:
     return noise_key({v: n if n == f"{v:g}" else f"{n} ({v:g})" for v, n in names.items()})
 
 
-def _misfits(data: NoiseData) -> Iterable[tuple[str, float, int, int, float]]:
-    """Of each channel: its name, median of model error over noise, units beyond the limit, units, limit."""
-    for channel, ratios in data.ratios.items():
-        if len(ratios):
-            limit = LIMITS[channel]
-            beyond = int((ratios > limit).sum())
-            yield CHANNELS[channel], float(np.median(ratios)), beyond, len(ratios), limit
+def _misfits(data: NoiseData) -> list[dict[str, Any]]:
+    """Of each channel the median of model error over noise, and how many units are beyond the limit."""
+    return [
+        {
+            "channel": CHANNELS[channel], "median": float(np.median(ratios)),
+            "units_beyond_limit": int((ratios > LIMITS[channel]).sum()), "units": len(ratios),
+            "limit": LIMITS[channel],
+        }
+        for channel, ratios in data.ratios.items() if len(ratios)
+    ]  # fmt: skip
 
 
-def noise_summary(out: str | Path) -> dict[str, Any]:
-    """The findings of a finished noise experiment, ready for JSON.
-
-    Raises:
-        StudyError: results are missing or broken.
-    """
-    data, found = NoiseData.read(out), {}
+def noise_summary(data: NoiseData) -> dict[str, Any]:
+    """The findings of a finished noise experiment, ready for JSON."""
+    found = {}
     for task in data.tasks:
         part = data.part(task)
         rows = []
         for level in part.levels.tolist():
             spans, count = _spans(part, level)
-            means = np.nanmean(part.score[part.at(level)], axis=0).tolist()
+            means = _means(part.score[part.at(level)]).tolist()
             by_level = {f"{k:g}": v for k, v in zip(part.levels, means, strict=True)}
             known = {key: span._asdict() for key, span in spans.items()}
             rows.append({"evolved_level": level, "runs": count, **known, "score_by_level": by_level})
         found[task] = {"levels": rows, "noise_matched_level": part.matched}
-    misfits = [
-        {"channel": name, "median": median, "units_beyond_limit": beyond, "units": units, "limit": limit}
-        for name, median, beyond, units, limit in _misfits(data)
-    ]
     return {"robot_level": float(data.levels[data.robot]), "settings": dict(data.settings), "tasks": found,
-            "model_error_over_noise": misfits}  # fmt: skip
+            "model_error_over_noise": _misfits(data)}  # fmt: skip
 
 
 # Several robots
@@ -530,9 +501,8 @@ def _share(place: Place, channel: str) -> float:
     return errors[0] / profile.channel(channel).top if errors else math.nan
 
 
-def matrix(places: Sequence[Place], *, few: bool) -> PageTable:
+def matrix(places: Sequence[Place], robots: Mapping[str, NoiseData], *, few: bool) -> Table:
     """All robots side by side, and the real tables beside them; means of scores unless runs are too `few`."""
-    robots = read_robots(places)
     tried = [place for place in places if not place.why]
     levels = [f"{level:g}" for level in next(iter(robots.values())).levels]
     beside = ["–"] * len(READINGS)
@@ -559,38 +529,32 @@ def matrix(places: Sequence[Place], *, few: bool) -> PageTable:
             means = [Span.of(data.own[data.at(float(level))]).value for data in robots.values()]
             rows[f"as evolved at {level}"] = [*(_number(v, 1) for v in means), *beside]
     rows["noise-matched level"] = [*(data.matched_text for data in robots.values()), *beside]
-    head = ["", *robots, *READINGS]
-    title = "Model error, noise and correspondence on each robot."
-    return PageTable("realities", title, head, [[name, *row] for name, row in rows.items()])
+    return ["", *robots, *READINGS], [[name, *row] for name, row in rows.items()]
 
 
-def build_realities_page(
-    folder: str | Path, places: Sequence[Place], *, few: bool, on_progress: OnProgress | None = None
-) -> Path:
-    """Write the page of an experiment on several robots into its folder `report/`, and each one's own.
-
-    Args:
-        folder: the experiment's.
-        places: robots that were tried, and those left out.
-        few: as of `matrix`.
-        on_progress: called with parts done, parts in all, and the name of the next one.
+def build_robots_page(
+    folder: str | Path, places: Sequence[Place], robots: Mapping[str, NoiseData], *, few: bool,
+    on_progress: OnProgress | None = None,
+) -> Path:  # fmt: skip
+    """Write the page of an experiment on several robots into its folder `report/`, and each one's own; `few`
+    is as of `matrix`.
 
     Raises:
         StudyError: results are missing or broken.
-        OSError: a page cannot be written.
     """
-    robots, figures, table = read_robots(places), Figures(), matrix(places, few=few)
-    tried = [place for place in places if not place.why]
-    for place in tried:
-        build_noise_page(place.folder)
+    figures, (head, rows) = Figures(), matrix(places, robots, few=few)
+    for place in places:
+        if not place.why:
+            build_noise_page(place.folder)
     alt = "Correspondence and noisiness on each robot, by compared level. The table has the means."
     figures.add("levels", partial(robots_figure, robots), alt)
     facts = {
-        "table": table, "realities": [(_named(place), place.folder.name) for place in tried], "few": few,
+        "head": head, "rows": rows, "few": few,
+        "robots": {_named(one): one.folder.name for one in places if not one.why},
         "left_out": [place for place in places if place.why], "cards": figures,
-        "key": _key(next(iter(robots.values()))), "text": (Path(folder) / ASKED).read_text("utf-8"),
+        "key": _key(next(iter(robots.values()))),
+        "text": (Path(folder) / RobotsConfig.FILE).read_text("utf-8"),
     }  # fmt: skip
     target = report_folder(Path(folder)) / "index.html"
-    return write_page(
-        target, "realities.html.j2", figures, facts, on_progress, tables={table.name: table.csv()}
-    )
+    tables = {"robots": to_csv([head, *rows])}
+    return write_page(target, "robots.html.j2", figures, facts, on_progress, tables=tables)

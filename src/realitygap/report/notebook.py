@@ -6,7 +6,8 @@ import base64
 import html
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from realitygap.files import atomic_write
 from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
 from realitygap.report.drawing import draw_arena, robot_figure, steepness
-from realitygap.report.evolution import Paths, counted, parts_of
+from realitygap.report.evolution import WHO, Paths, parts_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, rendered
 from realitygap.report.player import player_data, player_json, replay_data
@@ -43,22 +44,13 @@ MOST_ROWS = 30
 
 
 class Shown:
-    """A page in a notebook's cell, in an isolated frame.
-
-    Attributes:
-        html: the self-contained page.
-        height: of the frame, in pixels; its corner can be dragged.
-    """
+    """A self-contained page in a notebook's cell, in an isolated frame so many pixels high."""
 
     def __init__(self, page: str, height: int) -> None:
         self.html, self.height = page, height
 
     def save(self, path: str | Path) -> None:
-        """Write the page to a file.
-
-        Raises:
-            OSError: it cannot be written.
-        """
+        """Write the page to a file."""
         atomic_write(path, self.html)
 
     def _repr_html_(self) -> str:
@@ -99,11 +91,7 @@ def of_calibration(made: Calibration) -> Gallery:
 
 
 def shown_study(study: Study, height: int) -> Shown:
-    """The page's player: each run's simulated robot, and the situated one if it drove a robot.
-
-    Raises:
-        StudyError: no run has started.
-    """
+    """The page's player: each run's simulated robot, and the one that it drove."""
     parts = parts_of(study)
     pairs = pairs_of(study, parts)
     data = player_data(study, parts, pairs, Paths(study))
@@ -145,31 +133,27 @@ def study_html(study: Study) -> str:
          "finished" if run.finished else "unfinished")
         for run in study.runs[:MOST_ROWS]
     ]  # fmt: skip
-    more = len(study.runs) - len(rows)
     title = study.config.title or study.folder.name
-    runs = counted(len(study.runs), "run")
+    runs = f"{len(study.runs)} run{'s' * (len(study.runs) != 1)}"
     said = f"{title}: {runs}, seed {study.config.seed}, profile {study.profile.name}"
     head = ("run", "evaluations", "best fitness", "champion, retested", "")
-    return _table(said, head, rows) + (f"<p>… and {more} more</p>" if more else "")
+    return _face(said, rows, head=head, more=len(study.runs) - len(rows))
 
 
 def run_html(run: Run) -> str:
-    """A run's results, and the network of its champion, or of its fittest so far."""
+    """A run's results, and the network of its champion, or of the best so far."""
     genes = run.fittest if run.champion is None else run.champion
     facts = [
         ("task", run.task), ("noise", run.noise_name), ("evaluations", run.evaluations),
         ("best fitness", _short(run.best_fitness)), ("champion, retested", _short(run.champion_fitness)),
-        *((f"{who}, fresh trials at noise {noise:g}", _short(float(scores.mean())))
+        *((f"{WHO[who]}, test trials at noise {noise:g}", _short(scores.mean()))
           for (who, noise), scores in run.tests.items()),
     ]  # fmt: skip
-    table = _table(run.name, (), facts)
     if genes is None:
-        return table
-    task = run.study.facts(run.task)
-    figure = network_figure(
-        run.study.slots(run.task, genes), run.study.profile, feeds=task["feeds"], sensors=task["sensors"]
-    )
-    return table + _picture(figure, f"The network of {run.name}")
+        return _face(run.name, facts)
+    task, slots = run.study.facts(run.task), run.study.slots(run.task, genes)
+    draw = partial(network_figure, slots, run.study.profile, feeds=task["feeds"], sensors=task["sensors"])
+    return _face(run.name, facts, draw, f"The network of {run.name}")
 
 
 def profile_html(profile: Profile) -> str:
@@ -179,17 +163,19 @@ def profile_html(profile: Profile) -> str:
         ("infrared sensors", near), ("light sensors", light), ("step", f"{profile.period_s:g} s"),
         ("radius", f"{profile.body.radius_cm:g} cm"), ("track", f"{profile.wheels.track_cm:g} cm"),
     ]  # fmt: skip
-    with styled():
-        return _table(profile.name, (), facts) + _picture(robot_figure(profile), f"The robot {profile.name}")
+    return _face(profile.name, facts, partial(robot_figure, profile), f"The robot {profile.name}")
 
 
 def arena_html(arena: Arena) -> str:
     """An arena, to scale."""
-    with styled():
-        width, depth = arena.size_cm
+
+    def draw() -> Figure:
         figure = new_figure(4.0, 4.0 * steepness(arena.to_kernel()), layout="constrained")
         draw_arena(figure.add_subplot(), arena.to_kernel(), names=True)
-        return _picture(figure, f"The arena {arena.name}, {width:g} × {depth:g} cm")
+        return figure
+
+    width, depth = arena.size_cm
+    return _face(draw=draw, alt=f"The arena {arena.name}, {width:g} × {depth:g} cm")
 
 
 def network_html(genotype: Genotype) -> str:
@@ -197,9 +183,9 @@ def network_html(genotype: Genotype) -> str:
     inputs, profile = genotype.inputs, load_profile("paper")
     said = f"{inputs} inputs, {len(genotype.neurons)} neurons"
     if inputs > len(profile.infrared.sensors):
-        return f"<p>{said}</p>"
-    figure = network_figure(genotype, profile, feeds="proximity", sensors=range(inputs))
-    return _picture(figure, f"A network: {said}")
+        return _face(said)
+    draw = partial(network_figure, genotype, profile, feeds="proximity", sensors=range(inputs))
+    return _face(draw=draw, alt=f"A network: {said}")
 
 
 def _player(data: Mapping[str, object], title: str, height: int) -> Shown:
@@ -207,20 +193,17 @@ def _player(data: Mapping[str, object], title: str, height: int) -> Shown:
     return Shown(rendered("notebook.html.j2", facts), height)
 
 
-def _picture(figure: Figure, alt: str) -> str:
-    """A figure as an image whose ids are unique in a notebook."""
-    with styled():
-        svg = base64.b64encode(save_figure(figure, None, "figure").encode()).decode()
-    return f'<img alt="{html.escape(alt)}" style="background: white" src="data:image/svg+xml;base64,{svg}">'
-
-
-def _table(caption: str, head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    def cells(kind: str, values: Sequence[object]) -> str:
-        return "<tr>" + "".join(f"<{kind}>{html.escape(str(value))}</{kind}>" for value in values) + "</tr>"
-
-    top = f"<thead>{cells('th', head)}</thead>" if head else ""
-    body = "".join(cells("td", row) for row in rows)
-    return f"<table><caption>{html.escape(caption)}</caption>{top}<tbody>{body}</tbody></table>"
+def _face(
+    caption: str = "", rows: Sequence[Sequence[object]] = (), draw: Callable[[], Figure] | None = None,
+    alt: str = "", *, head: Sequence[str] = (), more: int = 0,
+) -> str:  # fmt: skip
+    """A table and a figure; as an image, whose ids are its own whatever else a notebook shows."""
+    svg = ""
+    if draw is not None:
+        with styled():
+            svg = base64.b64encode(save_figure(draw(), None, "figure").encode()).decode()
+    facts = {"caption": caption, "rows": rows, "svg": svg, "alt": alt, "head": head, "more": more}
+    return rendered("face.html.j2", facts)
 
 
 def _short(value: float | None) -> str:

@@ -1,24 +1,24 @@
 """The page's player: everything that it can show of a study, as one JSON document.
 
 Tasks contain noise levels, those contain runs, those contain trials; a trial is a simulated drive and, if the
-run drove a robot or a twin, the situated one from the same pose. Numbers of a drive are packed as
-little-endian int16 or int8 in base64: a tenth of the size of JSON.
+run drove a robot or a twin, that drive too. Numbers are packed as little-endian int16 or int8 in base64: a
+tenth of the size of JSON.
 """
 
 import base64
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
 
 from realitygap.control.genotype import Genotype
-from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, PathPanel, front
-from realitygap.report.evolution import PER_CONDITION, Paths, Row, TaskPart, chosen, individual
+from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, front
+from realitygap.report.evolution import PER_CONDITION, NoiseClass, Paths, Row, TaskPart, individual
 from realitygap.report.network import network_drawing
 from realitygap.report.page import rendered
 from realitygap.report.style import noise_styles
@@ -29,14 +29,14 @@ from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
 from realitygap.transfer.replay import Replays
-from realitygap.values import Floats, fed
+from realitygap.values import fed
 from realitygap.world.arena import Arena
 from realitygap.world.robot import TOP_INPUT, Profile, noise_name
 from realitygap.world.sensors import RAY_ANGLES_DEG, AmbientSensor, ProximitySensor
 
 __all__ = [
-    "LOST", "MOST_TRIALS", "activity", "decided", "judge_page", "pack",
-    "player_data", "player_json", "replay_data", "track",
+    "LOST", "MOST_TRIALS", "activity", "decided", "judge_page", "pack", "player_data", "player_json",
+    "replay_data",
 ]  # fmt: skip
 
 Json = dict[str, object]
@@ -73,16 +73,11 @@ def player_data(
         for condition in part.conditions:
             if not condition.begun:
                 continue
-            shown, rows = chosen(condition), list(condition.begun[:MOST_RUNS])
-            if shown is not None and shown not in rows:
-                rows.append(shown)
-            runs = []
-            for row in rows:
-                driven = [pair for pair in pairs[part.task.name] if pair.run == row.run.id]
-                runs.append(_run(part, row, driven, replays, partial(paths.panel, part, condition, row)))
+            rows = condition.shown(MOST_RUNS)
+            runs = [_run(part, condition, row, pairs[part.task.name], replays, paths) for row in rows]
             noises.append({
                 "name": part.names[condition.level], "colour": styles[condition.level].colour,
-                "shown": 0 if shown is None else rows.index(shown), "runs": runs,
+                "shown": 0 if condition.chosen is None else rows.index(condition.chosen), "runs": runs,
             })  # fmt: skip
         if noises:
             tasks.append({**_scene(part.task, study.profile), "noises": noises})
@@ -96,10 +91,7 @@ def replay_data(
     task, profile, noise = simulation.task, simulation.profile, simulation.noise
     drawing, slots = network_drawing(genotype, task, profile)
     side = _Side(task=task, genotype=genotype, slots=slots, profile=profile)
-    one, score = driven
-    drive = side.drive("simulated", f"{score / task.fitness_scale:.2f}", one.track, one, genotype)
-    trial = {"name": "simulated", "link": "simulated", "simulated": drive, "situated": None}
-    run = {"name": name, "link": name, "network": drawing, "trials": [trial]}
+    run = {"name": name, "link": name, "network": drawing, "trials": [_alone(side, *driven, "simulated")]}
     colour = noise_styles([noise])[noise].colour
     level = {"name": f"{noise_name(noise)} noise", "colour": colour, "shown": 0, "runs": [run]}
     return _document(profile, [{**_scene(task, profile), "noises": [level]}])
@@ -134,36 +126,51 @@ class _Side:
     def drive(
         self, who: str, score: str, path: Track, kept: Trajectory | Recording | None, drove: Genotype | None
     ) -> Json:
-        """A drive along a path, with its recorded data `kept`; `drove` is the driving genotype, if known."""
-        unit = _unit_cm(self.task)
-        if kept is None:
-            return track(who, score, poses_of(path), unit)
-        readings, commands, outputs = fed(kept, self.task.feeds), decided(kept, self.profile), None
-        known = kept.inputs.shape[1] == len(self.task.sensors)
-        if known and self.genotype == drove:  # the drawn network is the one that drove
-            outputs = activity(self.genotype, kept.inputs, commands, self.slots)
-        return track(who, score, poses_of(path), unit, readings=readings, commands=commands, outputs=outputs)
+        """A drive along a path: n + 1 poses, and of the first n the readings (counts), commands and outputs
+        (−10 to 10), as far as its record `kept` has them; `drove` is the driving genotype, if known."""
+        steps, unit = len(path) - 1, _unit_cm(self.task)
+        poses = np.stack([path.x, path.y, path.heading_deg.round(DIGITS)], axis=1)
+        inside: dict[str, tuple[NDArray[Any] | None, str]] = {}
+        if kept is not None:
+            readings, commands, outputs = fed(kept, self.task.feeds), decided(kept, self.profile), None
+            known = kept.inputs.shape[1] == len(self.task.sensors)
+            if known and self.genotype == drove:  # the drawn network is the one that drove
+                outputs = activity(self.genotype, kept.inputs, commands, self.slots)
+            inside = {"readings": (readings, "<i2"), "commands": (commands, "i1"), "outputs": (outputs, "i1")}
+        packed = {
+            key: pack(of, kind) if of is not None and len(of) == steps > 0 else None
+            for key, (of, kind) in inside.items()
+        }
+        return {
+            "who": who, "score": score, "steps": steps,
+            "poses": pack(poses * np.array([1 / unit, 1 / unit, TURN]), "<i2"),
+            **dict.fromkeys(("readings", "commands", "outputs")), **packed,
+        }  # fmt: skip
 
 
 def _run(
-    part: TaskPart, row: Row, pairs: Sequence[Pair], replays: Replays, panel: Callable[[str], PathPanel]
+    part: TaskPart, condition: NoiseClass, row: Row, pairs: Sequence[Pair], replays: Replays, paths: Paths
 ) -> Json:
     """A run: its network and its trials; without transfers the simulated one in the figures of paths."""
     run, genotype, task = row.run, individual(row.run), part.task
     drawing, slots = network_drawing(genotype, task, run.study.profile)
     side = _Side(task=task, genotype=genotype, slots=slots, profile=run.study.profile)
-    order = {robot: i for i, robot in enumerate(robots_of(pairs))}
-    there = sorted(pairs, key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start))
-    shown = [pair for pair in there if pair.seen][:MOST_TRIALS]
+    here = [pair for pair in pairs if pair.run == run.id]
+    order = {robot: i for i, robot in enumerate(robots_of(here))}
+    here.sort(key=lambda p: (p.individual != "champion", order.get(p.robot, len(order)), p.start))
+    shown = [pair for pair in here if pair.seen][:MOST_TRIALS]
     trials = [_transfer(part, pair, side, replays) for pair in shown]
     if not trials:
-        alone = panel("{score}")
-        one = alone.trajectory
-        assert isinstance(one, Trajectory)
-        simulated = side.drive("simulated", alone.title, one.track, one, genotype)
-        trials = [{"name": "simulated only", "link": "simulated", "simulated": simulated, "situated": None}]
+        one, score = paths.of(part, condition, row)
+        trials = [_alone(side, one, score, "simulated only")]
     name = f"#{run.index}" + ("" if run.finished else ", unfinished")
     return {"name": name, "link": run.name, "network": drawing, "trials": trials}
+
+
+def _alone(side: _Side, one: Trajectory, score: float, name: str) -> Json:
+    """A trial in simulation only."""
+    drive = side.drive("simulated", f"{score / side.task.fitness_scale:.2f}", one.track, one, side.genotype)
+    return {"name": name, "link": "simulated", "simulated": drive, "situated": None}
 
 
 def _transfer(part: TaskPart, pair: Pair, side: _Side, replays: Replays) -> Json:
@@ -201,37 +208,28 @@ def _sensors(task: Task, profile: Profile) -> Json:
     `dull` and `bright` are the counts at which a sensor's rays are invisible, and strongest.
     """
     near, light = profile.infrared, profile.ambient
-    every = {
-        "proximity": [
-            _sensor(s, s.reach_cm(), {"petals": False, "top": near.top, "dull": 0, "bright": near.top})
-            for s in near.sensors
-        ],
-        "ambient": [
-            _sensor(
-                s, LIT_RAYS_CM, {"petals": True, "top": light.dark, "dull": light.dark, "bright": light.floor}
-            )
-            for s in light.sensors
-        ],
+    looks = {
+        "proximity": {"petals": False, "top": near.top, "dull": 0, "bright": near.top},
+        "ambient": {"petals": True, "top": light.dark, "dull": light.dark, "bright": light.floor},
     }
-    sensors = [sensor for kind in task.kinds for sensor in every[kind]]
+    sensors = [
+        {"x": one.x_cm, "y": one.y_cm, "direction": one.direction_deg, "reach": _reach(one), **looks[kind]}
+        for kind in task.kinds
+        for one in (near if kind == "proximity" else light).sensors
+    ]
     return {"each": sensors, "rays": list(RAY_ANGLES_DEG), "fed": list(task.sensors)}
 
 
-def _sensor(one: ProximitySensor | AmbientSensor, reach_cm: float, limits: Json) -> Json:
-    reach = round(min(reach_cm, LIT_RAYS_CM), 2)
-    return {"x": one.x_cm, "y": one.y_cm, "direction": one.direction_deg, "reach": reach, **limits}
+def _reach(one: ProximitySensor | AmbientSensor) -> float:
+    """As far as its rays are drawn, cm."""
+    return round(min(one.reach_cm(), LIT_RAYS_CM), 2) if isinstance(one, ProximitySensor) else LIT_RAYS_CM
 
 
 def judge_page(data: Mapping[str, object], arena: Arena | None, radius_cm: float) -> str:
     """The page on which people rate pairs, from `correspondence.blind_pairs`; it keeps ratings in the
     browser and as a file. Without an arena an empty one is drawn around all of them."""
-    body = {
-        "radius": radius_cm,
-        "front": radius_cm,
-        "outline": [],
-        "track": 1.8 * radius_cm,
-        "wheel": WHEEL_CM,
-    }
+    body: Json = dict.fromkeys(("radius", "front"), radius_cm)
+    body |= {"outline": [], "track": 1.8 * radius_cm, "wheel": WHEEL_CM}
     empty = {"size_cm": data["size_cm"], "cylinders": [], "walls": [], "lamps": []}
     text = player_json({**data, "arena": arena_json(arena) if arena else empty, "robot": body})
     name = hashlib.sha256(text.encode()).hexdigest()[:16]  # ratings of another page are kept apart
@@ -249,11 +247,6 @@ def pack(values: ArrayLike, kind: str) -> str:
     whole = np.clip(np.round(np.nan_to_num(numbers)), lowest, limits.max)
     whole = np.where(np.isnan(numbers), limits.min, whole)
     return base64.b64encode(np.ascontiguousarray(whole).astype(kind).tobytes()).decode("ascii")
-
-
-def poses_of(track: Track) -> Floats:
-    """Poses [n, 3] in cm, cm, degrees, with exactly a file's digits; NaN where the robot was lost."""
-    return np.stack([track.x, track.y, track.heading_deg.round(DIGITS)], axis=1)
 
 
 def decided(drive: Trajectory | Recording, profile: Profile) -> NDArray[np.int64]:
@@ -280,25 +273,3 @@ def activity(
         outputs = controller.outputs
         shown[k] = [outputs[slot] for slot in slots]
     return shown
-
-
-def track(
-    who: str,
-    score: str,
-    poses: Floats,
-    unit_cm: float,
-    *,
-    readings: Floats | None = None,
-    commands: NDArray[np.int64] | None = None,
-    outputs: NDArray[np.int64] | None = None,
-) -> dict[str, object]:
-    """One drive for the page: poses [n + 1, 3] in cm, cm, degrees; readings (counts), commands and outputs
-    (−10 to 10) [n, …] of the first n poses, as far as they are known."""
-    steps = len(poses) - 1
-    packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
-    inside = {"readings": (readings, "<i2"), "commands": (commands, "i1"), "outputs": (outputs, "i1")}
-    rows = {
-        name: pack(values, kind) if values is not None and len(values) == steps > 0 else None
-        for name, (values, kind) in inside.items()
-    }
-    return {"who": who, "score": score, "steps": steps, **packed, **rows}

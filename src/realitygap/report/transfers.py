@@ -1,7 +1,6 @@
-"""A study's transfers: the same individual simulated and situated, from the same start.
+"""A study's transfers: the same individual simulated and on a robot (or a twin of one), from the same start.
 
-"Situated" is the paper's word for an individual that drives a robot (or here its stand-in, a twin). Figures 3
-and 5 show pairs of paths; beside them stand the films' last frames and a table.
+Figures 3 and 5 show pairs of paths; beside them stand the films' last frames and a table.
 """
 
 import base64
@@ -13,13 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from realitygap.files import atomic_path, to_csv
-from realitygap.report.drawing import PathPanel, Scene, pairs_figure, sheet_figure
-from realitygap.report.evolution import PER_CONDITION, Mean, NoiseClass, TaskPart, chosen, mean_of
+from realitygap.report.drawing import PathPanel, Scene, paths_figure
+from realitygap.report.evolution import PER_CONDITION, WHO, Mean, NoiseClass, TaskPart, mean_of
 from realitygap.report.page import Figures, Picture
 from realitygap.report.style import SIMULATED, SITUATED, number
 from realitygap.robots.address import ROBOT, StandIn
@@ -27,10 +26,11 @@ from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.record import TransferredTrial, load_transfers
+from realitygap.transfer.scores import kind_of
 
 __all__ = [
-    "Group", "Pair", "Situated", "groups_of", "pairs_of", "robots_of", "shown_pair",
-    "situated_of", "transfers_csv",
+    "Group", "Pair", "film_of", "groups_of", "pair_figures", "pairs_of", "robots_of", "shown_pair",
+    "transfers_csv",
 ]  # fmt: skip
 
 FILM_PX = 720
@@ -53,64 +53,62 @@ class Pair(TransferredTrial):
 
     @cached_property
     def paths(self) -> tuple[Track, Track]:
-        """Simulated and situated, thinned for drawing tails, without lost poses; read when first needed."""
+        """Simulated and on the robot, thinned for drawing tails, without lost poses."""
         return _drawn(self.simulated), _drawn(self.situated)
 
     @property
     def seen(self) -> bool:
-        """Whether anything is known of the situated path."""
+        """Whether anything is known of the robot's path."""
         return bool(self.situated.found.any())
 
     @property
     def fitness(self) -> tuple[float, float]:
-        """Simulated and situated, unscaled; NaN if there is none."""
+        """Simulated and on the robot, unscaled; NaN if there is none."""
         return self.fitness_simulated, self.fitness_situated
 
     @property
-    def stand_in(self) -> StandIn | None:
-        """The simulated robot that it is; None for a robot."""
-        return StandIn.of_folder(self.robot)
+    def drop(self) -> float:
+        """Loss of fitness from simulation to robot."""
+        return self.fitness_simulated - self.fitness_situated
 
     @property
     def kind(self) -> str:
-        """The group for averages: all robots, or all units of a kind with the same noise scale."""
-        return ROBOT if self.stand_in is None else self.stand_in.kind
+        """What averages are over: all robots, or all units of a kind with the same noise scale."""
+        return kind_of(self)
 
     @property
     def where(self) -> str:
         """The robot in words."""
-        if (there := self.stand_in) is not None:
+        if (there := StandIn.of_folder(self.robot)) is not None:
             return there.words
         kind, _, port = self.robot.partition("-")
         return f"{MAKES[kind]} on {port}" if kind in MAKES else f"robot {self.robot}"
 
-    @property
-    def drop(self) -> float:
-        """Loss of score from simulated to situated."""
-        return self.fitness[0] - self.fitness[1]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """The transfers of one noise level on one kind of robot, for a table."""
+    """The transfers of one noise level's champions (or another individual) on one kind of robot."""
 
     level: float
     name: str
     kind: str
+    individual: str
     pairs: tuple[Pair, ...]
 
-    def values(self, of: str) -> list[float]:
-        """Each run's "simulated", "situated" or "drop": the mean of its transfers with scores."""
-        runs: dict[int, list[float]] = {}
-        for pair in self.pairs:
-            value = {"simulated": pair.fitness[0], "situated": pair.fitness[1], "drop": pair.drop}[of]
-            if math.isfinite(pair.drop):
-                runs.setdefault(pair.run, []).append(value)
-        return [float(np.mean(values)) for values in runs.values()]
+    @property
+    def words(self) -> str:
+        """Where and, unless champions, who."""
+        where = "a robot" if self.kind == ROBOT else f"the {self.kind}"
+        who = WHO.get(self.individual, self.individual)
+        return where if self.individual == "champion" else f"{where} ({who})"
 
     def mean(self, of: str) -> Mean | None:
-        """The mean of `values` over the runs."""
-        return mean_of(self.values(of))
+        """Of the runs' "fitness_simulated", "fitness_situated" or "drop", each over its scored transfers."""
+        runs: dict[int, list[float]] = {}
+        for pair in self.pairs:
+            if math.isfinite(pair.drop):
+                runs.setdefault(pair.run, []).append(getattr(pair, of))
+        return mean_of([float(np.mean(values)) for values in runs.values()])
 
 
 def pairs_of(study: Study, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
@@ -122,7 +120,7 @@ def pairs_of(study: Study, parts: Sequence[TaskPart]) -> dict[str, list[Pair]]:
             level, index = runs[one.run]
             known = {field.name: getattr(one, field.name) for field in fields(one)}
             pairs.append(Pair(**known, level=level, index=index))
-    pairs.sort(key=lambda p: (p.run, p.stand_in is not None, len(p.robot), p.robot, p.start))
+    pairs.sort(key=lambda p: (p.run, p.kind != ROBOT, len(p.robot), p.robot, p.individual, p.start))
     return {part.task.name: [p for p in pairs if p.task == part.task.name] for part in parts}
 
 
@@ -135,43 +133,41 @@ def _drawn(track: Track) -> Track:
 
 
 def kinds_of(pairs: Sequence[Pair]) -> list[str]:
-    """The kinds of situation: robots first."""
+    """The kinds of robots: real ones first."""
     return sorted({pair.kind for pair in pairs}, key=lambda kind: (kind != ROBOT, len(kind), kind))
 
 
 def robots_of(pairs: Sequence[Pair]) -> list[str]:
     """The robots in a figure: of each kind the one with the most noise levels, films, then pairs."""
-    found = []
-    for kind in kinds_of(pairs):
-        robots: dict[str, list[Pair]] = {}
-        for pair in pairs:
-            if pair.kind == kind:
-                robots.setdefault(pair.robot, []).append(pair)
-        found.append(max(robots, key=lambda robot: _worth(robots[robot])))
-    return found
 
+    def worth(robot: str) -> tuple[int, int, int]:
+        here = [pair for pair in pairs if pair.robot == robot]
+        return len({pair.level for pair in here}), sum(pair.filmed for pair in here), len(here)
 
-def _worth(pairs: Sequence[Pair]) -> tuple[int, int, int]:
-    return len({pair.level for pair in pairs}), sum(pair.filmed for pair in pairs), len(pairs)
+    return [
+        max(dict.fromkeys(p.robot for p in pairs if p.kind == kind), key=worth) for kind in kinds_of(pairs)
+    ]
 
 
 def shown_pair(condition: NoiseClass, pairs: Sequence[Pair]) -> Pair | None:
     """The pair in a figure: of the run shown in the report, if there is one; filmed ones first."""
-    row = chosen(condition)
+    row = condition.chosen
     here = [pair for pair in pairs if pair.level == condition.level]
-    here.sort(key=lambda p: (row is None or p.run != row.run.id, not p.filmed, p.run, p.start))
+    here.sort(key=lambda p: (row is None or p.run != row.run.id, p.individual, not p.filmed, p.run, p.start))
     return next((pair for pair in here if pair.seen), None)
 
 
 def groups_of(part: TaskPart, pairs: Sequence[Pair]) -> list[Group]:
-    """A task's transfers by kind of robot and noise level."""
-    groups = []
+    """A task's transfers by kind of robot, individual and noise level."""
+    found = []
     for kind in kinds_of(pairs):
-        for one in part.conditions:
-            here = tuple(p for p in pairs if p.level == one.level and p.kind == kind)
-            if here:
-                groups.append(Group(level=one.level, name=one.name, kind=kind, pairs=here))
-    return groups
+        for who in sorted({p.individual for p in pairs if p.kind == kind}):
+            for c in part.conditions:
+                here = tuple(p for p in pairs if (p.kind, p.individual, p.level) == (kind, who, c.level))
+                if here:
+                    group = Group(level=c.level, name=c.name, kind=kind, individual=who, pairs=here)
+                    found.append(group)
+    return found
 
 
 def transfers_csv(task: Task, groups: Sequence[Group], study: Path) -> str:
@@ -189,61 +185,31 @@ def transfers_csv(task: Task, groups: Sequence[Group], study: Path) -> str:
 # On the page
 
 
-class Situated(NamedTuple):
-    """What a task's section shows of its transfers.
+def pair_figures(
+    part: TaskPart, pairs: Sequence[Pair], scene: Scene, label: str, figures: Figures
+) -> dict[str, Any]:
+    """The figures of a task's transfers, which are added to the page's; `label` is the paper's name of them.
 
-    Attributes:
-        shown: the pairs in its figures.
-        figures: pairs of paths; sheets: all of them.
-        films: last frames, as the template needs them.
-        groups: rows of the table.
+    Returns:
+        pairs: a figure for each kind of robot; sheets: of all its runs, and their number; shown: the pairs.
     """
-
-    shown: list[Pair]
-    figures: list[Picture]
-    sheets: list[tuple[Picture, int]]
-    films: list[dict[str, object]]
-    groups: list[Group]
-
-    @property
-    def total(self) -> int:
-        return sum(len(group.pairs) for group in self.groups)
-
-    @property
-    def kinds(self) -> list[str]:
-        """Of what was driven, the first word of each kind: "robot", "twin", "stranger", "Enki"."""
-        return sorted({group.kind.split()[0] for group in self.groups})
-
-    def stands_for(self, part: TaskPart) -> bool:
-        """Whether its figures show every run that a figure of simulated paths would show."""
-        runs = {pair.run for pair in self.shown}
-        return all(row is None or row.run.id in runs for row in map(chosen, part.conditions))
-
-
-def situated_of(
-    part: TaskPart, pairs: Sequence[Pair], scene: Scene, label: str, figures: Figures, report: Path
-) -> Situated:
-    """What a section shows of a task's transfers, at least one; `label` is the paper's name of the figure.
-
-    Its figures are added to the page's; films are linked or copied into the report's folder.
-    """
-    made = Situated([], [], [], [], groups_of(part, pairs))
+    made: dict[str, Any] = {"pairs": [], "sheets": [], "shown": []}
     for robot in robots_of(pairs):
         here = [pair for pair in pairs if pair.robot == robot]
         shown = [pair for c in part.conditions if (pair := shown_pair(c, here)) is not None]
         if not shown:
             continue
-        name = f"{part.task.name}-{'pairs' if not made.figures else 'pairs-' + robot}"
+        name = f"{part.task.name}-{'pairs' if not made['pairs'] else 'pairs-' + robot}"
         heads = [f"{part.names[pair.level]}, #{pair.index}" for pair in shown]
         rows = [
-            [_panel(part, pair, situated=False, title="simulated: {}") for pair in shown],
-            [_panel(part, pair, situated=True, title=f"{pair.where}: {{}}") for pair in shown],
+            [_panel(part, pair, 0, "simulated") for pair in shown],
+            [_panel(part, pair, 1, pair.where) for pair in shown],
         ]
+        draw = partial(paths_figure, scene, rows, heads=heads)
         alt = f"Paths. {'; '.join(_ends(part, pair) for pair in shown)}."
-        made.figures.append(figures.add(name, partial(pairs_figure, scene, heads, rows), alt, label))
-        made.shown.extend(shown)
-        made.sheets.extend(_sheet(part, here, scene, name, figures))
-        made.films.extend(film for pair in shown if (film := _film(part, pair, report)) is not None)
+        made["pairs"].append(figures.add(name, draw, alt, label))
+        made["shown"] += shown
+        made["sheets"] += _sheet(part, here, scene, name, figures)
     return made
 
 
@@ -256,18 +222,19 @@ def _ends(part: TaskPart, pair: Pair) -> str:
     )
 
 
-def _panel(part: TaskPart, pair: Pair, *, situated: bool, title: str) -> PathPanel:
-    score = pair.fitness[situated]
+def _panel(part: TaskPart, pair: Pair, side: int, title: str) -> PathPanel:
+    """The path of one side: 0, simulated, or 1, on the robot."""
+    score = pair.fitness[side]
     text = "–" if math.isnan(score) else number(score / part.task.fitness_scale, 2)
-    look = SITUATED if situated else SIMULATED
-    return PathPanel(noise=pair.level, title=title.format(text), trajectory=pair.paths[situated], look=look)
+    look = (SIMULATED, SITUATED)[side]
+    return PathPanel(noise=pair.level, title=f"{title}: {text}", trajectory=pair.paths[side], look=look)
 
 
 def _sheet(
     part: TaskPart, here: Sequence[Pair], scene: Scene, name: str, figures: Figures
 ) -> list[tuple[Picture, int]]:
     """Every transferred run of a robot, and their number: two rows a noise level, simulated above."""
-    rows: list[list[PathPanel | None]] = []
+    rows: list[list[PathPanel]] = []
     many = 0
     for condition in part.conditions:
         runs: dict[int, Pair] = {}
@@ -277,26 +244,32 @@ def _sheet(
         pairs = [runs[run] for run in sorted(runs)][:PER_CONDITION]
         many += len(pairs)
         if pairs:
-            rows.append(
-                [_panel(part, p, situated=False, title=f"{condition.name} #{p.index}: {{}}") for p in pairs]
-            )
-            rows.append([_panel(part, p, situated=True, title="situated: {}") for p in pairs])
+            rows.append([_panel(part, p, 0, f"{condition.name} #{p.index}") for p in pairs])
+            rows.append([_panel(part, p, 1, "on the robot") for p in pairs])
     if many <= len(part.conditions) and len(rows) == 2 * many:  # the figure of pairs shows them all
         return []
-    alt = f"Simulated and situated paths of {many} runs, each from its first start."
-    return [(figures.add(f"{name}-all", partial(sheet_figure, scene, rows), alt), many)]
+    alt = f"Paths of {many} runs in simulation and on the robot, each from its first start."
+    return [(figures.add(f"{name}-all", partial(paths_figure, scene, rows, small=True), alt), many)]
 
 
-def _film(part: TaskPart, pair: Pair, report: Path) -> dict[str, object] | None:
-    """A film's last frame under its track's tail (a data URI) and its link; None without a film.
+def film_of(pair: Pair, report: Path) -> dict[str, object] | None:
+    """A film's last frame under its track's tail (a data URI, its size in px) and its link; None without one.
 
     The film itself is linked into the report (copied where the disk has no links), so that the report's
     folder is complete without the study's.
     """
+    from PIL import Image
+
     path = pair.folder / "tails.png"
     if not (pair.filmed and path.is_file()):
         return None
-    picture, size = _embedded(path)
+    with Image.open(path) as frame:
+        wide = min(FILM_PX, frame.width)
+        size = (wide, max(1, round(frame.height * wide / frame.width)))
+        small = frame.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    buffer = io.BytesIO()
+    small.save(buffer, "JPEG", quality=82, optimize=True)
+    picture = f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
     film, link = pair.folder / "film.mp4", ""
     if film.is_file():
         link = f"films/{pair.folder.parent.name}-{pair.robot}-{pair.folder.name}.mp4"
@@ -307,25 +280,4 @@ def _film(part: TaskPart, pair: Pair, report: Path) -> dict[str, object] | None:
                 os.link(film, spare)
             except OSError:
                 shutil.copyfile(film, spare)
-    head = f"{part.names[pair.level]}, #{pair.index}"
-    return {
-        "head": head,
-        "where": pair.where,
-        "start": pair.start,
-        "picture": picture,
-        "size": size,
-        "link": link,
-    }
-
-
-def _embedded(path: Path) -> tuple[str, tuple[int, int]]:
-    """A picture reduced for a page, as a data URI, and its size in px."""
-    from PIL import Image
-
-    with Image.open(path) as frame:
-        wide = min(FILM_PX, frame.width)
-        size = (wide, max(1, round(frame.height * wide / frame.width)))
-        small = frame.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    buffer = io.BytesIO()
-    small.save(buffer, "JPEG", quality=82, optimize=True)
-    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}", size
+    return {"pair": pair, "picture": picture, "size": size, "link": link}

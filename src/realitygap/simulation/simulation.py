@@ -39,7 +39,7 @@ from realitygap.track import Trajectory
 from realitygap.values import Floats, Pose, as_count, as_stream, shown
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.robot import Profile, load_profile, noise_level
-from realitygap.world.sensors import looks
+from realitygap.world.sensors import within_reach
 
 __all__ = ["Engine", "Simulation", "Streams", "batch_streams", "drawn", "engine_named"]
 
@@ -449,7 +449,7 @@ def drawn(robot: Robot, stream: int, spread: float, wheels: float | None = None)
     factors = 1.0 + shares * (2.0 * draws - 1.0)
     a, gain, turns, track = np.split(factors, [many, many + light, many + light + 2])
     near = robot.proximity
-    own = looks(near.place, near.facing, _reach(near, a), near.a * a, near.b, near.offset)
+    own = within_reach(near.place, near.facing, _reach(near, a), near.a * a, near.b, near.offset)
     return robot._replace(
         proximity=near._replace(a=near.a * a, **own),
         ambient=robot.ambient._replace(gain=robot.ambient.gain * gain),

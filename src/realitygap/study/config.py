@@ -235,11 +235,6 @@ class StudyConfig(Value):
             whole(key, getattr(self, key), 1, 10**6)
         whole("checkpoint_every", self.checkpoint_every, 1, 10**5)
         require(bool(self.conditions), "conditions", "one or more, each a task and a noise level", [])
-        cure = "Each condition is run `runs` times: leave out the repetition."
-        pairs = [(c.task, c.noise, c.spread, c.spread_wheels) for c in self.conditions]
-        twice = next((f"{p[0]}, noise {p[1]:g}, twice" for k, p in enumerate(pairs) if p in pairs[:k]), None)
-        if twice:
-            raise ConfigError(f"conditions: expected different ones, got {twice}. {cure}")
         for key in SIZES:
             size = getattr(self.variation, key)
             plain = size == getattr(Variation, key)
@@ -302,11 +297,15 @@ class StudyConfig(Value):
             path = Path(name).expanduser()
             return str((folder / path).resolve()) if path.suffix in (".py", ".toml") else name
 
+        return self.with_files(found)
+
+    def with_files(self, moved: Callable[[str], str]) -> Self:
+        """A copy with every name of a task, profile, arena or program as `moved` says."""
         return replace(
-            self.with_own_files(lambda _, file: found(str(file))),
-            profile=found(self.profile),
-            conditions=tuple(replace(c, task=found(c.task)) for c in self.conditions),
-            arenas={task: found(arena) for task, arena in self.arenas.items()},
+            self.with_own_files(lambda _, file: moved(file.as_posix())),
+            profile=moved(self.profile),
+            conditions=tuple(replace(c, task=moved(c.task)) for c in self.conditions),
+            arenas={task: moved(arena) for task, arena in self.arenas.items()},
         )
 
     def with_settings(self, settings: Iterable[str]) -> Self:

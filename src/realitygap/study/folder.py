@@ -8,8 +8,9 @@ still resumes and replays with the same bits.
 import os
 import shlex
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache
@@ -22,14 +23,12 @@ from realitygap.study.provenance import versions
 from realitygap.study.store import DATABASE, Reader
 from realitygap.tasks import TASKS, copy_task, load_task
 from realitygap.tasks.task import Task
-from realitygap.values import Closing
 from realitygap.work.folder import (
     LOCK,
     RunFolder,
     file_errors,
     inside,
-    refuse_difference,
-    refuse_strangers,
+    require_only_own,
 )
 from realitygap.work.pool import Pool, far
 from realitygap.work.shard import MARK
@@ -37,10 +36,10 @@ from realitygap.world.arena import load_arena
 from realitygap.world.robot import Profile, load_profile
 
 __all__ = [
-    "CONFIG", "Home", "Inputs", "Materials", "agree", "agree_to", "exists", "gather", "home_of",
-    "input_files", "inputs_for", "open_folder", "open_to_begin", "own", "own_config", "programs",
-    "read_config", "read_materials", "read_profile", "refuse_other", "refuse_strange", "strange", "take_back",
-    "write_files",
+    "CONFIG", "Inputs", "Materials", "exists", "gather", "home_of", "input_files", "inputs_for",
+    "open_folder", "open_to_begin", "own", "own_config", "read_config", "read_materials", "read_profile",
+    "refuse_other", "require_trusted", "take_back", "trust_contents", "trust_programs", "untrusted",
+    "untrusted_programs", "write_files",
 ]  # fmt: skip
 
 CONFIG, PROFILE = "study.toml", "profile.toml"
@@ -53,7 +52,7 @@ LOOSE = ("title", "checkpoint_every")
 
 EXPERIMENTS = {
     "noise-study.toml": "experiment noise",
-    "realities.toml": "experiment robots",
+    "robots.toml": "experiment robots",
     "reproduce.toml": "reproduce",
 }
 """Settings of what is no study itself, or not yet, and the command that made them."""
@@ -137,12 +136,11 @@ def gather(config: StudyConfig) -> Materials:
         config.evolution.make(config.encoding_for(task))  # the genotype has room for the inputs
         loaded[key] = task
     tasks = tuple(loaded[c.task].under(c.spread or None, c.spread_wheels) for c in config.conditions)
-    pairs = [(task.name, c.noise) for task, c in zip(tasks, config.conditions, strict=True)]
-    for i, pair in enumerate(pairs):
-        if pair in pairs[:i]:
-            raise ConfigError(
-                f"conditions[{i}]: {pair[0]} at noise {pair[1]:g} appears twice. Leave one out."
-            )
+    pairs = Counter((task.name, c.noise) for task, c in zip(tasks, config.conditions, strict=True))
+    (name, noise), count = pairs.most_common(1)[0]
+    if count > 1:
+        cure = "Each is run `runs` times: leave one out."
+        raise ConfigError(f"conditions: {name} at noise {noise:g} is there twice. {cure}")
     return Materials(config=config, profile=profile, tasks=tasks)
 
 
@@ -179,15 +177,15 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
             own_config(folder)  # edits of the study's own copies are reported as such
             config, files = requested.copies()
             _run_folder(folder).refuse_other(read_config(folder).to_dict(), config.to_dict(), files)
-            agree_to(requested.own_code())
+            trust_contents(requested.own_code())
         return read_materials(folder)
     if requested is None:
         raise StudyError(f"{folder} holds no study ({DATABASE} is missing). Give the folder of a study.")
-    refuse_strangers(folder, "study", OURS)
+    require_only_own(folder, "study", OURS)
     for task in requested.tasks:
         if task.source is not None:
             task.compiled_score()  # before anything is written, so that errors name the user's own file
-    agree_to(requested.own_code())
+    trust_contents(requested.own_code())
     config, files = requested.copies()
     _run_folder(folder).begin(config.to_dict(), head=HEAD, versions=versions(), files=files)
     _create(folder, requested)
@@ -230,7 +228,7 @@ def open_to_begin(folder: Path) -> None:
     """
     if exists(folder):
         raise StudyError(f"{folder} already holds a study. Resume it (--resume) or choose another --out.")
-    refuse_strangers(folder, "study", OURS)
+    require_only_own(folder, "study", OURS)
 
 
 def read_config(folder: Path) -> StudyConfig:
@@ -268,15 +266,7 @@ def own(config: StudyConfig, folder: Path) -> StudyConfig:
         StudyError: a file is missing, or lies elsewhere.
     """
 
-    def place(name: str) -> str:
-        return str(inside(folder, name).resolve())
-
-    return replace(
-        config.with_own_files(lambda _, file: place(file.as_posix())),
-        profile=place(config.profile),
-        conditions=tuple(c if c.task in TASKS else replace(c, task=place(c.task)) for c in config.conditions),
-        arenas={task: place(arena) for task, arena in config.arenas.items()},
-    )
+    return config.with_files(lambda name: name if name in TASKS else str(inside(folder, name).resolve()))
 
 
 def read_materials(folder: Path) -> Materials:
@@ -286,7 +276,7 @@ def read_materials(folder: Path) -> Materials:
         StudyError: a copy is missing or was edited since, or is a program that is not trusted.
     """
     config = own_config(folder)
-    refuse_strange(folder, _program_files(config))
+    require_trusted(folder, _program_files(config))
     return gather(config)
 
 
@@ -308,36 +298,27 @@ def refuse_other(folder: Path, other: Path) -> None:
     Raises:
         StudyError: names the first setting or file in which they differ.
     """
-    for one in (folder, other):
-        own_config(one)  # its files are as they were
-    here, there = (
-        {k: v for k, v in read_config(one).to_dict().items() if k not in LOOSE} for one in (folder, other)
-    )
     cure = f"{other} has that. Only shards of one study are merged."
-    refuse_difference(f"{folder}: the study was made", here, there, cure)
-    ours, theirs = (_run_folder(one).seals() for one in (folder, other))
-    for name in sorted(ours.keys() | theirs.keys()):
-        if ours.get(name) != theirs.get(name):
-            raise StudyError(
-                f"{folder} and {other} keep different files {name}. Only shards of one study are merged."
-            )
+    files = {name: (other / name).read_bytes() for name in _run_folder(other).seals()}
+    here, there = (read_config(one).to_dict() for one in (folder, other))
+    _run_folder(folder).refuse_other(here, there, files, cure)
 
 
 # Trust
 
 
-def programs(folder: Path) -> list[Path]:
+def untrusted_programs(folder: Path) -> list[Path]:
     """The study's programs that this user has not agreed to run.
 
     Raises:
         StudyError, ConfigError: as of `own_config`.
     """
-    return strange(_program_files(own_config(folder)))
+    return untrusted(_program_files(own_config(folder)))
 
 
-def agree(folder: Path) -> None:
+def trust_programs(folder: Path) -> None:
     """Agree to run the study's programs from now on, whoever wrote them."""
-    agree_to(path.read_bytes() for path in programs(folder))
+    trust_contents(path.read_bytes() for path in untrusted_programs(folder))
 
 
 def _program_files(config: StudyConfig) -> list[Path]:
@@ -346,7 +327,7 @@ def _program_files(config: StudyConfig) -> list[Path]:
     return [*tasks, *config.own_files().values()]
 
 
-def agree_to(contents: Iterable[bytes]) -> None:
+def trust_contents(contents: Iterable[bytes]) -> None:
     """Agree to run programs of this content from now on."""
     new = {sha256(content).hexdigest() for content in contents} - _known()
     if not new:
@@ -358,21 +339,23 @@ def agree_to(contents: Iterable[bytes]) -> None:
             lines.writelines(f"{one}\n" for one in sorted(new))
 
 
-def strange(files: Iterable[Path]) -> list[Path]:
+def untrusted(files: Iterable[Path]) -> list[Path]:
     """Those of some programs that this user has neither evolved with nor agreed to."""
     return [file for file in files if sha256(file.read_bytes()).hexdigest() not in _known()]
 
 
-def refuse_strange(place: Path, files: Iterable[Path]) -> None:
-    """Refuse to run such programs, which a study's folder or a configuration names.
+def require_trusted(place: Path, files: Iterable[Path], agreeing: str = "") -> None:
+    """Refuse to run such programs, which a study's folder or a configuration names; `agreeing` is how a
+    person agrees to it.
 
     Raises:
         StudyError: names the file and the cure.
     """
-    for file in strange(files):
+    how = f"`realitygap show {shlex.quote(str(place))} --trust`"
+    for file in untrusted(files):
         raise StudyError(
             f"{place}: it was made elsewhere and brings a program, {file}, that would be run. "
-            "Read it; if you trust its author, give --trust (in Python: trust=True)."
+            f"Read it; if you trust its author, give {agreeing or how} (in Python: trust=True)."
         )
 
 
@@ -396,18 +379,6 @@ Inputs = tuple[str, Mapping[str, bytes]]
 """A study's folder ("" if workers cannot see it) and the content of its files, as sent to workers."""
 
 
-class Home(Closing):
-    """The folder that a worker reads a study from: its own, or a temporary one that `close` removes."""
-
-    def __init__(self, folder: Path, made: tempfile.TemporaryDirectory[str] | None = None) -> None:
-        self.folder, self._made = folder, made
-
-    def close(self) -> None:
-        """Remove a temporary folder."""
-        if self._made is not None:
-            self._made.cleanup()
-
-
 def input_files(folder: Path) -> dict[str, bytes]:
     """The content of all files that a study follows from, its configuration too."""
     with file_errors(folder):
@@ -419,19 +390,18 @@ def inputs_for(folder: Path, pool: Pool) -> Inputs:
     return "" if far(pool) else str(folder.resolve()), input_files(folder)
 
 
-def home_of(inputs: Inputs) -> Home:
-    """The study's folder, in a worker."""
+def home_of(inputs: Inputs, held: ExitStack) -> Path:
+    """The folder that a worker reads a study from: its own, or a temporary one that `held` removes."""
     place, files = Path(inputs[0]), inputs[1]
     if inputs[0] and exists(place) and input_files(place) == files:
-        agree(place)  # the parent has asked
-        return Home(place)
-    made = tempfile.TemporaryDirectory(prefix="realitygap-")
-    folder = Path(made.name)
+        trust_programs(place)  # the parent has asked
+        return place
+    folder = Path(held.enter_context(tempfile.TemporaryDirectory(prefix="realitygap-")))
     write_files(folder, files)
     materials = gather(own(StudyConfig.from_toml(folder / CONFIG, local=True), folder))
-    agree_to(materials.own_code())
+    trust_contents(materials.own_code())
     _create(folder, materials)
-    return Home(folder, made)
+    return folder
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:

@@ -29,7 +29,7 @@ from realitygap.evolution.ga import Population
 from realitygap.files import as_path, must_be
 from realitygap.kernels.types import Networks
 from realitygap.study.config import StudyConfig
-from realitygap.study.folder import Materials, agree, read_config, read_materials, read_profile
+from realitygap.study.folder import Materials, read_config, read_materials, read_profile, trust_programs
 from realitygap.study.plan import Plan
 from realitygap.study.store import DATABASE, WHO, Reader, Table
 from realitygap.tasks.task import Task
@@ -57,7 +57,7 @@ def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
     folder = as_path(path, "study")
     must_be(trust, bool, "trust", "True agrees to run its files.")
     if trust:
-        agree(folder)
+        trust_programs(folder)
     return Study(folder)
 
 
@@ -77,7 +77,8 @@ class Study:
         self.runs = [
             Run(
                 id=row["id"], name=row["name"], task=row["task"], noise=row["noise"], index=row["position"],
-                seed=self.config.seed, evaluations=row["evaluations"], best_fitness=row["best_fitness"],
+                condition=(row["id"] - 1) // self.config.runs, seed=self.config.seed,
+                evaluations=row["evaluations"], best_fitness=row["best_fitness"],
                 fittest_number=row["fittest"], champion_number=row["champion"],
                 champion_fitness=row["champion_fitness"], finished=bool(row["finished"]), study=self,
             )
@@ -309,7 +310,7 @@ class Study:
     def digest(self) -> str:
         """A digest of every run's results: equal for studies with the same runs, however they were made.
         Checkpoints are not included."""
-        names = [one.name for one in fields(Run) if one.name not in ("seed", "study")]
+        names = [one.name for one in fields(Run) if one.name not in ("condition", "seed", "study")]
         facts = [{name: getattr(run, name) for name in names} for run in self.runs]
         found = blake2b(repr(facts).encode(), digest_size=16)
         for run in range(1, len(self.runs) + 1):
@@ -382,24 +383,15 @@ class Study:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
-    """One evolutionary run so far; values that do not exist yet are None.
+class Run(Plan):
+    """One evolutionary run so far, with what was planned; values that do not exist yet are None.
 
     Attributes:
-        id: from 1; name: task/noise/index.
-        noise: level (0 zero, 1 observed, 2 double); index: from 1 among the runs of its condition.
-        seed: the study's; with task, noise and index it makes the run's own stream.
         best_fitness, fittest_number: the highest fitness stored, and its evaluation number.
         champion_number, champion_fitness: the best of the retest, and its mean score there.
         study: where its evaluations are.
     """
 
-    id: int
-    name: str
-    task: str
-    noise: float
-    index: int
-    seed: int
     evaluations: int
     best_fitness: float | None
     fittest_number: int | None
@@ -412,14 +404,6 @@ class Run:
     def noise_name(self) -> str:
         """The noise level in words."""
         return noise_name(self.noise)
-
-    @property
-    def plan(self) -> Plan:
-        """The run's plan; its `stream` is the source of its randomness."""
-        return Plan(
-            id=self.id, name=self.name, condition=(self.id - 1) // self.study.config.runs, task=self.task,
-            noise=self.noise, index=self.index, seed=self.seed,
-        )  # fmt: skip
 
     @property
     def fittest(self) -> Genes | None:

@@ -16,7 +16,13 @@ __all__ = ["Plan", "named", "plans", "run_stream", "trial_streams"]
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """One planned run: run `index` (from 1) of a condition; ids count from 1."""
+    """A planned run.
+
+    Attributes:
+        id: from 1; name: task/noise/index; condition: its number, from 0.
+        noise: level (0 zero, 1 observed, 2 double); index: from 1 among the runs of its condition.
+        seed: the study's; with task, noise and index it makes the run's own stream.
+    """
 
     id: int
     name: str

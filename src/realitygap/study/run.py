@@ -1,4 +1,4 @@
-"""One run: `advance(bench, plan, state, n)` evaluates n more individuals; `finish` tests the last.
+"""One run: `advance(runner, plan, state, n)` evaluates n more individuals; `finish` tests the last.
 
 State is a value, and every draw is named by the run, the evaluation and the trial: results do not depend on
 how a run is divided or on the engine. Both functions are generators: they yield the trials that they need and
@@ -21,17 +21,15 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.streams import BREEDING, FRESH, RETEST, TRIALS
 from realitygap.study.folder import Materials
 from realitygap.study.plan import Plan, trial_streams
-from realitygap.study.store import WHO
+from realitygap.study.store import WHO, Records, Results
 from realitygap.world.robot import NOISE_LEVELS
 
-__all__ = [
-    "WHO", "Asked", "Bench", "Records", "Results", "advance", "begin", "finish", "mean", "tested_levels",
-]  # fmt: skip
+__all__ = ["ConditionRunner", "TrialRequest", "advance", "begin", "finish", "mean", "tested_levels"]
 
 Scores = NDArray[np.float64]
 
 
-class Asked(NamedTuple):
+class TrialRequest(NamedTuple):
     """Trials that a run requests, to be sent their scores [n, trials]."""
 
     noise: float
@@ -41,36 +39,7 @@ class Asked(NamedTuple):
     """[n, trials]."""
 
 
-class Records(NamedTuple):
-    """n evaluations, a row each."""
-
-    number: NDArray[np.int64]
-    fitness: NDArray[np.float64]
-    scores: NDArray[np.float64]
-    """[n, trials]."""
-    genes: Genes
-    """[n, ...] of the encoding's type and shape."""
-    parents: NDArray[np.int64]
-    """[n, 2] evaluation numbers, −1: none."""
-    cell: NDArray[np.int64]
-
-
-class Results(NamedTuple):
-    """Results of a finished run's tests."""
-
-    cells: NDArray[np.int64]
-    """[m] occupied cells of the last population."""
-    numbers: NDArray[np.int64]
-    """[m] who: evaluation numbers."""
-    retest: NDArray[np.float64]
-    """[m, retest trials] scores."""
-    champion: int
-    """Row of the highest mean in `retest`."""
-    fresh: dict[tuple[str, float], NDArray[np.float64]]
-    """Scores on fresh trials by (who, noise level)."""
-
-
-class Bench:
+class ConditionRunner:
     """Carries out the runs of one condition of a study; created once in a process."""
 
     def __init__(self, materials: Materials, condition: int, engine: str = "cores") -> None:
@@ -88,7 +57,7 @@ class Bench:
             self._simulations[noise] = Simulation(self.task, self.profile, noise, engine=self.engine)
         return self._simulations[noise]
 
-    def scores(self, asked: Asked) -> Scores:
+    def scores(self, asked: TrialRequest) -> Scores:
         """The requested scores, [n, trials]."""
         networks = self.encoding.decode(asked.genes.copy())
         if not isinstance(self.encoding, Variation):
@@ -103,25 +72,16 @@ class Bench:
     def compile(self) -> None:
         """Load or compile everything that a run calls."""
         self.simulation(self.noise).compile()
-        self._check_value(self.breed())
+        self.breed()
 
-    def breed(self) -> State:
-        """A state of the algorithm after breeding offspring."""
-        state = self.init(np.uint64(0))
+    def breed(self) -> None:
+        """Breed some offspring, for whatever that compiles."""
+        state: State = self.algorithm.init(np.uint64(0))
         trial_streams(np.uint64(0), 0, 1, 1)
         while state.evaluations < self.algorithm.cells + 2:
             batch = self.ask(state, self.algorithm.cells)
             self.encoding.decode(batch.genes)
             state = self.tell(state, batch, np.zeros(len(batch.genes)))
-        return state
-
-    def init(self, stream: np.uint64) -> State:
-        """The algorithm's first state, checked."""
-        state: State = self.algorithm.init(stream)
-        came = getattr(state, "evaluations", type(state).__name__)
-        if came != 0:
-            raise UsageError(f"init: expected a state after 0 evaluations, got {came}.")
-        return state
 
     def ask(self, state: State, n: int) -> Batch:
         """The algorithm's next individuals, checked."""
@@ -139,35 +99,20 @@ class Bench:
             raise UsageError(f"tell: expected a state after {expected} evaluations, got {came}.")
         return told
 
-    def _check_value(self, state: State) -> None:
-        """Refuse an algorithm that depends on more than its state: its runs could not be resumed."""
-        algorithm, n = self.algorithm, self.algorithm.cells
-        once = self.ask(state, n)
-        self.ask(self.init(np.uint64(1)), n)  # another run of the same algorithm
-        kept = state.to_bytes()
-        if not isinstance(kept, bytes):
-            raise UsageError(f"to_bytes: expected bytes, got {type(kept).__name__}.")
-        pairs = zip(once, self.ask(algorithm.from_bytes(kept), n), strict=True)
-        if not all(np.array_equal(np.asarray(a), np.asarray(b)) for a, b in pairs):
-            raise UsageError(
-                "ask: expected the same individuals from a state that was saved (to_bytes) and restored "
-                "(from_bytes), got others. Keep all that they depend on in the state; draw them from its "
-                "stream and evaluations, not from a generator that keeps running."
-            )
 
-
-def begin(bench: Bench, plan: Plan) -> State:
+def begin(runner: ConditionRunner, plan: Plan) -> State:
     """The state before a run's first evaluation."""
-    return bench.init(np.uint64(substream(plan.stream, BREEDING)))
+    state: State = runner.algorithm.init(np.uint64(substream(plan.stream, BREEDING)))
+    return state
 
 
 def advance(
-    bench: Bench, plan: Plan, state: State, n: int
-) -> Generator[Asked, Scores, tuple[State, Records]]:
+    runner: ConditionRunner, plan: Plan, state: State, n: int
+) -> Generator[TrialRequest, Scores, tuple[State, Records]]:
     """Carry out the next `n` evaluations of a run, in batches of the algorithm's size.
 
     Args:
-        bench: task, engine and algorithm.
+        runner: task, engine and algorithm.
         plan: of the run.
         state: of the algorithm.
         n: evaluations.
@@ -175,18 +120,18 @@ def advance(
     Returns:
         The state after them, and their records.
     """
-    trials, start = bench.task.trials, state.evaluations
+    trials, start = runner.task.trials, state.evaluations
     streams = trial_streams(np.uint64(substream(plan.stream, TRIALS)), start, n, trials)
     batches: list[Batch] = []
     scores: list[NDArray[np.float64]] = []
     fitness: list[NDArray[np.float64]] = []
     done = 0
     while done < n:
-        batch = bench.ask(state, n - done)
+        batch = runner.ask(state, n - done)
         some = slice(done, done + len(batch.genes))
-        scores.append((yield Asked(bench.noise, batch.genes, streams[some])))
+        scores.append((yield TrialRequest(runner.noise, batch.genes, streams[some])))
         fitness.append(mean(scores[-1]))
-        state = bench.tell(state, batch, fitness[-1])
+        state = runner.tell(state, batch, fitness[-1])
         batches.append(batch)
         done = some.stop
     records = Records(
@@ -197,7 +142,7 @@ def advance(
         parents=np.concatenate([batch.parents for batch in batches]),
         cell=np.concatenate([batch.cells for batch in batches]),
     )
-    check_state(state, bench.algorithm.cells, records.fitness, bench.individual)
+    check_state(state, runner.algorithm.cells, records.fitness, runner.individual)
     return state, records
 
 
@@ -212,7 +157,7 @@ def tested_levels(noise: float) -> tuple[float, ...]:
     return tuple(dict.fromkeys((*NOISE_LEVELS.values(), noise)))
 
 
-def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, Results]:
+def finish(runner: ConditionRunner, plan: Plan, state: State) -> Generator[TrialRequest, Scores, Results]:
     """Retest the last population, then test the fittest and the champion at the paper's noise levels and
     at their own.
 
@@ -221,17 +166,17 @@ def finish(bench: Bench, plan: Plan, state: State) -> Generator[Asked, Scores, R
     cells = np.flatnonzero(state.numbers >= 0)
     if not len(cells):
         raise UsageError("tell: expected an occupied cell (numbers) at a run's end, got none.")
-    retest = yield _test(bench.noise, state.genes[cells], plan, RETEST, bench.retest_trials)
+    retest = yield _test(runner.noise, state.genes[cells], plan, RETEST, runner.retest_trials)
     champion = int(np.argmax([math.fsum(row) for row in retest.tolist()]))
     pair = np.stack([state.best_genes, state.genes[cells[champion]]])
     fresh = {}
-    for noise in tested_levels(bench.noise):
-        scores = yield _test(noise, pair, plan, FRESH, bench.fresh_trials)
+    for noise in tested_levels(runner.noise):
+        scores = yield _test(noise, pair, plan, FRESH, runner.fresh_trials)
         fresh.update({(who, noise): scores[i] for i, who in enumerate(WHO)})
     return Results(cells, state.numbers[cells], retest, champion, fresh)
 
 
-def _test(noise: float, genes: Genes, plan: Plan, purpose: int, trials: int) -> Asked:
+def _test(noise: float, genes: Genes, plan: Plan, purpose: int, trials: int) -> TrialRequest:
     """Trials of individuals, with streams that depend on the run and the purpose."""
     streams = trial_streams(plan.stream, purpose, 1, trials)
-    return Asked(noise, genes, np.repeat(streams, len(genes), axis=0))
+    return TrialRequest(noise, genes, np.repeat(streams, len(genes), axis=0))

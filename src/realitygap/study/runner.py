@@ -5,7 +5,7 @@ Shards, which were carried out apart, are merged to the same bits as in one piec
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 from realitygap.errors import StudyError, StudyInterruptedError
@@ -20,12 +20,13 @@ from realitygap.study.folder import (
     input_files,
     inputs_for,
     open_folder,
+    own_config,
     read_materials,
     refuse_other,
     take_back,
     write_files,
 )
-from realitygap.study.jobs import Advanced, Job, Message, Rehearsal, Workshop
+from realitygap.study.jobs import Finished, Job, Message, Rehearsal, StudyExecutor
 from realitygap.study.load import Study, load_study
 from realitygap.study.provenance import versions
 from realitygap.study.store import DATABASE, LOST, Reader, Store
@@ -89,8 +90,8 @@ def run_study(
                 if mark is not None and not exists(folder):
                     with file_errors(folder):
                         mark.write(folder, finished=False)
-                workshop = Workshop(open_folder(folder, requested, resume=resume), engine)
-                _carry_out(folder, workshop, pool, mark, on_progress)
+                executor = StudyExecutor(open_folder(folder, requested, resume=resume), engine)
+                _carry_out(folder, executor, pool, mark, on_progress)
                 if mark is not None:
                     with file_errors(folder):
                         mark.write(folder, finished=True)
@@ -113,84 +114,63 @@ def _taken_back(folder: Path, requested: Materials | None) -> Iterator[None]:
 
 
 def _carry_out(
-    folder: Path, workshop: Workshop, pool: Pool, mark: Mark | None, on_progress: OnProgress | None
+    folder: Path, executor: StudyExecutor, pool: Pool, mark: Mark | None, on_progress: OnProgress | None
 ) -> None:
-    """Carry out all unfinished runs (for a shard its own)."""
+    """Carry out all unfinished runs (for a shard its own), and count what is stored."""
     with Store(folder / DATABASE) as store:
-        runs = workshop.runs if mark is None else mark.shard.own(workshop.runs)
-        left = {run: workshop.config.evaluations - done for run, done in store.unfinished() if run in runs}
-        keeper = _Keeper(workshop, store, left, len(runs), on_progress)
+        runs = executor.runs if mark is None else mark.shard.own(executor.runs)
+        left = {run: executor.config.evaluations - done for run, done in store.unfinished() if run in runs}
+        total = len(runs) * executor.config.evaluations
+        count = {"done": total - sum(left.values()), "runs_done": len(runs) - len(left), "new": 0}
+        tests = {run: executor.tests_cost(run) for run in left}
+        costs = {run: executor.cost(run, n) + tests[run] for run, n in left.items()}
+        testing = sum(tests.values())
+        reporter = Reporter(on_progress, {EVOLVING: sum(costs.values()) - testing, TESTING: testing})
+
+        def phase(name: str) -> None:
+            counts = {"runs_done": count["runs_done"], "runs_total": len(runs)}
+            reporter.phase(name, done=count["done"], total=total, what="evaluations", **counts)
+
+        def keep(*messages: Message) -> None:
+            store.keep(messages)
+            for message in messages:
+                if isinstance(message, Finished):
+                    count["runs_done"] += 1
+                    reporter.add(tests[message.run], of=TESTING, runs_done=count["runs_done"])
+                    continue
+                n = len(message.records.number)
+                count["done"], count["new"] = count["done"] + n, count["new"] + n
+                pace = count["new"] / max(reporter.spent, 1e-9) if reporter.spent else 0.0
+                cost = executor.cost(message.run, n)
+                reporter.add(cost, done=n, of=EVOLVING, evaluations_per_second=pace)
+                if count["done"] == total:
+                    phase(TESTING)
+
+        phase(COMPILING if left else FINISHED)
         if not left:
             return
-        store.begin_session({**versions(), "engine": workshop.engine})
-        setup = Setup(workshop_of, (inputs_for(folder, pool),), here=workshop)
-        if isinstance(pool, Processes) and min(pool.size, len(left)) > 1 and workshop.engine == "cores":
+        store.begin_session({**versions(), "engine": executor.engine})
+        setup = Setup(executor_for, (inputs_for(folder, pool),), here=executor)
+        if isinstance(pool, Processes) and min(pool.size, len(left)) > 1 and executor.engine == "cores":
             pool.work(setup, (Rehearsal(False), Rehearsal(True)), lambda message: None)
-        workshop.compile()
-        keeper.begin(EVOLVING)
-        costs = {run: workshop.cost(run, n) + workshop.tests_cost(run) for run, n in left.items()}
+        executor.compile()
+        phase(EVOLVING)
         longest_first = sorted(costs, key=lambda run: (-costs[run], run))
-        jobs = (Job(run, store.checkpoint(run, workshop.read)) for run in longest_first)
-        if workshop.engine != "cores":
-            with closing(workshop.messages(jobs)) as bundles:
-                for messages in bundles:
-                    keeper.keep(*messages)
+        jobs = (Job(run, store.checkpoint(run, executor.read)) for run in longest_first)
+        if executor.engine == "cores":
+            pool.work(setup, jobs, keep)
+            if any(run in left for run, _ in store.unfinished()):
+                raise StudyError(LOST)
             return
-        pool.work(setup, jobs, keeper.keep)
-        if any(run in left for run, _ in store.unfinished()):
-            raise StudyError(LOST)
+        with closing(executor.messages(jobs)) as bundles:
+            for messages in bundles:
+                keep(*messages)
 
 
-class _Keeper:
-    """Writes messages to the database, then counts them."""
-
-    def __init__(
-        self,
-        workshop: Workshop,
-        store: Store,
-        left: Mapping[int, int],
-        runs: int,
-        on_progress: OnProgress | None,
-    ) -> None:
-        self._workshop, self._store, self._runs = workshop, store, runs
-        self._total = runs * workshop.config.evaluations
-        self._done, self._runs_done, self._new = self._total - sum(left.values()), self._runs - len(left), 0
-        evolving = sum(workshop.cost(run, n) for run, n in left.items())
-        work = {EVOLVING: evolving, TESTING: sum(map(workshop.tests_cost, left))}
-        self._reporter = Reporter(on_progress, work)
-        self.begin(COMPILING if left else FINISHED)
-
-    def begin(self, phase: str) -> None:
-        counts = {"runs_done": self._runs_done, "runs_total": self._runs}
-        self._reporter.phase(phase, done=self._done, total=self._total, what="evaluations", **counts)
-
-    def keep(self, *messages: Message) -> None:
-        """Store results of jobs."""
-        self._store.keep(messages)
-        for message in messages:
-            self._count(message)
-
-    def _count(self, message: Message) -> None:
-        run, reporter = message.run, self._reporter
-        if isinstance(message, Advanced):
-            count = len(message.records.number)
-            self._done, self._new = self._done + count, self._new + count
-            pace = self._new / max(reporter.spent, 1e-9) if reporter.spent else 0.0
-            cost = self._workshop.cost(run, count)
-            reporter.add(cost, done=count, of=EVOLVING, evaluations_per_second=pace)
-            if self._done == self._total:
-                self.begin(TESTING)
-        else:
-            self._runs_done += 1
-            reporter.add(self._workshop.tests_cost(run), of=TESTING, runs_done=self._runs_done)
-
-
-def workshop_of(inputs: Inputs) -> Workshop:
-    """A study's workshop, in any worker."""
-    home = home_of(inputs)
-    workshop = Workshop(read_materials(home.folder))
-    workshop.home = home  # Numba looks for its tasks there
-    return workshop
+def executor_for(inputs: Inputs) -> StudyExecutor:
+    """A study's executor, in any worker."""
+    held = ExitStack()  # Numba looks for its tasks in the folder
+    return StudyExecutor(read_materials(home_of(inputs, held)), held=held)
 
 
 def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
@@ -205,6 +185,8 @@ def merge_runs(shards: Mapping[Shard, Path], out: Path) -> Study:
     """
     first, *others = shards.values()
     for folder in shards.values():
+        own_config(folder)  # its files are as they were
+    for folder in others:
         refuse_other(first, folder)
     with new_folder(out, f"realitygap report {shlex.quote(str(out))}") as half:
         runs = {folder: _finished(folder, shard) for shard, folder in shards.items()}

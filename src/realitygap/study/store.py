@@ -13,6 +13,7 @@ import lzma
 import math
 import os
 import sqlite3
+import sys
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,35 +21,22 @@ from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import StudyError
+from realitygap.evolution.algorithm import Genes
 from realitygap.files import atomic_path
 from realitygap.values import Closing
 from realitygap.work.folder import file_errors
 from realitygap.work.pool import cores
 
-if TYPE_CHECKING:
-    from realitygap.study.run import Records, Results
-
 __all__ = [
-    "DATABASE",
-    "LOST",
-    "WHO",
-    "Advanced",
-    "Finished",
-    "Message",
-    "Reader",
-    "Store",
-    "Table",
-    "create",
-    "database_errors",
-    "packed",
-    "unpacked",
-]
+    "DATABASE", "LOST", "WHO", "Advanced", "Finished", "Message", "Reader", "Records", "Results", "Store",
+    "Table", "create", "database_errors", "packed", "unpacked",
+]  # fmt: skip
 
 DATABASE = "study.db"
 WHO = ("fittest", "champion")
@@ -99,6 +87,9 @@ COLUMNS = (
 )  # fmt: skip
 """Of a run, in its digest."""
 
+MOST_BYTES = 2**28
+"""Of a state, or of a run's tests: ten million of them."""
+
 Table = dict[str, NDArray[Any]]
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -116,15 +107,21 @@ def packed(arrays: Arrays, *, final: bool = False) -> bytes:
     return file.getvalue()
 
 
-def unpacked(data: bytes, *names: str) -> Table:
-    """The arrays of an .npz file, or those of these names.
+def unpacked(data: bytes, *names: str, most: int = MOST_BYTES) -> Table:
+    """The arrays of an .npz file, or those of these names, `most` bytes in all.
 
     Raises:
-        ValueError: it is damaged.
+        ValueError: it is damaged, or longer.
     """
     try:
-        file = io.BytesIO(lzma.decompress(data) if data.startswith(b"\xfd7zXZ") else data)
-        with np.load(file, allow_pickle=False) as archive:
+        if data.startswith(b"\xfd7zXZ"):
+            file = lzma.LZMADecompressor()
+            data = file.decompress(data, most)
+            if not file.eof:
+                raise ValueError("it is cut short, or longer than what is kept of a run")
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            if sum(entry.file_size for entry in archive.zip.infolist()) > most:
+                raise ValueError("it is longer than what is kept of a run")
             return {name: archive[name] for name in names or archive.files}
     except Exception as error:  # a damaged archive raises a dozen kinds of errors
         raise ValueError(str(error)) from None
@@ -142,15 +139,12 @@ def database_errors(path: Path) -> Iterator[None]:
 
 def _words(error: Exception) -> str:
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-    if code == sqlite3.SQLITE_FULL:
-        return "the disk is full. What was saved is kept: free some space and resume."
-    if code == sqlite3.SQLITE_IOERR:
-        return f"{error}: is the disk full or gone? What was saved is kept: see to it and resume."
-    if code in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM, sqlite3.SQLITE_CANTOPEN):
-        return f"{error}. Check the folder's rights, or copy the study elsewhere."
-    if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-        return f"another program holds the database ({error}). Close it and resume."
-    return f"the database is broken ({error}). Restore it from a copy, or begin again in another folder."
+    if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
+        full = "the disk is full" if code == sqlite3.SQLITE_FULL else f"{error}: is the disk full or gone?"
+        return f"{full}. What was saved is kept: free some space and resume."
+    if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, 0):
+        return f"the database is broken ({error}). Restore it from a copy, or begin again in another folder."
+    return f"{error}. Check the folder's rights, and that no other program holds the database."
 
 
 def _broken(path: Path, what: str) -> StudyError:
@@ -212,6 +206,35 @@ def _seal(database: sqlite3.Connection, run: int) -> None:
     """Store the digest of a run's columns as they are now."""
     row = database.execute(f"SELECT {', '.join(COLUMNS)} FROM run WHERE id = ?", (run,)).fetchone()
     database.execute("UPDATE run SET digest = ? WHERE id = ?", (_digest(*row), run))
+
+
+class Records(NamedTuple):
+    """n evaluations, a row each."""
+
+    number: NDArray[np.int64]
+    fitness: NDArray[np.float64]
+    scores: NDArray[np.float64]
+    """[n, trials]."""
+    genes: Genes
+    """[n, ...] of the encoding's type and shape."""
+    parents: NDArray[np.int64]
+    """[n, 2] evaluation numbers, −1: none."""
+    cell: NDArray[np.int64]
+
+
+class Results(NamedTuple):
+    """Results of a finished run's tests."""
+
+    cells: NDArray[np.int64]
+    """[m] occupied cells of the last population."""
+    numbers: NDArray[np.int64]
+    """[m] who: evaluation numbers."""
+    retest: NDArray[np.float64]
+    """[m, retest trials] scores."""
+    champion: int
+    """Row of the highest mean in `retest`."""
+    fresh: dict[tuple[str, float], NDArray[np.float64]]
+    """Scores on fresh trials by (who, noise level)."""
 
 
 class Advanced(NamedTuple):
@@ -298,9 +321,7 @@ class Store(Closing):
             StudyError: a message is not the next of its run, as where a user's own pool lost or doubled one.
         """
         advanced = [message for message in messages if isinstance(message, Advanced)]
-        finished = [
-            message for message in messages if isinstance(message, Finished)
-        ]  # after all else of a run
+        finished = [one for one in messages if isinstance(one, Finished)]  # after all else of a run
         done = dict(self.unfinished())
         for message in messages:
             new = len(message.records.number) if isinstance(message, Advanced) else 0
@@ -320,7 +341,13 @@ class Store(Closing):
                 )
                 _seal(database, one.run)
             query = "SELECT data FROM block WHERE run = ? ORDER BY first"
-            parts = [[unpacked(*row) for row in database.execute(query, (done.run,))] for done in finished]
+            parts = [
+                [
+                    _unpacked(self.path, done.run, "block", data, most=sys.maxsize)  # our own, however long
+                    for (data,) in database.execute(query, (done.run,))
+                ]
+                for done in finished
+            ]
             blocks = self._packed([(_joined(blocks), True) for blocks in parts])
             for (run, _, results), block in zip(finished, blocks, strict=True):
                 scores = results.retest[results.champion].tolist()
@@ -419,15 +446,21 @@ class Reader:
             done = self._runs(database)[run - 1]["evaluations"]
         if row is None or (row[0] is None) != (done == 0):
             raise _broken(self.path, f"run {run}: table 'run'")
-        return None if row[0] is None else self._unpacked(run, "run", row[0], "state")["state"].tobytes()
+        return (
+            None if row[0] is None else _unpacked(self.path, run, "run", row[0], "state")["state"].tobytes()
+        )
 
     def evaluated(self, run: int, *names: str) -> Table:
         """Arrays of all evaluations of a run so far, as of `run.Records`; {} of none."""
         with self._reading() as database:
-            done = self._runs(database)[run - 1]["evaluations"]
+            row = self._runs(database)[run - 1]
+            trials, genes = self._meta(database, "tasks")[row["task"]]["trials"], json.loads(row["encoding"])
             query = "SELECT data FROM block WHERE +run = ? ORDER BY +first"
             rows = database.execute(query, (run,)).fetchall()
-        blocks = [self._unpacked(run, "block", data, *(names and ("number", *names))) for (data,) in rows]
+        done, names = row["evaluations"], names and ("number", *names)
+        each = math.prod(genes["shape"]) * np.dtype(genes["dtype"]).itemsize + 8 * (trials + 5)
+        most = 4096 + done * each
+        blocks = [_unpacked(self.path, run, "block", data, *names, most=most) for (data,) in rows]
         made = _joined(blocks) if blocks else {}
         if not np.array_equal(made.get("number", ()), range(done)):
             raise _broken(self.path, f"run {run}: table 'block'")
@@ -440,7 +473,7 @@ class Reader:
             row = database.execute("SELECT data FROM tested WHERE +run = ?", (run,)).fetchone()
         if bool(finished) != (row is not None):
             raise _broken(self.path, f"run {run}: table 'tested'")
-        return {} if row is None else self._unpacked(run, "tested", row[0])
+        return {} if row is None else _unpacked(self.path, run, "tested", row[0])
 
     def check(self) -> None:
         """Check the whole database.
@@ -465,11 +498,12 @@ class Reader:
         with self._reading() as source, database_errors(path), closing(sqlite3.connect(path)) as copy:
             source.backup(copy)
 
-    def _unpacked(self, run: int, table: str, data: bytes, *names: str) -> Table:
-        try:
-            return unpacked(data, *names)
-        except ValueError:
-            raise _broken(self.path, f"run {run}: table {table!r}") from None
+
+def _unpacked(path: Path, run: int, table: str, data: bytes, *names: str, most: int = MOST_BYTES) -> Table:
+    try:
+        return unpacked(data, *names, most=most)
+    except ValueError:
+        raise _broken(path, f"run {run}: table {table!r}") from None
 
 
 def _uri(path: Path) -> str:

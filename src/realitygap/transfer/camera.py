@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from realitygap.errors import FilmError, StudyError
+from realitygap.errors import FilmError
 from realitygap.files import atomic_write, to_toml
 from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.camera import CameraModel, load_camera
@@ -24,18 +23,15 @@ from realitygap.film.tag import Marker
 from realitygap.track import Track
 from realitygap.transfer.paths import of_track
 from realitygap.values import Closing, Pose
-from realitygap.work.folder import locked
 from realitygap.world.arena import Arena
 
 if TYPE_CHECKING:
-    from realitygap.film.live import Filmed
     from realitygap.film.tracker import Tracked
     from realitygap.transfer.spec import TrialSpec
     from realitygap.twin.camera import OverheadCamera
 
 __all__ = [
-    "FILM", "TRACK", "ConfirmPose", "LiveOverhead", "OverheadTracker", "film_and_track",
-    "known_poses",
+    "FILM", "TRACK", "ConfirmPose", "LiveOverhead", "OverheadTracker", "known_poses",
 ]  # fmt: skip
 
 FPS, WATCH_FPS = 25, 10
@@ -50,9 +46,6 @@ LEAST_POSES, GRIDS = 16, range(4, 10)
 GOLDEN_DEG = 222.4922
 """Turn from one known pose to the next: distinct headings in all directions."""
 
-WAIT_S = 300.0
-"""Time that another process may take to calibrate a camera, which takes some seconds."""
-
 MARGIN_CM = 0.5
 TOUCH_CM = 1e-6
 """Distance of known poses from walls, and tolerance of positions for rounding."""
@@ -62,8 +55,6 @@ QUALITY = 23
 
 FIRST = 10**6
 """First number of calibration frames: their pixels' noise differs from the films'."""
-
-Tell = Callable[[float], None]
 
 
 def known_poses(arena: Arena, radius_cm: float) -> list[Pose]:
@@ -110,112 +101,87 @@ class OverheadTracker:
         self.camera = self._calibrated(file, known_poses(arena, radius_cm))
 
     def _calibrated(self, file: Path, poses: list[Pose]) -> CameraModel:
-        """The calibration by known poses, done once and kept in `file`.
+        """The calibration by known poses, kept in `file`; processes that make it at one time make the same.
 
         The known frames are drawn: the lens is the renderer's too, and results do not depend on a GL library.
-
-        Raises:
-            StudyError: another process has been calibrating it for too long.
         """
+        if file.is_file():
+            return load_camera(file)
+        pictures = [self._eye.frame(pose, FIRST + k) for k, pose in enumerate(poses)]
+        frames = [
+            KnownFrame(name=f"pose {k}", picture=picture, pose=pose)
+            for k, (pose, picture) in enumerate(zip(poses, pictures, strict=True), start=1)
+        ]
+        camera = calibrate_camera(frames, self.marker).camera
         file.parent.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as held:
-            try:
-                held.enter_context(locked(file.with_name(f".{file.stem}.lock"), within_s=WAIT_S))
-            except BlockingIOError:
-                raise StudyError(
-                    f"{file}: another process has been making this for {WAIT_S:g} s. End it, and start again."
-                ) from None
-            if file.is_file():
-                return load_camera(file)
-            frames = []
-            for k, pose in enumerate(poses):
-                picture = self.eye.frame(pose, FIRST + k)
-                frames.append(KnownFrame(name=f"pose {k + 1}", picture=picture, pose=pose))
-            camera = calibrate_camera(frames, self.marker).camera
-            camera.save(file)
+        camera.save(file)
         return camera
 
-    @cached_property
-    def eye(self) -> OverheadCamera:
-        """The camera itself, drawn, in grey."""
+    def _camera(self, *, view: str = "drawn", grey: bool = False) -> OverheadCamera:
         from realitygap.calibration.record import plate_of
         from realitygap.twin.camera import OverheadCamera
 
-        plate = plate_of(self.marker)
-        return OverheadCamera(self._arena, unit=self._unit, noise=self._noise, plate=plate, grey=True)
+        plate, unit, noise = plate_of(self.marker), self._unit, self._noise
+        return OverheadCamera(self._arena, unit=unit, noise=noise, view=view, plate=plate, grey=grey)
 
-    @property
-    def view(self) -> str:
-        """How its frames are made, in words."""
-        return str(self.eye.metadata["view"])
+    @cached_property
+    def _eye(self) -> OverheadCamera:
+        """The camera that only watches: drawn, in grey."""
+        return self._camera(grey=True)
+
+    def watch(self, folder: Path, truth: Track, stream: int) -> tuple[Track, str]:
+        """Track a robot by its true places, ten times a second; keep the track, but no film.
+
+        Args:
+            folder: the trial's.
+            truth: where the robot was, from the trial's beginning to its end.
+            stream: number of the first frame, which names its pixels' noise.
+
+        Returns:
+            The track, and how the frames were made, in words.
+        """
+        track = self.track(truth, stream)
+        track.write_csv(folder / TRACK)
+        return track, str(self._eye.metadata["view"])
 
     def track(self, truth: Track, stream: int) -> Track:
-        """The track of a robot's true places as seen by the camera, ten times a second.
-
-        `stream` is the first frame's number, which seeds its pixels' noise.
-        """
+        """The same track, not kept."""
         import cv2
 
         from realitygap.film.tracker import Tracker
 
-        frames, threads = self.eye.frames(truth, fps=WATCH_FPS, first=stream), cv2.getNumThreads()
+        frames, threads = self._eye.watched(truth, fps=WATCH_FPS, first=stream), cv2.getNumThreads()
         cv2.setNumThreads(1)  # on so small pictures a second one only waits, at full load
         try:
             return Tracker(self.camera, self.marker).follow(frames)
         finally:
             cv2.setNumThreads(threads)
 
+    def film(
+        self, folder: Path, truth: Track, stream: int, view: str, facts: Mapping[str, Any]
+    ) -> tuple[Track, str]:
+        """The same by a film, 25 frames a second: film, camera, track and tails into the folder.
 
-def film_and_track(
-    folder: Path,
-    truth: Track,
-    tracker: OverheadTracker,
-    *,
-    overhead: OverheadCamera,
-    first: int,
-    facts: Mapping[str, Any],
-    tell: Tell,
-) -> Track:
-    """Film a trial, then track the film: film, camera, track and tails into its folder.
+        `view` names its renderer, `facts` are further metadata.
+        """
+        from realitygap.film.video import FilmWriter
 
-    Args:
-        folder: the trial's.
-        truth: where the robot was, from the trial's beginning to its end.
-        tracker: has the camera's calibration, and what the robot wears.
-        overhead: the camera that films.
-        first: number of the first frame, which names its pixels' noise.
-        facts: further metadata of the film.
-        tell: called with the share of the work done since its last call.
-    """
-    from realitygap.film.video import FilmWriter
-
-    total = int((truth.t[-1] - truth.t[0]) * FPS) + 1
-    notes = {**overhead.metadata, **facts}
-    writer = FilmWriter(folder / FILM, rate=FPS, made_by=notes["view"], notes=notes, quality=QUALITY)
-    with writer as film:
-        for _, frame in overhead.frames(truth, fps=FPS, first=first):
-            film.add(frame)
-            tell(0.5 / total)
-    last = 0
-
-    def tracked_so_far(done: int, _: int | None) -> None:
-        nonlocal last
-        tell(0.5 * (done - last) / total)
-        last = done
-
-    return keep_film(folder, tracker.camera, tracker.marker, tracked_so_far).track
+        with self._camera(view=view) as camera:
+            notes = {**camera.metadata, **facts}
+            made = {"rate": FPS, "made_by": notes["view"], "notes": notes, "quality": QUALITY}
+            with FilmWriter(folder / FILM, **made) as film:
+                for _, frame in camera.frames(truth, fps=FPS, first=stream):
+                    film.add(frame)
+        return keep_film(folder, self.camera, self.marker).track, notes["view"]
 
 
-def keep_film(
-    folder: Path, camera: CameraModel, marker: Marker, tell: Callable[[int, int | None], None] | None = None
-) -> Tracked:
+def keep_film(folder: Path, camera: CameraModel, marker: Marker) -> Tracked:
     """Track the film in a trial's folder: camera, track, tails and a disk of your own.
 
     Args:
         folder: the trial's.
         camera: its calibration.
         marker: what the robot wears.
-        tell: called with frames done, and frames in all if known.
 
     Raises:
         FilmError: the film is not of this camera, or shows no marker.
@@ -223,7 +189,7 @@ def keep_film(
     from realitygap.film.printed import draw_tails, save_tails
     from realitygap.film.tracker import track_film
 
-    tracked = track_film(folder / FILM, camera, marker, tell)
+    tracked = track_film(folder / FILM, camera, marker)
     camera.save(folder / CAMERA)
     if isinstance(marker, Disk) and marker != load_disk():
         atomic_write(folder / DISK, to_toml(marker.to_dict()))
@@ -235,39 +201,6 @@ def keep_film(
 ConfirmPose = Callable[["TrialSpec", Pose, Pose | None], bool]
 """Gets the requested pose and the seen one (None: not seen), and returns whether to start there; if none is
 seen, from the requested pose, on a person's word. If False, the camera looks again."""
-
-
-@dataclass(kw_only=True)
-class FilmOfDrive:
-    """The film of one drive; complete when the drive is over."""
-
-    overhead: LiveOverhead
-    spec: TrialSpec
-    folder: Path
-    begun: float
-    period_s: float
-    filmed: Filmed | None = None
-
-    def path(self, facts: dict[str, Any]) -> Track:
-        """The situated path from the tracker; the film is kept only if requested.
-
-        Raises:
-            FilmError: the robot is not seen in any frame.
-        """
-        from realitygap.film.tracker import track_film
-
-        assert self.filmed is not None
-        one, folder, lead = self.spec, self.folder, self.begun - self.filmed.first_at
-        camera, marker = self.overhead.camera, self.overhead.marker
-        if one.film:
-            tracked = keep_film(folder, camera, marker)
-        else:
-            tracked = track_film(folder / FILM, camera, marker)
-            tracked.track.write_csv(folder / TRACK)
-            (folder / FILM).unlink()
-        facts |= {"view": f"camera {self.overhead.source}", "film_lead_s": round(lead, 6)}
-        facts["trouble"] = "; ".join(filter(None, (self.filmed.trouble, tracked.trouble))) or None
-        return of_track(tracked.track, round(one.seconds / self.period_s), lead, period_s=self.period_s)
 
 
 class LiveOverhead(Closing):
@@ -297,6 +230,8 @@ class LiveOverhead(Closing):
         self._new_tracker()  # refuses a camera that cannot see this marker
         self._live = LiveCamera(source, size=(camera.width_px, camera.height_px))
         self.source = self._live.source
+        self._trouble: str | None = None
+        self._lead_s = 0.0
 
     def close(self) -> None:
         self._live.close()
@@ -321,15 +256,34 @@ class LiveOverhead(Closing):
                 return requested if pose is None else pose
 
     @contextmanager
-    def filming(self, one: TrialSpec, folder: Path, period_s: float) -> Iterator[FilmOfDrive]:
-        """Film the block, which is the drive; afterwards its path is available by steps."""
+    def filming(self, spec: TrialSpec, folder: Path) -> Iterator[None]:
+        """Film the block, which is the drive; then `path` has its track."""
         self._live.film(folder / FILM)
         begun = time.monotonic()
-        film = FilmOfDrive(overhead=self, spec=one, folder=folder, begun=begun, period_s=period_s)
         try:
-            yield film
+            yield
         except BaseException:
             with suppress(FilmError):
                 self._live.finish(time.monotonic())
             raise
-        film.filmed = self._live.finish(film.begun + one.seconds)
+        filmed = self._live.finish(begun + spec.seconds)
+        self._trouble, self._lead_s = filmed.trouble, begun - filmed.first_at
+
+    def path(self, spec: TrialSpec, folder: Path, period_s: float) -> tuple[Track, dict[str, Any]]:
+        """The path in the last film, and facts of it; the film is kept only if requested.
+
+        Raises:
+            FilmError: the robot is not seen in any frame.
+        """
+        from realitygap.film.tracker import track_film
+
+        if spec.film:
+            tracked = keep_film(folder, self.camera, self.marker)
+        else:
+            tracked = track_film(folder / FILM, self.camera, self.marker)
+            tracked.track.write_csv(folder / TRACK)
+            (folder / FILM).unlink()
+        trouble = "; ".join(filter(None, (self._trouble, tracked.trouble))) or None
+        facts = {"view": f"camera {self.source}", "film_lead_s": round(self._lead_s, 6), "trouble": trouble}
+        steps = round(spec.seconds / period_s)
+        return of_track(tracked.track, steps, self._lead_s, period_s=period_s), facts

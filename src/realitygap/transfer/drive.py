@@ -20,10 +20,10 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Task
 from realitygap.track import Track
 from realitygap.transfer.paths import score
-from realitygap.transfer.record import SIMULATED, SITUATED, TRIAL
 from realitygap.transfer.rig import Rig, driven
 from realitygap.transfer.spec import check_fit
 from realitygap.values import Pose, as_stream, shown
+from realitygap.work.archive import SIMULATED, SITUATED, TRIAL
 from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["DriveResult", "Pair", "drive", "pairs"]
@@ -90,7 +90,7 @@ def drive(
     body.reset(start)
     length = task.seconds if seconds is None else seconds
     made = driven(body, controller, task=task, profile=profile, seconds=length)
-    track = made.known(task, profile) if made.poses else made.counted(start, profile)
+    track = made.path(start, task, profile)
     return DriveResult(track=track, score=score(track, task, profile), recording=made.recording)
 
 

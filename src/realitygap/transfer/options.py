@@ -63,14 +63,14 @@ class Transfer:
             "constant:5,5", "braitenberg", or "file.py:name" of your own.
         film: film all trials, none, or those of the runs with these ids; (id, start) names a single one.
         view: renderer of a twin's film: "drawn", or MuJoCo's, "mujoco".
-        watch: take the other paths from the camera too, without keeping a film; else, and without a camera,
-            they are reported by the robot, or computed from its wheels' counters.
+        path_from: of the other trials: the "camera" (no film is kept; without one the robot's own poses), or
+            its "wheels", which miss slip.
         twin_noise: the twin's noise scale, 1 if None.
         seed: of starts and noise; the study's own if None.
         seconds: length of a trial; the task's own if None.
         baud: rate of the robots' lines; None tries them all on a port.
         camera: the calibration of the live camera over a real robot, or its file.
-        eye: the live camera over a real robot: a camera's number, a video file, a stream.
+        camera_device: that camera: its number, a video file, a stream.
         disk: a real robot's disk, or its file; the shipped one if None.
         marker: what the robots wear instead: a tag, or its text for `Tag.parse`.
 
@@ -85,13 +85,13 @@ class Transfer:
     controller: str | None = None
     film: bool | Collection[int | tuple[int, int]] = False
     view: str = "drawn"
-    watch: bool = True
+    path_from: str = "camera"
     twin_noise: float | None = None
     seed: int | None = None
     seconds: float | None = None
     baud: int | None = 38400
     camera: CameraModel | str | Path | None = None
-    eye: str | int | None = None
+    camera_device: str | int | None = None
     disk: Disk | str | Path | None = None
     marker: Marker | str | None = None
 
@@ -107,40 +107,28 @@ class Transfer:
             as_scale(self.twin_noise, "twin_noise")
         if self.marker is not None:
             self.worn  # noqa: B018 - one that is none is refused now
+        for name, known in {"view": ("drawn", "mujoco"), "path_from": ("camera", "wheels")}.items():
+            if getattr(self, name) not in known:
+                raise UsageError(f"{name}: expected {' or '.join(known)}, got {getattr(self, name)!r}.")
+        if self.controller is not None and self.individual != "champion":
+            raise UsageError("individual: expected none with a controller of your own. Leave it out.")
         real = any(robot.unit is None for robot in self.bodies)
         twins = any(robot.unit is not None for robot in self.bodies)
-        disk, eye, marker, camera = (
-            given is not None for given in (self.disk, self.eye, self.marker, self.camera)
-        )
-        above = "the camera above the robot, and its calibration (--camera-device DEVICE, --camera FILE)"
-        wrong = {
-            "individual: expected none with a controller of your own. Leave it out.": (
-                self.controller is not None and self.individual != "champion"
-            ),
-            "--twin-noise scales a twin's noise, or Enki's; a robot has its own noise. Leave it out.": (
-                self.twin_noise is not None and not twins
-            ),
-            "disk: expected a robot that wears it; a twin has a disk of its own.": disk and not real,
-            "eye: expected camera too: its camera.json, as `realitygap camera calibrate` makes it (--camera "
-            "FILE).": eye and not camera,
-            f"camera: expected eye too: {above}.": camera and not eye,
-            f"disk: expected eye too: {above}.": disk and not eye,
-            "eye: expected a robot under it; a twin has a camera of its own.": eye and not real,
-            f"marker: expected eye too: {above}.": marker and not twins and not eye,
-            f"film: expected {above}. A film of your own: `realitygap camera track FILM`.": (
-                real and bool(self.film) and not eye
-            ),
-            f"view: expected drawn or mujoco, got {self.view!r}.": self.view not in ("drawn", "mujoco"),
-            "view: expected a filmed twin with mujoco (--robot twin:1 --film).": (
-                self.view == "mujoco" and not (twins and self.film)
-            ),
-            "view: expected drawn with a marker; MuJoCo's renderer shows a twin's disk.": (
-                self.view == "mujoco" and marker
-            ),
-        }
-        for says, found in wrong.items():
-            if found:
-                raise UsageError(says)
+        if self.twin_noise is not None and not twins:
+            raise UsageError("twin_noise: expected a twin; a robot has its own noise. Leave it out.")
+        if self.view == "mujoco" and (self.marker is not None or not (twins and self.film)):
+            raise UsageError("view: expected a filmed twin with mujoco, which wears the disk (--film).")
+        above = [name for name in ("camera", "camera_device", "disk") if getattr(self, name) is not None]
+        if above and not real:
+            raise UsageError(f"{above[0]}: expected a real robot; a twin has a camera and a disk of its own.")
+        above += [name for name in ("film",) if real and self.film]
+        above += [name for name in ("marker",) if not twins and self.marker is not None]
+        if above and (self.camera is None or self.camera_device is None):
+            raise UsageError(
+                f"{above[0]}: expected the camera above the robot, and its calibration (--camera-device "
+                "DEVICE, --camera FILE). `realitygap camera calibrate` makes that; `realitygap camera track "
+                "FILM` tracks a film of your own."
+            )
 
     @cached_property
     def bodies(self) -> tuple[Address, ...]:

@@ -1,18 +1,13 @@
-"""Trials on disk: a folder each, filled beside its final name; a twin's unfilmed ones in an archive a run.
+"""Trials on disk: a folder each, FOLDER/ROBOT/RUN/start-N, filled beside its final name.
 
-A trial's folder is FOLDER/ROBOT/RUN/start-N. Finished trials on a twin that kept no film are moved into
-FOLDER/ROBOT/RUN.zip: thousands of them would be a hundred thousand small files. All trials are read through
-this module; a folder takes precedence over what an archive holds under its name.
+Finished trials on a twin that kept no film are moved into an archive of their run (`work.archive`): thousands
+of them would be a hundred thousand small files.
 """
 
-import re
 import shutil
-import tempfile
-import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import product
@@ -30,11 +25,9 @@ from realitygap.errors import (
 )
 from realitygap.files import (
     as_path,
-    atomic_path,
     atomic_write,
     move_whole,
     parse_toml,
-    refuse_unknown,
     written_together,
 )
 from realitygap.robots.address import Address
@@ -43,17 +36,14 @@ from realitygap.study.load import load_study
 from realitygap.track import Track, read_track
 from realitygap.transfer.spec import FOLDER, SOURCES, TrialSpec
 from realitygap.values import Pose
+from realitygap.work.archive import SIMULATED, SITUATED, TRIAL, opened, read_file, store, unpacked
 from realitygap.work.folder import file_errors, lock, refuse_difference, refuse_links
 from realitygap.work.shard import Shard, read_mark
 
 __all__ = [
-    "SIMULATED", "SITUATED", "TRIAL", "TransferredTrial", "archive", "explained", "half_folder", "is_done",
-    "keep", "keep_camera", "load_transfer", "load_transfers", "merge_trials", "new_trial", "read_trial",
-    "trial_content", "trial_files", "unpacked",
+    "TransferredTrial", "archive", "explained", "half_folder", "is_done", "keep", "keep_camera",
+    "load_transfer", "load_transfers", "merge_trials", "new_trial", "read_trial",
 ]  # fmt: skip
-
-TRIAL = "transfer.toml"
-SIMULATED, SITUATED = "simulated.csv", "situated.csv"
 
 FREE = (
     "film", "view", "pose", "wished", "fitness", "situated_from", "late_steps", "missed_steps", "lost_steps",
@@ -62,13 +52,7 @@ FREE = (
 """Keys of a trial's file that follow from others, or are not compared."""
 PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
 """Keys of a trial's file that are copied unchanged."""
-OF_ROBOT = (
-    "evaluation", "robot", "unit", "port", "twin_noise", "seed", "baud", "disk", "marker", "controller",
-)  # fmt: skip
-"""Further keys that the result depends on."""
 CURE = "Move its folder away."
-MOST_BYTES = 2**28
-"""Of a file in an archive: many times what a trial's has."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +116,7 @@ class TransferredTrial:
 
     def _track(self, name: str, seen_by: str) -> Track:
         cure = "Delete the trial's folder and make it again."
-        with trial_files(self.folder, name) as here:
+        with unpacked(self.folder) as here:
             return read_track(here / name, seen_by=seen_by, error=StudyError, cure=cure)
 
     def to_dict(self) -> dict[str, Any]:
@@ -160,10 +144,13 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[TransferredTrial]:
     found = [load_transfer(file.parent) for file in files]
     for packed in home.glob("*/[!.]*.zip"):
         run = packed.with_suffix("")
-        for name, data in _contents(packed, TRIAL):
-            file = run / name
-            if not file.is_file():
-                found.append(_trial(file, _parsed(file, data)))
+        with opened(packed) as members:
+            texts = {name: members.read(name) for name in members.namelist() if name.endswith(f"/{TRIAL}")}
+        found += [
+            _trial(run / name, _parsed(run / name, text))
+            for name, text in texts.items()
+            if not (run / name).is_file()
+        ]
     return sorted(found, key=lambda one: (one.unit is None, one.unit or 0, one.robot, one.run, one.start))
 
 
@@ -180,9 +167,9 @@ def read_trial(folder: Path) -> dict[str, Any]:
     """The content of a trial's file.
 
     Raises:
-        StudyError: it cannot be read, or has a key that no trial has.
+        StudyError: it cannot be read.
     """
-    data = trial_content(folder, TRIAL)
+    data = read_file(folder, TRIAL)
     if data is None:
         raise StudyError(f"{folder / TRIAL}: no such file. {CURE}")
     return _parsed(folder / TRIAL, data)
@@ -195,7 +182,7 @@ def is_done(folder: Path, spec: TrialSpec) -> bool:
         StudyError: it was made with other settings.
     """
     place = folder / spec.folder
-    if trial_content(place, TRIAL) is None:
+    if read_file(place, TRIAL) is None:
         return False
     table = read_trial(place)
     there = {key: value for key, value in table.items() if key not in FREE}
@@ -211,11 +198,9 @@ def is_done(folder: Path, spec: TrialSpec) -> bool:
 
 def _parsed(file: Path, data: bytes) -> dict[str, Any]:
     try:
-        table = parse_toml(data.decode("utf-8-sig"))
+        return parse_toml(data.decode("utf-8-sig"))
     except ValueError as why:
         raise StudyError(f"{file}: not a TOML file: {why}. {CURE}") from None
-    refuse_unknown(table, (*PLAIN, *FREE, *OF_ROBOT), StudyError, where=str(file))
-    return table
 
 
 def _trial(file: Path, table: dict[str, Any]) -> TransferredTrial:
@@ -239,116 +224,11 @@ def _trial(file: Path, table: dict[str, Any]) -> TransferredTrial:
         raise StudyError(f"{file}: {error}: missing or broken. {CURE}") from None
 
 
-# Archives
-
-
-def _contents(packed: Path, end: str) -> Iterator[tuple[str, bytes]]:
-    """Files of an archive whose names end so, by name: start-N/FILE.
-
-    Raises:
-        StudyError: it is damaged, or holds what is no trial's file.
-    """
-    with file_errors(packed):
-        try:
-            with zipfile.ZipFile(packed) as opened:
-                for entry in opened.infolist():
-                    if not re.fullmatch(r"start-\d+/\w[\w.-]*", entry.filename):
-                        raise ValueError(f"{entry.filename!r} is not a trial's file")
-                    if entry.file_size > MOST_BYTES:
-                        raise ValueError(f"{entry.filename} has {entry.file_size} bytes")
-                    if entry.filename.endswith(end):
-                        yield entry.filename, opened.read(entry)
-        except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError) as why:
-            raise StudyError(f"{packed}: {why}. Restore the file from a copy.") from None
-
-
-def _archive_of(run: Path) -> Path:
-    return run.parent / f"{run.name}.zip"
-
-
-def _is_archive(file: Path) -> bool:
-    """Whether a file is an archive of trials, not somebody's other .zip; a broken one is refused later."""
-    if not file.is_file() or not zipfile.is_zipfile(file):
-        return file.is_file()
-    with zipfile.ZipFile(file) as opened:
-        return any(name.endswith(f"/{TRIAL}") for name in opened.namelist())
-
-
-def trial_content(folder: Path, name: str) -> bytes | None:
-    """The content of a trial's file; None if there is none."""
-    with file_errors(folder):
-        packed = _archive_of(folder.parent)
-        if (folder / TRIAL).is_file() or not packed.is_file():
-            return (folder / name).read_bytes() if (folder / name).is_file() else None
-    return next((data for _, data in _contents(packed, f"{folder.name}/{name}")), None)
-
-
-@contextmanager
-def trial_files(folder: Path, name: str = "") -> Iterator[Path]:
-    """A trial's folder, or a temporary one with what an archive holds of it: all, or one file."""
-    packed = _archive_of(folder.parent)
-    if (folder / TRIAL).is_file() or not packed.is_file():
-        yield folder
-        return
-    with tempfile.TemporaryDirectory(prefix="realitygap-") as place:
-        for file, data in _contents(packed, name):
-            if file.startswith(f"{folder.name}/"):
-                Path(place, file.partition("/")[2]).write_bytes(data)
-        yield Path(place)
-
-
-@contextmanager
-def unpacked(path: Path) -> Iterator[Path]:
-    """A study, its transfers or a part of those, down to a trial's file, with archived trials as folders too,
-    temporarily; the path itself if nothing in it is archived."""
-    full = path.resolve()
-    over = [] if full.exists() else [full.parent, full.parent.parent]
-    top = next((run for run in over if _is_archive(_archive_of(run))), full)
-    archives = filter(_is_archive, top.rglob("[!.]*.zip"))
-    packed = {file: file.with_suffix("").relative_to(top) for file in archives}
-    if _is_archive(_archive_of(top)):
-        packed[_archive_of(top)] = Path()
-    if not packed:
-        yield path
-        return
-    with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
-        home = Path(name, top.name)
-        for archived, inside in packed.items():
-            for file, data in _contents(archived, ""):
-                (home / inside / file).parent.mkdir(parents=True, exist_ok=True)
-                (home / inside / file).write_bytes(data)
-        if top.is_dir():  # a trial's folder takes precedence
-            shutil.copytree(top, home, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.mp4", "*.zip"))
-        study = next((place for place in top.parents if (place / "profile.toml").is_file()), None)
-        if study is not None:
-            shutil.copy(study / "profile.toml", name)
-        yield home / full.relative_to(top)
-
-
 def archive(run: Path) -> None:
-    """Move a run's finished, unfilmed trials on a twin into its archive; a kill loses none."""
-    folders = sorted(
-        folder
-        for folder in run.glob("start-*")
-        if folder.name[6:].isdecimal() and (folder / TRIAL).is_file() and not read_trial(folder)["film"]
-    )
-    if not folders:
-        return
-    packed, new = _archive_of(run), {folder.name for folder in folders}
-    with atomic_path(packed) as spare, zipfile.ZipFile(spare, "w", zipfile.ZIP_DEFLATED) as opened:
-        if packed.is_file():
-            for name, data in _contents(packed, ""):
-                if name.partition("/")[0] not in new:
-                    opened.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
-        for folder in folders:
-            for file in sorted(folder.iterdir()):
-                entry = zipfile.ZipInfo(f"{folder.name}/{file.name}")
-                opened.writestr(entry, file.read_bytes(), zipfile.ZIP_DEFLATED)
-    for folder in folders:
-        (folder / TRIAL).unlink()  # without it the archive counts, should the rest be cut short
-        shutil.rmtree(folder)
-    with suppress(OSError):  # a film is in it
-        run.rmdir()
+    """Move a run's finished, unfilmed trials on a twin into its archive."""
+    folders = [folder for folder in sorted(run.glob("start-*")) if folder.name[6:].isdecimal()]
+    if done := [one for one in folders if (one / TRIAL).is_file() and not read_trial(one)["film"]]:
+        store(run, done)
 
 
 # Writing
@@ -464,8 +344,8 @@ def merge_trials(shards: Mapping[Shard, Path], folder: Path) -> list[Transferred
         with file_errors(folder / FOLDER):
             (folder / FOLDER).mkdir(exist_ok=True)
         for place, trial in todo.items():
-            if trial_content(place, TRIAL) is None:
-                with file_errors(place), trial_files(trial) as here:
+            if read_file(place, TRIAL) is None:
+                with file_errors(place), unpacked(trial) as here:
                     for camera in trial.parent.parent.glob("camera-*.json"):
                         keep_camera(place.parent.parent / camera.name, camera.read_bytes())
                     files = {path.name: path.read_bytes() for path in here.iterdir() if path.is_file()}
@@ -498,7 +378,7 @@ def _refuse_incomplete(folder: Path, found: Sequence[TransferredTrial]) -> None:
     every = product(facts.get("robots", ()), facts.get("runs", ()), range(1, facts.get("starts", 0) + 1))
     left = Counter((run, start) for _, run, start in mark.shard.own(every))
     for one in found:
-        whole = all(trial_content(one.folder, name) is not None for name in (SIMULATED, SITUATED))
+        whole = all(read_file(one.folder, name) is not None for name in (SIMULATED, SITUATED))
         left[one.run, one.start] -= whole and one.individual == facts.get("individual")
     for (run, start), lacking in left.items():
         if lacking > 0:
@@ -509,10 +389,8 @@ def _refuse_incomplete(folder: Path, found: Sequence[TransferredTrial]) -> None:
 
 
 def _refuse_overwriting(trial: Path, place: Path) -> None:
-    there = place.exists() or trial_content(place, TRIAL) is not None
-    if there and any(
-        trial_content(place, name) != trial_content(trial, name) for name in (SIMULATED, SITUATED)
-    ):
+    there = place.exists() or read_file(place, TRIAL) is not None
+    if there and any(read_file(place, name) != read_file(trial, name) for name in (SIMULATED, SITUATED)):
         raise StudyError(
             f"{place}: a trial other than {trial} is there, and is not overwritten. Move it away."
         )

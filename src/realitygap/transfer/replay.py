@@ -13,8 +13,9 @@ from realitygap.robots.drive import Recording
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Study
 from realitygap.track import Trajectory
-from realitygap.transfer.record import load_transfer, read_trial, trial_files
+from realitygap.transfer.record import load_transfer, read_trial
 from realitygap.transfer.spec import transfer_stream
+from realitygap.work.archive import unpacked
 
 __all__ = ["Replay", "Replays"]
 
@@ -77,7 +78,7 @@ class Replays:
 
 def _recording(folder: Path) -> Recording | None:
     try:
-        with trial_files(folder) as here:
+        with unpacked(folder) as here:
             return Recording.from_folder(here)
     except UsageError:
         return None

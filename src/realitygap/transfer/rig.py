@@ -57,12 +57,15 @@ class DriveRecord(NamedTuple):
     period_s: float
     t: Floats
 
-    def known(self, task: Task, profile: Profile) -> Track:
-        """The path as reported by the robot itself.
+    def path(self, start: Pose, task: Task, profile: Profile, *, wheels: bool = False) -> Track:
+        """The path as reported by the robot itself; by its `wheels` if asked for, or if it reports none.
 
         Raises:
-            UsageError: it leaves the task's arena, or is too fast for the profile's wheels.
+            UsageError: it leaves the task's arena, or is too fast for the profile's wheels; nothing was
+                counted, or the length of a pulse is unknown.
         """
+        if not self.poses or wheels:
+            return self._counted(start, profile)
         (width, depth), radius = task.arena.size_cm, profile.body.radius_cm
         x, y, heading = np.array([(at.x, at.y, at.heading) for at in self.poses]).T
         inside = (np.abs(x - width / 2) <= width / 2 + radius) & (np.abs(y - depth / 2) <= depth / 2 + radius)
@@ -77,12 +80,7 @@ class DriveRecord(NamedTuple):
         _refuse_far(ways, self.t, profile, "pose", "Is it in another unit than cm and radians?")
         return of_poses(self.poses, self.period_s, self.t)
 
-    def counted(self, start: Pose, profile: Profile) -> Track:
-        """The path by the wheels' counters.
-
-        Raises:
-            UsageError: nothing was counted, the length of a pulse is unknown, or counters jump.
-        """
+    def _counted(self, start: Pose, profile: Profile) -> Track:
         if self.cm_per_pulse is None or np.isnan(self.counters).all():
             uncounted = "a way to know where it is: its `pose`, counters, or `speeds` that it measures."
             pulses = "the length of its pulses: calibrate its wheels, or give it `pulses_per_mm`."
@@ -246,8 +244,7 @@ class Rig(Closing):
         length = self.task.seconds if seconds is None else seconds
         if self.robot.unit is None:
             made = self.trial(controller, stream, pose, length)
-            track = made.known(self.task, self.profile) if made.poses else made.counted(pose, self.profile)
-            return track, made.recording
+            return made.path(pose, self.task, self.profile), made.recording
         with tempfile.TemporaryDirectory(prefix="realitygap-") as folder:
             sealed = Path(folder) / "sealed.csv"
             recording = self.trial(controller, stream, pose, length, sealed=sealed).recording

@@ -13,15 +13,13 @@ from __future__ import annotations
 import math
 import re
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from functools import cache
-from itertools import chain
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,20 +29,17 @@ from realitygap.files import atomic_write, must_be, to_toml, written_together
 from realitygap.film.camera import CameraModel, load_camera
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body
-from realitygap.robots.drive import Controller, Recorder
+from realitygap.robots.drive import Controller, Recorder, Recording
 from realitygap.simulation.body import drive_simulated
 from realitygap.simulation.simulation import Simulation
-from realitygap.study.folder import Home, Inputs, exists, home_of, inputs_for
+from realitygap.study.folder import Inputs, exists, home_of, inputs_for
 from realitygap.study.load import Study, as_study, load_study
 from realitygap.study.provenance import versions
 from realitygap.track import Track
-from realitygap.transfer.camera import TRACK, ConfirmPose, FilmOfDrive, LiveOverhead, film_and_track
+from realitygap.transfer.camera import ConfirmPose, LiveOverhead
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.paths import of_track, score
 from realitygap.transfer.record import (
-    SIMULATED,
-    SITUATED,
-    TRIAL,
     TransferredTrial,
     archive,
     explained,
@@ -58,15 +53,14 @@ from realitygap.transfer.record import (
 from realitygap.transfer.rig import DriveRecord, Rig, driven
 from realitygap.transfer.spec import FOLDER, TrialSpec, check_body, controller_for, trial_specs
 from realitygap.values import Pose
+from realitygap.work.archive import SIMULATED, SITUATED, TRIAL
 from realitygap.work.folder import file_errors, lock
 from realitygap.work.pool import Pool, Setup, Tell, Workers, far, opened
 from realitygap.work.progress import OnProgress, Reporter
 from realitygap.work.shard import Shard, marked
 
-if TYPE_CHECKING:
-    from realitygap.twin.camera import OverheadCamera
-
-__all__ = [ "WORK", "Operator", "Transfer", "TransferContext", "TransferredTrial", "load_transfers",
+__all__ = [
+    "WORK", "Operator", "Transfer", "TransferredTrial", "TrialWorker", "load_transfers",
     "place_of", "run_transfer", "shard_folder",
 ]  # fmt: skip
 
@@ -150,11 +144,18 @@ def run_transfer(
             (place / FOLDER).mkdir(exist_ok=True)
             if mark is not None:
                 mark.write(place, finished=False)
-        with _interrupted(place, real=bool(real)):
+        try:
             if real and operator is not None:
                 _by_hand(study, place, real, options, operator)
             done = len(requested) - len(own)
             _by_themselves(study, place, own, done=done, pool=pool, on_progress=on_progress)
+        except (RobotStoppedError, KeyboardInterrupt) as stop:
+            if real and isinstance(stop, RobotStoppedError):
+                raise  # which says where the robot's recording is
+            kept = f"Finished trials in {place / FOLDER} are kept"
+            raise StudyInterruptedError(
+                f"stopped. {kept}; the same command continues with the others."
+            ) from None
         with file_errors(place / FOLDER):
             for run in {(place / spec.folder).parent for spec in requested if spec.robot.unit is not None}:
                 archive(run)  # also what an interrupted transfer left
@@ -177,7 +178,7 @@ def shard_folder(study: Path, shard: Shard) -> Path:
 
 def _facts(study: Study, options: Transfer, requested: Sequence[TrialSpec]) -> dict[str, Any]:
     """Facts that all shards of a transfer must share."""
-    keys = ("starts", "individual", "watch", "twin_noise", "seed", "seconds")
+    keys = ("starts", "individual", "path_from", "twin_noise", "seed", "seconds")
     return {
         "study": study.digest(),
         "runs": list(dict.fromkeys(spec.run for spec in requested)),
@@ -188,34 +189,74 @@ def _facts(study: Study, options: Transfer, requested: Sequence[TrialSpec]) -> d
     }
 
 
-@contextmanager
-def _interrupted(folder: Path, *, real: bool) -> Iterator[None]:
-    """Turn Ctrl-C into one message; stopping a real robot has a message of its own."""
-    try:
-        yield
-    except (RobotStoppedError, KeyboardInterrupt) as stop:
-        if real and isinstance(stop, RobotStoppedError):
-            raise
-        kept = f"Finished trials in {folder / FOLDER} are kept; the same command continues with the others."
-        raise StudyInterruptedError(f"stopped. {kept}") from None
-
-
 # A trial
 
 
-class TransferContext:
-    """What trials of one study need, loaded once in a process; files go to `place` or the study's folder."""
+class Job(NamedTuple):
+    """A trial of an individual on the twin, or (without one) the calibration of the camera over its arena.
 
-    def __init__(self, study: Study, place: Path | None = None) -> None:
-        self.study, self.place = study, place or study.folder
+    `camera` is its calibration, for workers that cannot see the study's folder.
+    """
+
+    spec: TrialSpec
+    genes: Genes | None = None
+    camera: bytes | None = None
+
+
+class Made(NamedTuple):
+    """The files of a job by name: of a trial, `finished` or as far as it got, or of a camera."""
+
+    spec: TrialSpec
+    files: dict[str, bytes]
+    finished: bool = True
+    camera: bool = False
+
+
+class TrialWorker:
+    """Makes trials of one study, with what they need loaded once in a process.
+
+    A job writes only cameras into `place`, where this process sees the study's folder: its files are sent.
+    `shown` is that place for messages.
+    """
+
+    def __init__(self, study: Study, place: Path, shown: Path, held: ExitStack | None = None) -> None:
+        self.study, self._place, self._shown, self._held = study, place, shown, held or ExitStack()
         self.simulation = cache(lambda task, noise: Simulation(study.task(task), study.profile, noise))
         self._versions = cache(versions)  # finding the commit takes three programs
         self._rigs: dict[tuple[str, Address, float, int | None], Rig] = {}
 
+    def carry_out(self, job: Job, tell: Tell) -> None:
+        """Make a trial or calibrate a camera; `tell` receives what was made."""
+        spec, camera = job.spec, self.camera_file(job.spec)
+        final = self._shown / spec.folder
+        with file_errors(final):
+            if job.camera is not None:
+                keep_camera(camera, job.camera)
+            if job.genes is None:
+                self.rig(spec).tracker  # noqa: B018 - it is calibrated when it is first asked for
+                tell(Made(spec, {camera.name: camera.read_bytes()}, camera=True))
+                return
+            with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
+                folder, finished = Path(name), False
+                try:
+                    with explained(final, spec.robot):
+                        self.by_itself(spec, job.genes, folder)
+                    finished = True
+                finally:
+                    files = {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+                    tell(Made(spec, files, finished))
+
+    def close(self) -> None:
+        """Release the robots."""
+        for rig in self._rigs.values():
+            rig.close()
+        self._rigs.clear()
+        self._held.close()
+
     def camera_file(self, spec: TrialSpec) -> Path:
         """The file of the calibration of the camera over a unit's arena."""
         worn = "" if spec.marker is None else "-" + re.sub(r"[^\w.-]+", "-", str(spec.marker))
-        return self.place / FOLDER / spec.robot.folder(spec.twin_noise) / f"camera-{spec.task}{worn}.json"
+        return self._place / FOLDER / spec.robot.folder(spec.twin_noise) / f"camera-{spec.task}{worn}.json"
 
     def rig(self, spec: TrialSpec) -> Rig:
         """The robot that places itself in a trial's arena; one rig for all trials of both."""
@@ -227,42 +268,34 @@ class TransferContext:
             self._rigs[key] = rig
         return self._rigs[key]
 
-    def close(self) -> None:
-        """Release the robots."""
-        for rig in self._rigs.values():
-            rig.close()
-        self._rigs.clear()
-
     def genes(self, spec: TrialSpec) -> Genes:
         """Genes of the individual that drives; empty for a controller of your own."""
         if spec.evaluation is None:
             return np.zeros(0, np.int8)
         return self.study.genotype(spec.run, spec.evaluation)
 
-    def by_itself(self, spec: TrialSpec, genes: Genes, folder: Path, tell: Callable[[float], None]) -> None:
-        """A whole trial on a robot that places itself.
-
-        Args:
-            spec: the trial.
-            genes: of the driver, as from `genes`.
-            folder: of the trial's files.
-            tell: called with the share of the film that is done.
-        """
+    def by_itself(self, spec: TrialSpec, genes: Genes, folder: Path) -> None:
+        """A whole trial on a robot that places itself, its files into the folder."""
+        rig, seen = self.rig(spec), spec.source in ("camera", "film")
         with written_together(folder):
             pose = self.simulation(spec.task, spec.noise).start(spec.stream)
             facts = self._simulate(spec, genes, pose, folder)
-            sealed = folder / SEALED if spec.source in ("camera", "film") else None
-            record = self.rig(spec).trial(
+            record = rig.trial(
                 self._driver(spec, genes), spec.stream, pose, spec.seconds,
-                recorder=Recorder(folder, facts=spec.facts()), sealed=sealed,
+                recorder=Recorder(folder, facts=spec.facts()), sealed=folder / SEALED if seen else None,
             )  # fmt: skip
-            if sealed is not None:
-                period_s = self.study.profile.period_s
-                seen = self._seen(spec, folder, facts, tell)
-                path = of_track(seen, round(spec.seconds / period_s), period_s=period_s)
-            else:
+            if not seen:
                 path = self._own_path(spec, record, pose)
-            self._write(spec, folder, facts, path, record)
+            else:
+                truth, period_s = rig.truth(folder / SEALED, spec.seconds), rig.profile.period_s
+                if spec.film:
+                    about = {"run": spec.name, "start": spec.start}
+                    track, facts["view"] = rig.tracker.film(folder, truth, spec.stream, spec.view, about)
+                else:
+                    track, facts["view"] = rig.tracker.watch(folder, truth, spec.stream)
+                    (folder / SEALED).unlink()
+                path = of_track(track, round(spec.seconds / period_s), period_s=period_s)
+            self._write(spec, folder, facts, path, record.recording)
 
     def by_hand(
         self, spec: TrialSpec, body: Body, place_robot: PlaceRobot, overhead: LiveOverhead | None
@@ -275,10 +308,11 @@ class TransferContext:
             place_robot: has it put at its start.
             overhead: the camera above, if there is one.
         """
-        genes = self.genes(spec)
-        with new_trial(self.place / spec.folder, spec.robot) as folder:
+        genes, task = self.genes(spec), self.study.task(spec.task)
+        seen = overhead is not None and spec.source in ("camera", "film")
+        with new_trial(self._place / spec.folder, spec.robot) as folder:
             pose = requested = self.simulation(spec.task, spec.noise).start(spec.stream)
-            body.attend(*self.study.task(spec.task).kinds)  # refuses a line that is too slow
+            body.attend(*task.kinds)  # refuses a line that is too slow
             body.stop()
             place_robot(spec, requested)
             body.reset()
@@ -287,16 +321,17 @@ class TransferContext:
                 body.reset()  # moving it again has turned its wheels
             facts = self._simulate(spec, genes, pose, folder)
             facts["wished"] = None if overhead is None else requested.to_dict()
-            film: AbstractContextManager[FilmOfDrive | None] = nullcontext()
-            if overhead is not None and spec.source in ("camera", "film"):
-                film = overhead.filming(spec, folder, self.study.profile.period_s)
-            with film as filmed:
+            with overhead.filming(spec, folder) if overhead is not None and seen else nullcontext():
                 record = driven(
-                    body, self._driver(spec, genes), task=self.study.task(spec.task),
-                    profile=self.study.profile, seconds=spec.seconds, recorder=Recorder(folder, facts=facts),
+                    body, self._driver(spec, genes), task=task, profile=self.study.profile,
+                    seconds=spec.seconds, recorder=Recorder(folder, facts=facts),
                 )  # fmt: skip
-            path = self._own_path(spec, record, pose) if filmed is None else filmed.path(facts)
-            self._write(spec, folder, facts, path, record)
+            if overhead is not None and seen:
+                path, found = overhead.path(spec, folder, self.study.profile.period_s)
+                facts |= found
+            else:
+                path = self._own_path(spec, record, pose)
+            self._write(spec, folder, facts, path, record.recording)
 
     def _driver(self, spec: TrialSpec, genes: Genes) -> Controller:
         if spec.controller is not None:
@@ -313,44 +348,15 @@ class TransferContext:
         return {**spec.facts(), "pose": pose.to_dict(), "fitness": {"simulated": fitness}}
 
     def _own_path(self, spec: TrialSpec, record: DriveRecord, pose: Pose) -> Track:
-        """The path as reported by the robot, or by its wheels' counters."""
-        if spec.source == "robot":
-            return record.known(self.study.task(spec.task), self.study.profile)
-        return record.counted(pose, self.study.profile)
-
-    def _seen(
-        self, spec: TrialSpec, folder: Path, facts: dict[str, Any], tell: Callable[[float], None]
-    ) -> Track:
-        """The track of a trial on the twin by the camera above it, which films or only watches."""
-        rig = self.rig(spec)
-        truth = rig.truth(folder / SEALED, spec.seconds)
-        if spec.film:
-            with self._camera(spec) as camera:
-                facts["view"] = camera.metadata["view"]
-                about = {"run": spec.name, "start": spec.start}
-                return film_and_track(
-                    folder, truth, rig.tracker, overhead=camera, first=spec.stream, facts=about, tell=tell
-                )
-        track = rig.tracker.track(truth, spec.stream)
-        facts["view"] = rig.tracker.view
-        track.write_csv(folder / TRACK)
-        (folder / SEALED).unlink()
-        return track
-
-    def _camera(self, spec: TrialSpec) -> OverheadCamera:
-        """The camera that films a trial."""
-        from realitygap.calibration.record import plate_of
-        from realitygap.twin.camera import OverheadCamera
-
-        arena, unit, noise = self.study.task(spec.task).arena.plain(), spec.robot.unit, spec.twin_noise
-        assert unit is not None
-        return OverheadCamera(arena, unit=unit, noise=noise, view=spec.view, plate=plate_of(spec.marker))
+        """The path as reported by the robot, or by its wheels."""
+        task, profile = self.study.task(spec.task), self.study.profile
+        return record.path(pose, task, profile, wheels=spec.source != "robot")
 
     def _write(
-        self, spec: TrialSpec, folder: Path, facts: dict[str, Any], path: Track, record: DriveRecord
+        self, spec: TrialSpec, folder: Path, facts: dict[str, Any], path: Track, kept: Recording
     ) -> None:
+        """The robot's path, its score and the trial's facts."""
         path.write_csv(folder / SITUATED)
-        kept = record.recording
         fitness = score(path, self.study.task(spec.task), self.study.profile)
         facts["fitness"]["situated"] = fitness if kept.timing is None else math.nan
         facts |= {
@@ -378,8 +384,12 @@ def _by_hand(
         RobotError: the line was lost; the recording is kept.
         RobotStoppedError: Ctrl-C; the robot stands, the recording is kept.
     """
-    context = TransferContext(study, place)
-    with _overhead(options, operator) as overhead:
+    worker, overhead = TrialWorker(study, place, place), None
+    with ExitStack() as held:
+        if options.camera is not None and options.camera_device is not None:
+            given = options.camera
+            camera, asks = given if isinstance(given, CameraModel) else load_camera(given), operator[1:]
+            overhead = held.enter_context(LiveOverhead(options.camera_device, camera, options.worn, *asks))
         for robot in dict.fromkeys(spec.robot for spec in todo):
             specs = [spec for spec in todo if spec.robot == robot]
             body = robot.open(baud=specs[0].baud)
@@ -389,100 +399,22 @@ def _by_hand(
                 for spec in specs:
                     at_rate = replace(spec, baud=getattr(body, "baud", None))
                     with file_errors(place / spec.folder):
-                        context.by_hand(at_rate, body, operator.place_robot, overhead)
+                        worker.by_hand(at_rate, body, operator.place_robot, overhead)
             except BaseException:
                 body.abandon()  # it was told to stop first, wherever this came from
                 raise
             body.close()
 
 
-def _overhead(options: Transfer, operator: Operator) -> AbstractContextManager[LiveOverhead | None]:
-    """The camera over real robots, if there is one."""
-    if options.camera is None or options.eye is None:
-        return nullcontext()
-    camera = options.camera if isinstance(options.camera, CameraModel) else load_camera(options.camera)
-    return LiveOverhead(options.eye, camera, options.worn, operator.confirm_pose, operator.says)
-
-
 # By workers
-
-
-class Job(NamedTuple):
-    """A trial of an individual on the twin, or (without one) the calibration of the camera over its arena.
-
-    `camera` is its calibration, for workers that cannot see the study's folder.
-    """
-
-    spec: TrialSpec
-    genes: Genes | None = None
-    camera: bytes | None = None
-
-
-class Made(NamedTuple):
-    """The files of a job by name: of a trial, `finished` or as far as it got, or of a camera. Before and
-    after it, parts of the job's cost are sent."""
-
-    spec: TrialSpec
-    files: dict[str, bytes]
-    finished: bool = True
-    camera: bool = False
-
-
-class TrialWorker:
-    """Carries out jobs. It writes only cameras into the study's folder, if it can see it.
-
-    `shown` is the folder of its results, for messages.
-    """
-
-    def __init__(self, context: TransferContext, shown: Path, home: Home | None = None) -> None:
-        self._context, self._shown, self._home = context, shown, home
-
-    def carry_out(self, job: Job, tell: Tell) -> None:
-        """Carry out a job; `tell` receives its film's progress, then its files."""
-        spec = job.spec
-        camera = self._context.camera_file(spec)
-        with file_errors(self._shown / spec.folder):
-            if job.camera is not None:
-                keep_camera(camera, job.camera)
-            if job.genes is not None:
-                self._trial(spec, job.genes, tell)
-                return
-            self._context.rig(spec).tracker  # noqa: B018 - it is calibrated when it is first asked for
-            tell(Made(spec, {camera.name: camera.read_bytes()}, camera=True))
-            tell(CALIBRATION_COST)
-
-    def _trial(self, spec: TrialSpec, genes: Genes, tell: Tell) -> None:
-        left = _cost(spec)
-
-        def share(part: float) -> None:
-            nonlocal left
-            cost = part * spec.seconds * FILM_COST_S
-            left -= cost
-            tell(cost)
-
-        with tempfile.TemporaryDirectory(prefix="realitygap-") as name:
-            folder, finished = Path(name), False
-            try:
-                with explained(self._shown / spec.folder, spec.robot):
-                    self._context.by_itself(spec, genes, folder, share)
-                finished = True
-            finally:
-                files = {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}
-                tell(Made(spec, files, finished))
-        tell(left)
-
-    def close(self) -> None:
-        """End the twins."""
-        self._context.close()
-        if self._home is not None:
-            self._home.close()
 
 
 def worker_for(inputs: Inputs, shown: str) -> TrialWorker:
     """A worker for a study's trials, in any process."""
-    home = home_of(inputs)
-    place = Path(shown) if inputs[0] else home.folder
-    return TrialWorker(TransferContext(load_study(home.folder), place), Path(shown), home)
+    held = ExitStack()
+    home = home_of(inputs, held)
+    place = Path(shown) if inputs[0] else home
+    return TrialWorker(load_study(home), place, Path(shown), held)
 
 
 def _by_themselves(
@@ -509,7 +441,7 @@ def _by_themselves(
     """
     if not todo:
         return
-    away, context = far(pool), TransferContext(study, place)
+    away, here = far(pool), TrialWorker(study, place, place)
     for spec in todo if away else ():
         own = spec.controller or (spec.robot if spec.robot.kind == "own" else None)
         if own is not None:
@@ -517,39 +449,33 @@ def _by_themselves(
                 f"{own}: expected one that the cluster's workers have too: its file is on this "
                 "machine. Leave out --workers, or give a number."
             )
-    watched = {context.camera_file(spec): spec for spec in todo if spec.source in ("camera", "film")}
+    watched = {here.camera_file(spec): spec for spec in todo if spec.source in ("camera", "film")}
     cameras = [Job(spec) for file, spec in watched.items() if not file.is_file()]
     work = len(cameras) * CALIBRATION_COST + sum(map(_cost, todo))
     reporter = Reporter(on_progress, {"transferring": work})
     reporter.phase("transferring", done=done, total=done + len(todo), what="trials")
-    left = Counter((place / spec.folder).parent for spec in todo)
 
     def trials() -> Iterator[Job]:
         for spec in _in_order(todo):
-            file = context.camera_file(spec)
+            file = here.camera_file(spec)
             camera = file.read_bytes() if away and file in watched else None
-            yield Job(spec, context.genes(spec), camera)
+            yield Job(spec, here.genes(spec), camera)
 
-    def save(message: float | Made) -> None:
-        if not isinstance(message, Made):
-            reporter.add(message)
-            return
-        spec, files, finished, camera = message
+    def save(made: Made) -> None:
+        spec, files, finished, camera = made
         if camera:
-            file = context.camera_file(spec)
+            file = here.camera_file(spec)
             keep_camera(file, files[file.name])
+            reporter.add(CALIBRATION_COST)
             return
         folder = place / spec.folder
         with file_errors(folder):
             keep(folder, spec.robot, files, finished=finished)
-            left[folder.parent] -= finished
-            if not left[folder.parent] and spec.robot.unit is not None:
-                archive(folder.parent)
-        reporter.add(0.0, done=int(finished))
+        reporter.add(_cost(spec), done=int(finished))
 
     inputs = (inputs_for(study.folder, pool), str(place.resolve()))
-    for jobs in (cameras, trials()) if away else (chain(cameras, trials()),):
-        pool.work(Setup(worker_for, inputs, here=TrialWorker(context, place)), jobs, save)
+    for jobs in (cameras, trials()):
+        pool.work(Setup(worker_for, inputs, here=here), jobs, save)
 
 
 def _in_order(todo: Sequence[TrialSpec]) -> list[TrialSpec]:

@@ -16,7 +16,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
 from os import PathLike
@@ -26,15 +26,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.correspondence.distances import matched_starts
 from realitygap.correspondence.names import Namer, common_name, namer
-from realitygap.correspondence.score import (
-    Scale,
-    behaviour_score,
-    compare,
-    ends_of,
-    exemplar_scale,
-    matched_starts,
-)
+from realitygap.correspondence.score import Scale, behaviour_score, compare, ends_of, exemplar_scale
 from realitygap.correspondence.setting import Setting, fits, setting_of
 from realitygap.correspondence.trials import SHORTEST_S, Trial, resampled, trial_of
 from realitygap.errors import TrackError, UsageError
@@ -49,9 +43,10 @@ from realitygap.study.load import Run, Study, as_study
 from realitygap.study.provenance import project_commit
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
-from realitygap.transfer.record import SIMULATED, SITUATED, TransferredTrial, load_transfers, trial_content
+from realitygap.transfer.record import TransferredTrial, load_transfers
 from realitygap.transfer.replay import Replays
 from realitygap.values import Closing, Command, Floats, Pose, fed
+from realitygap.work.archive import SIMULATED, SITUATED, read_file
 from realitygap.work.pool import Setup, Tell, Workers, near, opened
 from realitygap.world.robot import TOP_INPUT, Profile
 
@@ -75,7 +70,7 @@ class ScoreRow:
         correspondence: score, 0 to 10; low, high: its 95 % interval, None with a single start.
         starts, units: numbers behind the score.
         readings, commands, speeds, replay_cm: distances of simulated and situated trials that need no camera
-            (`apart`), means over those whose recordings are known.
+            (`distances`), means over those whose recordings are known.
         why: what is missing, and why.
     """
 
@@ -155,63 +150,53 @@ class ScoreJob:
         found = hashlib.blake2b(digest_size=16)
         parts = [repr(words).encode(), tests, *(path.read_bytes() for path in paths if path.is_file())]
         for one in self.transfers:
-            parts += [
-                trial_content(one.folder, name) or b"none" for name in (SIMULATED, SITUATED, "steps.csv")
-            ]
+            parts += [read_file(one.folder, name) or b"none" for name in (SIMULATED, SITUATED, "steps.csv")]
         for part in parts:
             found.update(part)
         return found.hexdigest()
 
-    def mark(self) -> ScoreRow:
+    def row(self) -> ScoreRow:
         """Name it, score it, compare it."""
-        run, individual = self.run, self.individual
-        plain = ScoreRow(
-            run=run.id, name=run.name, task=run.task, noise=run.noise, index=run.index,
-            individual=individual, kind=self.kind, behaviour=self._behaviour(),
-        )  # fmt: skip
+        run = self.run
+        made: dict[str, Any] = {
+            "run": run.id, "name": run.name, "task": run.task, "noise": run.noise, "index": run.index,
+            "individual": self.individual, "kind": self.kind, "behaviour": self._behaviour(),
+        }  # fmt: skip
+        why = [] if self.transfers else ["no transfer: it has not driven a robot"]
         try:
-            name, share = self._type(self._fresh())
-            plain = replace(plain, type=name, share=share)
+            made["type"], made["share"] = self._type(self._fresh())
         except UsageError as error:
-            plain = replace(plain, why=f"no type: {error}")
-        if not self.transfers:
-            return _noted(plain, "no transfer: it has not driven a robot")
-        simulated, situated, lost = self._pairs()
-        plain = replace(plain, starts=len({t.start for t in situated}), units=len({t.unit for t in situated}))
-        plain = _noted(ScoreRow(**{**plain.to_dict(), **self._distances()}), *lost)
-        if not situated:
-            return plain
-        try:
-            return self._compared(plain, simulated, situated)
-        except UsageError as error:
-            return _noted(plain, f"no correspondence score: {error}")
+            why.insert(0, f"no type: {error}")
+        if self.transfers:
+            simulated, situated, lost = self._pairs()
+            made |= {"starts": len({t.start for t in situated}), "units": len({t.unit for t in situated})}
+            made |= self._distances()
+            why += lost
+            try:
+                made |= self._compared(simulated, situated) if situated else {}
+            except UsageError as error:
+                why.append(f"no correspondence score: {error}")
+        return ScoreRow(**made, why="; ".join(why))
 
     def _distances(self) -> dict[str, float | None]:
         """Means over the trials that are known in full on both sides, and agree in length."""
         replays, rows = self.context.replays, []
         for one in self.transfers:
-            made = replays.of(one.folder)
-            if (
-                one.timing is None
-                and made.simulated
-                and made.situated
-                and len(made.simulated.t) == len(made.situated.t)
-            ):
-                rows.append(
-                    distances(made.simulated, made.situated, one.situated, one.pose, replays.quiet(one.task))
-                )
+            _, lived, kept = replays.of(one.folder)
+            if one.timing is None and lived and kept and len(lived.t) == len(kept.t):
+                rows.append(distances(lived, kept, one.situated, one.pose, replays.quiet(one.task)))
         known = {key: [row[key] for row in rows if math.isfinite(row[key])] for key in DISTANCES}
         return {key: math.fsum(values) / len(values) if values else None for key, values in known.items()}
 
-    def _compared(self, plain: ScoreRow, simulated: Sequence[Trial], situated: Sequence[Trial]) -> ScoreRow:
+    def _compared(self, simulated: Sequence[Trial], situated: Sequence[Trial]) -> dict[str, Any]:
         context = self.context
         scale = context.scale(self.kind, self.individual, matched=bool(matched_starts(simulated, situated)))
         made = compare(simulated, situated, context.setting, scale=scale)
         low, high = made.interval or (None, None)
-        return replace(
-            plain, differences=made.differences, correspondence=made.score, low=low, high=high,
-            situated_type=self._type(situated)[0],
-        )  # fmt: skip
+        return {
+            "differences": made.differences, "correspondence": made.score, "low": low, "high": high,
+            "situated_type": self._type(situated)[0],
+        }  # fmt: skip
 
     def _behaviour(self) -> float | None:
         """From the run's fresh trials at its own noise, for the paper's own tasks."""
@@ -231,7 +216,7 @@ class ScoreJob:
         assert genes is not None
         networks = context.study.networks(run.task, genes)
         simulation = Simulation(context.task, context.study.profile, run.noise)
-        streams = batch_streams(int(substream(run.plan.stream, np.uint64(NAMED))), TRIALS)
+        streams = batch_streams(int(substream(run.stream, np.uint64(NAMED))), TRIALS)
         made = [simulation.trajectory(networks, stream=one)[0] for one in streams.tolist()]
         radius = context.study.profile.body.radius_cm
         return [trial_of(trajectory, start=str(k), radius_cm=radius) for k, trajectory in enumerate(made)]
@@ -269,10 +254,6 @@ class ScoreJob:
         if not fits(self.context.task.arena, made.x, made.y, body.depth_cm(0.0, 0.0)):
             raise TrackError("its path leaves the room or goes through what stands there.")
         return made
-
-
-def _noted(mark: ScoreRow, *words: str) -> ScoreRow:
-    return replace(mark, why="; ".join(w for w in (mark.why, *words) if w))
 
 
 @cache
@@ -340,8 +321,8 @@ class _Scorer(Closing):
 
     def carry_out(self, job: list[tuple[int, ScoreJob]], tell: Tell) -> None:
         """Some rows, each with its number."""
-        for k, row in job:
-            tell((k, row.mark()))
+        for k, one in job:
+            tell((k, one.row()))
 
 
 def kind_of(one: TransferredTrial) -> str:
@@ -381,25 +362,30 @@ def _of_task(study: Study, task: str, every: list[TransferredTrial]) -> list[Sco
 DISTANCES = ("readings", "commands", "speeds", "replay_cm")
 
 
-def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Task) -> dict[str, float]:
-    """Distances of two trials in readings and commands: Wasserstein's first distance, column by column.
+def distances(
+    simulated: Trajectory, situated: Recording, track: Track, pose: Pose, quiet: Simulation
+) -> dict[str, float]:
+    """DISTANCES of a pair of trials; NaN where one side has no such column.
 
-    The distributions over the trial are compared for each sensor's readings and each wheel's commands and
-    speeds. Readings are in widths of the input range, commands and speeds in top commands, so that 1 is much.
-    NaN where one side has no such column.
+    In readings, commands and speeds they are Wasserstein's first distance, sensor by sensor and wheel by
+    wheel, of the distributions over the trial: readings in widths of the input range, commands and speeds in
+    top commands, so that 1 is much. `replay_cm` is the robot's path's from the simulation's under the robot's
+    commands.
 
     Args:
-        simulated: one trial.
-        situated: the other.
-        profile: of the robot: its input range and top command.
-        task: for the fed sensors.
+        simulated: the trial in simulation.
+        situated: the same on the robot.
+        track: where the robot was.
+        pose: where both began.
+        quiet: the simulation without noise.
     """
     from scipy.stats import wasserstein_distance
 
+    profile, feeds = quiet.profile, quiet.task.feeds
     top = profile.wheels.top_command
-    widths = [high - low for low, high in profile.bands(task.feeds)]
+    widths = [high - low for low, high in profile.bands(feeds)]
     pairs = {
-        "readings": (fed(simulated, task.feeds) / widths, fed(situated, task.feeds) / widths),
+        "readings": (fed(simulated, feeds) / widths, fed(situated, feeds) / widths),
         "commands": (simulated.commands / TOP_INPUT, situated.commands / top),
         "speeds": (simulated.wheels / top, situated.speeds / top),
     }
@@ -409,23 +395,7 @@ def apart(simulated: Trajectory, situated: Recording, profile: Profile, task: Ta
             return math.nan
         return float(np.mean([wasserstein_distance(*pair) for pair in zip(first.T, second.T, strict=True)]))
 
-    return {name: between(*pair) for name, pair in pairs.items()}
-
-
-def distances(
-    simulated: Trajectory, situated: Recording, track: Track, pose: Pose, quiet: Simulation
-) -> dict[str, float]:
-    """DISTANCES of a pair of trials: the parts of `apart`, and `replay_cm`, the distance of the robot's path
-    from the simulation's under the robot's commands.
-
-    Args:
-        simulated: the trial in simulation.
-        situated: the same on the robot.
-        track: where the robot was.
-        pose: where both began.
-        quiet: the simulation without noise.
-    """
-    far = apart(simulated, situated, quiet.profile, quiet.task)
+    far = {name: between(*pair) for name, pair in pairs.items()}
     return {**far, "replay_cm": _replayed(quiet, situated, track, pose)}
 
 

@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from realitygap.transfer.options import Named, Transfer
 from realitygap.world.robot import Profile
 
 __all__ = [
-    "FOLDER", "SOURCES", "TrialSpec", "check_body", "check_fit", "controller_for",
+    "FOLDER", "SOURCES", "TrialSpec", "check_body", "check_fit", "chosen_runs", "controller_for",
     "median_run", "shown_runs", "transfer_stream", "trial_specs",
 ]  # fmt: skip
 
@@ -34,38 +35,6 @@ FOLDER = "transfer"
 SOURCES = ("speeds", "counters", "robot", "camera", "film")
 """Sources of a situated path, the most reliable last: speeds measured by motors, counters of wheels, poses
 reported by the robot, a camera."""
-
-
-class Known(NamedTuple):
-    """Facts about a robot before it drives; for one on a port, once it is connected.
-
-    Attributes:
-        placed: whether it places itself, without a person.
-        seen: whether it reports its pose.
-        counts: whether its wheels have counters.
-        paced: whether its motors measure their speeds.
-    """
-
-    placed: bool
-    seen: bool
-    counts: bool
-    paced: bool = False
-
-    @classmethod
-    def of(cls, robot: Address, study: Study, tasks: Iterable[str]) -> Self:
-        """Look at a robot; refuses one of another kind than the study's.
-
-        Raises:
-            UsageError: as of `check_body`, or it cannot be opened.
-        """
-        if robot.port is not None:
-            paced = robot.kind == "thymio"
-            return cls(placed=False, seen=False, counts=not paced, paced=paced)
-        with closing(robot.open()) as body:
-            for task in tasks:
-                check_body(study, task, body)
-            paced = body.measures_speeds
-            return cls(body.places_itself, body.knows_pose, body.counts_turns, paced)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,16 +108,68 @@ def trial_specs(study: Study, options: Transfer) -> Iterator[TrialSpec]:
         UsageError: a study of another robot, or runs and individuals that do not exist or are to be filmed
             but do not drive.
     """
-    runs = chosen_runs(study, options)
+    runs, own = chosen_runs(study, options), options.named
     _check_films({run.id for run in runs}, options)
-    if options.named is not None:
-        for task in {run.task: None for run in runs}:
-            controller_for(study, task, options.named)  # refuses an invalid one before anything is done
+    tasks = dict.fromkeys(run.task for run in runs)
+    if own is not None:
+        for task in tasks:
+            controller_for(study, task, own)  # refuses an invalid one before anything is done
+    who = options.individual if own is None else own.name
+    seed = study.config.seed if options.seed is None else options.seed
     for robot in options.bodies:
-        known = Known.of(robot, study, {run.task: None for run in runs})
-        for run in runs:
-            for start in range(1, options.starts + 1):
-                yield _trial_spec(study, options, robot, known, run, start)
+        twin, (placed, usual) = (
+            robot.unit is not None,
+            _without_camera(robot, study, tasks, options.path_from),
+        )
+        camera, worn = twin or options.camera_device is not None, options.worn
+        usual = "camera" if camera and options.path_from == "camera" else usual
+        for run, start in product(runs, range(1, options.starts + 1)):
+            source = "film" if camera and options.films(run.id, start) else usual
+            if source is None:
+                raise UsageError(
+                    f"robot {robot}: expected a way to know where it is: a camera above it (--camera-device, "
+                    "--camera), `pose` of its own, counters, or `speeds` that it measures."
+                )
+            name = run.name.replace("/", "-") + ("" if who == WHO[1] else f"-{who}")
+            yield TrialSpec(
+                run=run.id,
+                name=run.name,
+                task=run.task,
+                noise=run.noise,
+                individual=who,
+                evaluation=number_of(run, who) if own is None else None,
+                robot=robot,
+                twin_noise=options.noise,
+                seed=seed,
+                start=start,
+                seconds=study.task(run.task).seconds if options.seconds is None else options.seconds,
+                baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
+                stream=transfer_stream(seed, run, start),
+                source=source,
+                view=options.view,
+                placed=placed,
+                marker=worn if camera and (isinstance(worn, Tag) or not twin) else None,  # a twin's disk
+                controller=own,
+                folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
+            )
+
+
+def _without_camera(
+    robot: Address, study: Study, tasks: Iterable[str], path_from: str
+) -> tuple[bool, str | None]:
+    """Whether a robot places itself, and where its path comes from without a camera; None: from nowhere.
+
+    Raises:
+        UsageError: it is of another kind than the study's, or cannot be opened.
+    """
+    if robot.port is not None:  # it is connected later
+        return False, "speeds" if robot.kind == "thymio" else "counters"
+    with closing(robot.open()) as body:
+        for task in tasks:
+            check_body(study, task, body)
+        poses = body.knows_pose and (path_from == "camera" or not body.counts_turns)
+        sources = {"robot": poses, "counters": body.counts_turns, "speeds": body.measures_speeds}
+        return body.places_itself, next((source for source, known in sources.items() if known), None)
 
 
 def _check_films(driven: set[int], options: Transfer) -> None:
@@ -162,38 +183,6 @@ def _check_films(driven: set[int], options: Transfer) -> None:
             raise UsageError(f"film: expected {expected}, got {one}.")
 
 
-def _trial_spec(
-    study: Study, options: Transfer, robot: Address, known: Known, run: Run, start: int
-) -> TrialSpec:
-    own, twin = options.named, robot.unit is not None
-    number = number_of(run, options.individual) if own is None else None
-    who = options.individual if own is None else own.name
-    seed = study.config.seed if options.seed is None else options.seed
-    name = run.name.replace("/", "-")
-    name += "" if who == WHO[1] else f"-{who}"
-    return TrialSpec(
-        run=run.id,
-        name=run.name,
-        task=run.task,
-        noise=run.noise,
-        individual=who,
-        evaluation=number,
-        robot=robot,
-        twin_noise=options.noise,
-        seed=seed,
-        start=start,
-        seconds=study.task(run.task).seconds if options.seconds is None else options.seconds,
-        baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
-        stream=transfer_stream(seed, run, start),
-        source=_source(options, robot, known, run, start),
-        view=options.view,
-        placed=known.placed,
-        marker=_marker(options, twin),
-        controller=own,
-        folder=f"{FOLDER}/{robot.folder(options.noise)}/{name}/start-{start}",
-    )
-
-
 def controller_for(study: Study, task: str, named: Named) -> OwnController | NetworkController:
     """A controller of your own at a task of a study.
 
@@ -202,36 +191,6 @@ def controller_for(study: Study, task: str, named: Named) -> OwnController | Net
     """
     facts = study.facts(task)
     return named_controller(named.spec, str(facts["feeds"]), len(facts["sensors"]))
-
-
-def _marker(options: Transfer, twin: bool) -> Marker | None:
-    """The marker for a camera over the robot, unless it is the default."""
-    if twin:
-        return options.worn if isinstance(options.worn, Tag) else None
-    return None if options.eye is None else options.worn
-
-
-def _source(options: Transfer, robot: Address, known: Known, run: Run, start: int) -> str:
-    """The source of a trial's situated path.
-
-    Raises:
-        UsageError: there is no source of the robot's pose.
-    """
-    if robot.unit is not None or options.eye is not None:
-        if options.films(run.id, start):
-            return "film"
-        if options.watch:
-            return "camera"
-    if known.counts and not (options.watch and known.seen):
-        return "counters"
-    if known.seen:
-        return "robot"
-    if known.paced:
-        return "speeds"
-    raise UsageError(
-        f"robot {robot}: expected a way to know where it is: a camera above it (--camera-device, --camera), "
-        "`pose` of its own, counters, or `speeds` that it measures."
-    )
 
 
 def transfer_stream(seed: int, run: Run, start: int) -> int:

@@ -11,8 +11,8 @@ import errno
 import json
 import os
 import platform
-import re
 import shutil
+import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ from realitygap.errors import StudyBusyError, StudyError
 from realitygap.files import atomic_write, move_whole, parse_toml, read_toml, to_toml
 
 __all__ = [
-    "LOCK", "SEALS", "RunFolder", "file_errors", "flat", "inside", "lock", "locked", "new_folder",
-    "refuse_difference", "refuse_links", "refuse_strangers", "settings_in",
+    "LOCK", "SEALS", "RunFolder", "file_errors", "flat", "inside", "lock", "new_folder",
+    "refuse_difference", "refuse_links", "require_only_own", "settings_in",
 ]  # fmt: skip
 
 LOCK = "study.lock"
@@ -33,7 +33,8 @@ SEALS = "sha256"
 """Table of a settings' file with the digests of the settings, under its own name, and of other files."""
 _APART = ("versions", SEALS)
 """Tables of a settings' file that are no settings."""
-_PART = re.compile(r"\.part-(\d+)-")
+OLD_S = 3600.0
+"""A file that is being written, on whatever machine, is never left alone for that long."""
 
 
 @dataclass(frozen=True)
@@ -109,22 +110,23 @@ class RunFolder:
                     raise self._edited(path)
 
     def refuse_other(
-        self, there: Mapping[str, Any], requested: Mapping[str, Any], files: Mapping[str, bytes] = {}
+        self,
+        there: Mapping[str, Any],
+        requested: Mapping[str, Any],
+        files: Mapping[str, bytes] = {},
+        cure: str = "Leave it as it was, or choose another --out.",
     ) -> None:
-        """Refuse to continue with other settings or files than those it was begun with.
+        """Refuse other settings or files than those it was begun with; `cure` is what to do.
 
         Raises:
             StudyError: names the first setting that differs with both values, or the file.
         """
         made, now = ({k: v for k, v in table.items() if k not in self.loose} for table in (there, requested))
-        cure = "Leave it as it was, or choose another --out."
         refuse_difference(f"{self.path}: the {self.what} was made", made, now, cure)
         seals = self.seals()
         for name, content in files.items():
             if seals.get(name) != sha256(content).hexdigest():
-                raise StudyError(
-                    f"{self.path}: the {self.what} keeps a different {name} from the one given now. {cure}"
-                )
+                raise StudyError(f"{self.path}: the {self.what} keeps a different {name}. {cure}")
 
     def seals(self) -> dict[str, str]:
         """Digests of the other files by name."""
@@ -191,18 +193,22 @@ def lock(folder: Path) -> Iterator[None]:
         StudyBusyError: another process holds it.
         StudyError: the folder cannot be written.
     """
+    from filelock import FileLock, Timeout
+
     file, new = folder / LOCK, not (folder / LOCK).exists()
     with ExitStack() as held:
         with file_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
             refuse_links(file)
             try:
-                held.enter_context(locked(file))
-            except BlockingIOError:
+                held.enter_context(FileLock(file, timeout=0))
+            except Timeout:
                 raise StudyBusyError(
                     f"{folder}: {_holder(file)} is working on this study. Wait until it ends, stop it, "
                     "or choose another --out."
                 ) from None
+            except NotImplementedError as error:
+                raise OSError(95, f"this file system does not support locks ({error})", str(file)) from None
             with suppress(OSError):  # as where a file system has no locks
                 file.write_text(f"{os.getpid()}\n{platform.node()}\n", "utf-8")
             _sweep(folder)
@@ -214,29 +220,6 @@ def lock(folder: Path) -> Iterator[None]:
                 with suppress(OSError):  # something is in it
                     folder.rmdir()
             raise
-
-
-@contextmanager
-def locked(file: Path, *, within_s: float = 0.0) -> Iterator[None]:
-    """Lock a file, created if missing, against other processes; waits up to `within_s` for another holder.
-
-    Raises:
-        BlockingIOError: another process holds it.
-        OSError: it cannot be created, or its file system has no locks.
-    """
-    from filelock import FileLock, Timeout
-
-    held = FileLock(file, timeout=within_s)
-    try:
-        held.acquire()
-    except Timeout:
-        raise BlockingIOError(11, "held by another process", str(file)) from None
-    except NotImplementedError as error:
-        raise OSError(95, f"this file system does not support locks ({error})", str(file)) from None
-    try:
-        yield
-    finally:
-        held.release()
 
 
 def _holder(file: Path) -> str:
@@ -251,25 +234,14 @@ def _holder(file: Path) -> str:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove what dead processes were writing."""
-    for place, _, files in os.walk(folder):
-        for name in files:
-            found = _PART.match(name)
-            if found and not _alive(int(found[1])):
-                Path(place, name).unlink(missing_ok=True)
+    """Remove what nobody has been writing for a while: a process that was killed left it."""
+    for part in folder.rglob(".part-*"):
+        with suppress(FileNotFoundError):  # it was finished just now
+            if time.time() - part.stat().st_mtime > OLD_S:
+                part.unlink()
 
 
-def _alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        pass
-    return True
-
-
-def refuse_strangers(folder: Path, what: str, ours: Collection[str] = ()) -> None:
+def require_only_own(folder: Path, what: str, ours: Collection[str] = ()) -> None:
     """Refuse a folder with files other than `ours` and hidden ones; the lock is held.
 
     Raises:

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.kernels import types
-from realitygap.kernels.types import CONE, EYES, F32, RAYS, Light, Proximity, Seen, Table
+from realitygap.kernels.types import CONE, EYES, F32, RAYS, Contribution, Light, Proximity, Table
 from realitygap.values import Floats
 from realitygap.world.toml import Value, require
 
 __all__ = [
     "FAN", "RAY_ANGLES_DEG", "RAY_NUMBERS", "UNLIT", "Ambient", "AmbientSensor", "Infrared",
-    "LookUp", "ProximitySensor", "Sensor", "fan", "looks",
-    "ray_angles", "ray_weights", "side_by_side", "unit",
+    "LookUp", "ProximitySensor", "Sensor", "fan",
+    "ray_angles", "ray_weights", "side_by_side", "unit", "within_reach",
 ]  # fmt: skip
 
 
@@ -167,9 +167,9 @@ class LookUp(Value):
             return ()
         nothing = np.array(self.nothing)
 
-        def seen(at: tuple[float, ...], rows: tuple[tuple[float, ...], ...]) -> Seen:
+        def seen(at: tuple[float, ...], rows: tuple[tuple[float, ...], ...]) -> Contribution:
             counts = np.array(rows).T.reshape(len(at), -1, len(rows))
-            return Seen(at=np.array(at), added=np.ascontiguousarray(counts - nothing))
+            return Contribution(at=np.array(at), added=np.ascontiguousarray(counts - nothing))
 
         return Table(nothing, seen(self.wall_cm, self.wall), seen(self.cylinder_cm, self.cylinder))
 
@@ -204,7 +204,7 @@ class ProximitySensor(Sensor):
         return math.inf if self.b >= 0 else max(0.0, math.sqrt(self.a / -self.b) - self.offset_cm)
 
 
-def looks(
+def within_reach(
     place: Floats, facing: Floats, reach: Floats, a: Floats, b: Floats, offset: Floats
 ) -> dict[str, Any]:
     """Those of the kernels' constants of proximity sensors that follow from a reach.
@@ -262,7 +262,7 @@ class Infrared(Value):
         reach = np.array([self.reach_cm(s) for s in sensors])
         return Proximity(
             **own,
-            **looks(own["place"], own["facing"], reach, a, b, offset),
+            **within_reach(own["place"], own["facing"], reach, a, b, offset),
             fan=fan(angles, fan_weights(self.lobe) if aperture else ray_weights(self.exponent)),
             cone=unit(aperture)[0] if aperture else CONE,
             a=a,

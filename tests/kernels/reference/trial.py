@@ -10,7 +10,7 @@ import numpy as np
 from realitygap.tasks.task import Task
 from realitygap.world.robot import Profile
 from realitygap.world.sensors import Ambient, Infrared
-from tests.controller.reference import ReferenceNetwork
+from tests.control.reference import ReferenceNetwork
 from tests.kernels.reference.draws import normals, uniform
 from tests.kernels.reference.motion import DT, Wheel, arc, settle
 from tests.kernels.reference.sensors import ambient, proximity

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from realitygap.control.encoding import Variation
-from tests.controller.laws import (
+from tests.control.laws import (
     MANY,
     compiled_only,
     evenly,

@@ -22,12 +22,13 @@ from realitygap.evolution.ga import DistributedGA, Population, select
 from realitygap.kernels.rng import substream
 from realitygap.streams import OFFSPRING, TRIALS
 from realitygap.study.plan import trial_streams
-from realitygap.study.run import Asked, Bench, Records, Scores, mean
+from realitygap.study.run import ConditionRunner, Scores, TrialRequest, mean
+from realitygap.study.store import Records
 
-__all__ = ["advance", "fits", "prepare"]
+__all__ = ["advance", "prepare", "supports"]
 
 
-class Living(NamedTuple):
+class Residents(NamedTuple):
     """The residents of all runs' cells; changed in place."""
 
     genes: NDArray[np.int8]
@@ -38,7 +39,7 @@ class Living(NamedTuple):
     """[runs, cells]."""
 
 
-class Born(NamedTuple):
+class Offspring(NamedTuple):
     """n evaluations of each run; see `Records`."""
 
     genes: NDArray[np.int8]
@@ -76,26 +77,26 @@ def _breed(rates, streams, number, chosen, living, born, i):
             born.parents[r, i, 1] = living.numbers[r, mate]
 
 
-def fits(bench: Bench) -> bool:
+def supports(runner: ConditionRunner) -> bool:
     """Whether a condition's algorithm and encoding are the shipped ones."""
-    return type(bench.algorithm) in ALGORITHMS.values() and type(bench.encoding) is Variation
+    return type(runner.algorithm) in ALGORITHMS.values() and type(runner.encoding) is Variation
 
 
-def prepare(bench: Bench) -> None:
+def prepare(runner: ConditionRunner) -> None:
     """Load or compile what `advance` calls."""
-    steps = advance(bench, [(np.uint64(0), bench.algorithm.init(np.uint64(0)))], 1)
+    steps = advance(runner, [(np.uint64(0), runner.algorithm.init(np.uint64(0)))], 1)
     next(steps)
     with suppress(StopIteration):
-        steps.send(np.zeros((1, bench.task.trials)))
+        steps.send(np.zeros((1, runner.task.trials)))
 
 
 def advance(
-    bench: Bench, runs: Sequence[tuple[np.uint64, Any]], n: int
-) -> Generator[Asked, Scores, list[tuple[Population, Records]]]:
+    runner: ConditionRunner, runs: Sequence[tuple[np.uint64, Any]], n: int
+) -> Generator[TrialRequest, Scores, list[tuple[Population, Records]]]:
     """Carry out the next `n` evaluations of each run.
 
     Args:
-        bench: task, engine and algorithm, which `fits`.
+        runner: task, engine and algorithm, which `supports`.
         runs: their streams and states, all after the same number of evaluations.
         n: evaluations.
 
@@ -103,11 +104,11 @@ def advance(
         Each run's state after them, and their records.
     """
     names, states = zip(*runs, strict=True)
-    algorithm, encoding = cast("DistributedGA", bench.algorithm), cast("Variation", bench.encoding)
-    trials = bench.task.trials
+    algorithm, encoding = cast("DistributedGA", runner.algorithm), cast("Variation", runner.encoding)
+    trials = runner.task.trials
     start, size = states[0].evaluations, (len(runs), n)
-    living = Living(*(np.stack([getattr(state, name) for state in states]) for name in Living._fields))
-    born = Born(
+    living = Residents(*(np.stack([getattr(state, name) for state in states]) for name in Residents._fields))
+    born = Offspring(
         np.empty((*size, *encoding.shape), np.int8), np.empty((*size, 2), np.int64), np.empty(size, np.int64)
     )
     breeding = np.array([state.stream for state in states], np.uint64)
@@ -121,7 +122,7 @@ def advance(
             _breed(encoding.rates, breeding, start + i, chosen, living, born, i)
         genes, cells = born.genes[:, some], born.cells[:, some]
         flat = genes.reshape(-1, *encoding.shape)
-        found = yield Asked(bench.noise, flat, streams[:, some].reshape(-1, trials))
+        found = yield TrialRequest(runner.noise, flat, streams[:, some].reshape(-1, trials))
         scores[:, some] = found.reshape(len(runs), -1, trials)
         fitness[:, some] = mean(found).reshape(len(runs), -1)
         takes = algorithm.takes(fitness[:, some], np.take_along_axis(living.fitness, cells, 1))
@@ -133,5 +134,5 @@ def advance(
     records = map(Records, repeat(np.arange(start, start + n)), fitness, scores, *born)
     return [
         (state.after(lived.genes, lived.fitness, lives._asdict()), lived)
-        for state, lives, lived in zip(states, map(Living, *living), records, strict=True)
+        for state, lives, lived in zip(states, map(Residents, *living), records, strict=True)
     ]

@@ -8,7 +8,7 @@ from hypothesis import given
 
 from realitygap.control.genotype import Genotype
 from realitygap.errors import GenotypeError
-from tests.controller.strategies import SMALL, genotypes
+from tests.control.strategies import SMALL, genotypes
 
 TEXT = """\
 realitygap genotype 1

@@ -6,7 +6,7 @@ import numpy as np
 
 from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype
-from tests.controller.laws import (
+from tests.control.laws import (
     MANY,
     STILL,
     compiled_only,
@@ -17,7 +17,7 @@ from tests.controller.laws import (
     parent,
     rate_fits,
 )
-from tests.controller.reference import ReferenceNetwork
+from tests.control.reference import ReferenceNetwork
 
 
 def test_add_neuron():

@@ -10,8 +10,8 @@ from realitygap.errors import StudyInterruptedError
 from realitygap.simulation import simulation
 from realitygap.study import jobs
 from realitygap.study.folder import gather, open_folder
-from realitygap.study.jobs import Advanced, Job, Workshop
-from realitygap.study.run import Bench
+from realitygap.study.jobs import Advanced, Job, StudyExecutor
+from realitygap.study.run import ConditionRunner
 from realitygap.study.runner import run_study
 from realitygap.study.store import DATABASE, Store
 from realitygap.work import progress
@@ -30,17 +30,17 @@ def of_each(messages) -> dict[int, list]:
 
 
 @pytest.mark.parametrize("algorithm", ["torus", "panmictic", "random"])
-def test_a_run_has_the_same_bits_in_a_fleet(algorithm):
+def test_a_run_has_the_same_bits_in_a_batch(algorithm):
     """Every message of six runs at tasks of three trials. One goes on from a checkpoint; of one, only its
     tests are left."""
     changes = [f'evolution.algorithm="{algorithm}"', "task.trials=3", "encoding.slots=20"]
-    workshop = Workshop(gather(small(runs=3).with_settings(changes)))
+    executor = StudyExecutor(gather(small(runs=3).with_settings(changes)))
     alone: list = []
-    for run in workshop.runs:
-        workshop.carry_out(Job(run, None), alone.append)
+    for run in executor.runs:
+        executor.carry_out(Job(run, None), alone.append)
     states = {run: [m.state for m in alone if m.run == run and isinstance(m, Advanced)] for run in (2, 3)}
-    jobs = [Job(run, {2: states[2][1], 3: states[3][-1]}.get(run)) for run in workshop.runs]
-    told = of_each(message for some in workshop.messages(jobs) for message in some)
+    jobs = [Job(run, {2: states[2][1], 3: states[3][-1]}.get(run)) for run in executor.runs]
+    told = of_each(message for some in executor.messages(jobs) for message in some)
     expected = of_each(alone)
     expected[2], expected[3] = expected[2][2:], expected[3][-1:]
     assert told == expected
@@ -63,7 +63,7 @@ def test_interrupted_side_by_side_it_goes_on(tmp_path, monkeypatch):
     with pytest.raises(StudyInterruptedError):
         run_study(tmp_path / "cuda", small(runs=2), engine="cuda", on_progress=stop)
     with monkeypatch.context() as patched, pytest.raises(MemoryError):
-        patched.setattr(Bench, "scores", lambda bench, asked: (_ for _ in ()).throw(MemoryError))
+        patched.setattr(ConditionRunner, "scores", lambda runner, asked: (_ for _ in ()).throw(MemoryError))
         run_study(tmp_path / "cuda", engine="cuda", resume=True)
     assert threading.active_count() == before
     study = run_study(tmp_path / "cuda", engine="cuda", resume=True)
@@ -74,10 +74,10 @@ def test_interrupted_side_by_side_it_goes_on(tmp_path, monkeypatch):
 def test_what_comes_at_once_is_kept_at_once(tmp_path):
     """A run's last evaluations and its tests, in any order of runs; all of it or nothing."""
     materials = gather(small())
-    workshop = Workshop(open_folder(tmp_path, materials, resume=False))
+    executor = StudyExecutor(open_folder(tmp_path, materials, resume=False))
     messages: list = []
-    for run in workshop.runs:
-        workshop.carry_out(Job(run, None), messages.append)
+    for run in executor.runs:
+        executor.carry_out(Job(run, None), messages.append)
     with Store(tmp_path / DATABASE) as store:
         wrong = messages[-1].results._replace(fresh={})._replace(retest=None)
         with pytest.raises(TypeError):

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.control.slots import decode
 from realitygap.kernels.types import Networks
-from tests.controller.reference import ReferenceNetwork
-from tests.controller.strategies import SMALL, drives, genotypes
+from tests.control.reference import ReferenceNetwork
+from tests.control.strategies import SMALL, drives, genotypes
 
 
 def commands(controller: NetworkController, steps) -> list[tuple[int, int]]:
