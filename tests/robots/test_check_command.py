@@ -7,7 +7,7 @@ import json
 from click.testing import CliRunner
 
 from realitygap.cli.robot import robot
-from realitygap.errors import LineError, UsageError
+from realitygap.errors import UsageError
 from tests.robots.conftest import Bench
 
 
@@ -43,12 +43,3 @@ def test_a_check_refuses_the_profile_of_another_robot(bench: Bench) -> None:
     assert isinstance(result.exception, UsageError)
     assert "7 proximity sensors (profile 'thymio'); this robot has 8" in str(result.exception)
     assert "moved" not in result.stdout
-
-
-def test_a_check_of_nobody_says_what_to_look_at(bench: Bench) -> None:
-    """A device on which nobody answers."""
-    pump = bench.pump(bench.twin())
-    pump.silent = True
-    result = CliRunner().invoke(robot, ["check", "--robot", f"serial:{pump.device}"])
-    assert isinstance(result.exception, LineError)
-    assert "check that it is switched on" in str(result.exception)

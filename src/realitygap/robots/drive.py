@@ -44,8 +44,8 @@ LATE_S = 0.01
 LONGEST_GAP_S, LATE_SHARE = 0.5, 0.2
 """A drive with a longer gap between two steps, or with a larger share of late ones, is no fair trial."""
 
-FACTS, EARLIER = "drive.toml", "recording.toml"
-"""The facts; earlier versions gave them the name of a calibration's, and such folders are still read."""
+FACTS, CALIBRATION = "drive.toml", "recording.toml"
+"""The facts of a drive, and of a calibration's recording, which none is written beside."""
 STEPS = "steps.csv"
 _GROUPS = ("proximity", "ambient", "input")
 ALWAYS = [
@@ -170,8 +170,6 @@ class Recording:
             UsageError: no recording there, or an invalid row: names the line.
         """
         facts_file, steps_file = Path(folder) / FACTS, Path(folder) / STEPS
-        if not facts_file.is_file() and (Path(folder) / EARLIER).is_file():
-            facts_file = Path(folder) / EARLIER
         if not facts_file.is_file():
             raise UsageError(f"{str(folder)!r} holds no recording: there is no {FACTS} in it")
         facts = read_toml(facts_file, UsageError, "It says what was recorded.")
@@ -201,7 +199,7 @@ class Recorder:
         self._file: IO[str] | None = None
         if self.folder is not None:
             self.folder.mkdir(parents=True, exist_ok=True)
-            if any((self.folder / name).exists() for name in (FACTS, EARLIER)):
+            if any((self.folder / name).exists() for name in (FACTS, CALIBRATION)):
                 raise UsageError(f"{str(self.folder)!r} already holds a recording; choose another folder")
             atomic_write(self.folder / FACTS, to_toml(self.facts))
             self._file = (self.folder / STEPS).open("w", encoding="utf-8")

@@ -211,7 +211,8 @@ class _Drawing:
             self._reach, self._top = max(BODY_RADIUS, plate.reach), max(DISK_HEIGHT, plate.height)
             self._worn = plate.height
         self._fine, self._over = self._still(arena)
-        self.background = _coarse(self._fine)
+        total = sum(self._fine[k // SUB :: SUB, k % SUB :: SUB] for k in range(SUB * SUB))
+        self.background: Pixels = np.asarray(total * np.float32(1.0 / SUB**2))
 
     def _at(self, z: float) -> Pixels:
         """[2, ...] x and y of the samples' rays at a height (m)."""
@@ -334,12 +335,6 @@ def _draw_robot(
                     level += soft[0, down, across] * (black - level) + soft[1, down, across] * (white - black)
                 total += level
             out[row, column] = total * np.float32(1.0 / SUB**2)
-
-
-def _coarse(fine: Pixels) -> Pixels:
-    """[rows, columns, colours] each pixel the mean of its samples."""
-    total = sum(fine[k // SUB :: SUB, k % SUB :: SUB] for k in range(SUB * SUB))
-    return np.asarray(total * np.float32(1.0 / SUB**2))
 
 
 PIXEL_NOISE = 2.5
