@@ -26,7 +26,8 @@ TRIALS = ("tests/kernels/test_trials.py",)
 FITS = ("tests/calibration/test_fits.py",)
 MISFIT = ("tests/calibration/test_misfit.py",)
 MEASURED = ("tests/calibration/test_measured.py",)
-WHEEL_FITS = ("tests/calibration/test_wheels.py",)
+ENGINE = ("tests/calibration/test_fit.py",)
+ODOMETRY = ("tests/calibration/test_odometry.py",)
 TRACKER = ("tests/film/test_tracker.py",)
 TAG = ("tests/film/test_tag.py",)
 TRACK = ("tests/test_track.py",)
@@ -157,14 +158,12 @@ MUTATIONS = (
              "self._fitted(self._data.without(out), form", "self._fitted(self._data, form", MEASURED),
     Mutation("calibration/fit.py", "a form with more constants needs no margin",
              "errors[name] * MARGIN < errors[best]", "errors[name] < errors[best]", MEASURED),
-    Mutation("calibration/wheels.py", "steps of one trial are taken for independent",
-             "spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))",
-             "spread = np.diag(bread)", WHEEL_FITS),
+    Mutation("calibration/fit.py", "readings of one cluster are taken for independent",
+             "filling(scores, self._data.clusters)", "filling(scores, np.arange(len(scores)))", ENGINE),
     Mutation("calibration/odometry.py", "pictures of something else count",
-             "seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))\n        if seen",
-             "seen = np.ones(len(beyond), bool)\n        if seen", WHEEL_FITS),
-    Mutation("calibration/odometry.py", "a chord is taken for the way along the arc",
-             "chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)", "chord", WHEEL_FITS),
+             "np.maximum(np.abs(rows[0]), ROBUST_AT)", "np.full_like(rows[0], ROBUST_AT)", ODOMETRY),
+    Mutation("calibration/odometry.py", "a piece that is left out counts as one of many",
+             "(n - 1) * np.var(moved, axis=0)", "np.var(moved, axis=0)", ODOMETRY),
     # tracker
     Mutation("film/disk.py", "the heading is looked back",
              "math.atan2(front_y - y, front_x - x)", "math.atan2(y - front_y, x - front_x)", TRACKER),

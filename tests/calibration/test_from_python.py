@@ -26,7 +26,7 @@ def test_the_same_profile_as_the_commands(made_tables, tmp_path, capsys):
     assert CliRunner().invoke(command, words).exit_code == 0
     assert out.read_text("utf-8") == ours and realitygap.load_profile(out) == made.profile
     page = made.show()
-    assert "too few readings to tell it by the reading" in page.html
+    assert "too few readings to show it by the reading" in page.html
     assert "Infrared proximity" in page.html and page._repr_html_().startswith("<iframe")
     figures = made.figures()
     assert "infrared-curves" in figures and isinstance(figures["infrared-maps"], Figure)

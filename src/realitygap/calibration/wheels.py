@@ -4,7 +4,6 @@ Counters show how a wheel follows its command, in pulses; pulses per millimetre,
 be seen from outside (odometry.py).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import NamedTuple
@@ -35,13 +34,15 @@ PRINTED = {"kp": 3800.0, "ki": 800.0, "kd": 100.0, "divisor": 50000.0, "lag": 0.
 """§3.2.2, whatever the base has; lag and play are not in the paper."""
 FIRST_GAINS: dict[str, tuple[tuple[float, ...], ...]] = {
     "printed": ((),),
-    "refitted": ((3800.0, 100.0, 100.0, 0.1, 0.01), (4800.0, 1.0, 1.0, 0.4, 0.08)),
-}
+    "refitted": (
+        (3800.0, 100.0, 100.0, 0.1, 0.01), (4800.0, 1.0, 1.0, 0.4, 0.08), (6000.0, 1.0, 1.0, 0.25, 0.0),
+    ),
+}  # fmt: skip
 """Starting values of a form: gains, lag and play."""
 NOISE_CM_S, UNSTABLE_CM_S, SETTLING = 0.1, 1e3, 0.999
 """Deviation by which residuals are weighed; misfit of gains with which a wheel does not settle; the largest
 pole that is tried."""
-SETTLED, BENT, LATE = 5, 0.1, 0.999
+SETTLED, BENT, LATE = 5, 0.1, 0.98
 """Steps after which a wheel has its speed; share of the top speed by which a settled one may be off the
 fitted law before it is called not proportional; lag that is at its bound of a step."""
 ROUGH, OTHER_UNIT = 1.15, 4.0
@@ -162,7 +163,7 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
         side, command, share = wheels.bent
         out.append(
             f"wheels: the speed is not proportional to the command: at {command:g} the {side} wheel settles "
-            f"at {max(share, 0.0):.0%} of the fitted speed"
+            f"at {abs(share):.0%} of the fitted speed"
         )
     halves = wheels.odometry.halves if wheels.odometry else None
     if halves is not None:
@@ -220,19 +221,6 @@ def _apart(profile: Profile, base: Profile) -> float:
     """Largest factor between speeds per unit of two profiles."""
     pairs = zip(profile.wheels.speed_per_unit_cm_s, base.wheels.speed_per_unit_cm_s, strict=True)
     return max(max(a / b, b / a) for a, b in pairs)
-
-
-def _with_others(
-    constants: tuple[Constant, ...], odometry: Odometry | None, friction: Friction | None
-) -> tuple[Constant, ...]:
-    """A form's constants, and those from the camera and the standing starts."""
-    constants = with_lengths(constants, odometry)
-    if odometry is not None:
-        constants += odometry.constants
-    if friction is None:
-        return constants
-    value, low, high = friction.value, friction.low, friction.high
-    return (*constants, Constant(key="friction_cm_s2", value=value, low=low, high=high, told=low > 0))
 
 
 def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) -> Outcome:
@@ -358,23 +346,24 @@ FEWEST_TRIALS, ROWS = 10, 20
 """With fewer trials the rows are grouped by this many (2 s)."""
 
 
-def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tuple[Constant, ...]:
-    """Constants in cm with the uncertainty of the pulses' length added; not identifiable where that length is
-    assumed."""
-    shares = [ASSUMED, ASSUMED]
-    if odometry is not None:
-        lengths = {c.key: c for c in odometry.constants}
-        sides = [lengths.get(f"cm_per_pulse_{side}") for side in SIDES]
-        shares = [(c.high - c.low) / 2 / SIGMAS / c.value if c else 0.0 for c in sides]
+def _with_others(
+    constants: tuple[Constant, ...], odometry: Odometry | None, friction: Friction | None
+) -> tuple[Constant, ...]:
+    """A form's constants, those in cm with the uncertainty of the pulses' length added, not identifiable
+    where that is assumed; and those from the camera and the standing starts."""
+    camera = odometry.constants if odometry else ()
+    spread = {c.key: (c.high - c.low) / 2 / c.value for c in camera if c.key.startswith("cm_per_pulse")}
+    shares = [spread.get(f"cm_per_pulse_{side}", 0.0 if odometry else SIGMAS * ASSUMED) for side in SIDES]
     out = []
     for c in constants:
-        share = max((shares[w] for w in LENGTHS.get(c.key, ())), default=0.0)
-        below, above = (np.hypot(end - c.value, SIGMAS * share * c.value) for end in (c.low, c.high))
-        wide = replace(
-            c, low=max(float(c.value - below), 0.0), high=float(c.value + above),
-            told=c.told and (odometry is not None or c.key not in LENGTHS),
-        )  # fmt: skip
-        out.append(wide)
+        size = max((shares[w] for w in LENGTHS.get(c.key, ())), default=0.0) * c.value
+        low, high = c.value - np.hypot(c.low - c.value, size), c.value + np.hypot(c.high - c.value, size)
+        told = c.told and (odometry is not None or c.key not in LENGTHS)
+        out.append(replace(c, low=max(float(low), 0.0), high=float(high), told=told))
+    out += camera
+    if friction is not None:
+        value, least, most, _ = friction
+        out.append(Constant(key="friction_cm_s2", value=value, low=least, high=most, told=least > 0))
     return tuple(out)
 
 
