@@ -17,15 +17,25 @@ from realitygap.errors import StudyError
 from realitygap.files import atomic_path
 from realitygap.work.folder import file_errors
 
-__all__ = ["SIMULATED", "SITUATED", "TRIAL", "archived", "opened", "read_file", "store", "unpacked"]
+__all__ = [
+    "MOST_BYTES",
+    "SIMULATED",
+    "SITUATED",
+    "TRIAL",
+    "archived",
+    "opened",
+    "read_file",
+    "store",
+    "unpacked",
+]
 
 TRIAL, SIMULATED, SITUATED = "transfer.toml", "simulated.csv", "situated.csv"
 """A trial's files: its facts, without which it is not finished, and its two tracks."""
 PROFILE = "profile.toml"
 """A study's robot, with whose radius its trials are scored."""
-MOST_STEPS, ROW_BYTES = 36_000, 600
-"""Of a trial: an hour; a row of numbers for each of some fifty sensors."""
-DENSEST = 100
+MOST_BYTES = 36_000 * 600
+"""Of a trial's file: the steps of an hour, each a row of some sixty numbers."""
+DENSEST = 200
 """Bytes of a file for one of the archive: even equal rows differ in their time."""
 
 
@@ -64,7 +74,7 @@ def _checked(packed: Path, _: tuple[int, int, int]) -> zipfile.ZipFile:
     for entry in made.infolist():
         if not re.fullmatch(r"start-\d+/\w[\w.-]*", entry.filename):
             raise ValueError(f"{entry.filename!r} is not a trial's file")
-        if entry.file_size > min(MOST_STEPS * ROW_BYTES, 4096 + DENSEST * entry.compress_size):
+        if entry.file_size > min(MOST_BYTES, 4096 + DENSEST * entry.compress_size):
             raise ValueError(f"{entry.filename}, {entry.file_size} bytes long, is more than a trial can hold")
     return made
 
