@@ -46,10 +46,21 @@ def archived(run: Path) -> Path:
 
 def _is_archive(file: Path) -> bool:
     """Whether a file is an archive of trials, not somebody's other .zip; a broken one is refused later."""
-    if not file.is_file() or not zipfile.is_zipfile(file):
-        return file.is_file()
+    return file.is_file() and _holds_trials(file, _stamp(file))
+
+
+@lru_cache(64)
+def _holds_trials(file: Path, _: tuple[int, int, int]) -> bool:
+    if not zipfile.is_zipfile(file):
+        return True
     with zipfile.ZipFile(file) as made:
         return any(name.endswith(f"/{TRIAL}") for name in made.namelist())
+
+
+def _stamp(file: Path) -> tuple[int, int, int]:
+    """Which version of a file is there."""
+    found = file.stat()
+    return found.st_ino, found.st_mtime_ns, found.st_size
 
 
 @contextmanager
@@ -60,9 +71,8 @@ def opened(packed: Path) -> Iterator[zipfile.ZipFile]:
         StudyError: it is damaged, or holds something else, or more than trials can.
     """
     with file_errors(packed):
-        found = packed.stat()
         try:
-            yield _checked(packed, (found.st_ino, found.st_mtime_ns, found.st_size))
+            yield _checked(packed, _stamp(packed))
         except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError) as why:
             raise StudyError(f"{packed}: {why}. Restore the file from a copy.") from None
 
