@@ -3,7 +3,7 @@
     study = realitygap.evolve("light-seeking", noise="double", runs=3)
     study.show()
 
-Progress is told to `on_progress`; without it, it shows on a terminal, as lines where stderr is not one, and
+Progress goes to `on_progress`; without it, it shows on a terminal, as lines where stderr is not one, and
 as a bar in a notebook's cell. Nothing else is printed. Errors are those of `realitygap.errors`.
 """
 
@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError, UsageError
 from realitygap.files import atomic_write
@@ -41,6 +41,21 @@ __all__ = [
 ]  # fmt: skip
 
 Place = str | PathLike[str]
+
+
+class StudyFields(TypedDict, total=False):
+    """Settings of a study that stay as they are if they are None."""
+
+    profile: str | None
+    runs: int | None
+    evaluations: int | None
+    seed: int | None
+
+
+class ReproductionFields(StudyFields, total=False):
+    """The same of a reproduction."""
+
+    starts: int | None
 
 
 def evolve(
@@ -194,8 +209,10 @@ def reproduce(
         RobotError: a recording or a trial failed.
         StudyInterruptedError: Ctrl-C; finished work is kept.
     """
-    folder, options = Path(out), {"runs": runs, "evaluations": evaluations, "seed": seed, "starts": starts}
-    requested = reproduction(folder, resume, {"profile": _text(profile), **options})
+    folder = Path(out)
+    requested = reproduction(
+        folder, resume, profile=_text(profile), runs=runs, evaluations=evaluations, seed=seed, starts=starts
+    )
     study, _ = carry_out(
         folder, requested, workers=workers, engine=engine, resume=resume, watch=watch, transfer=transfer,
         on_progress=on_progress,
@@ -203,11 +220,11 @@ def reproduce(
     return study
 
 
-def reproduction(out: Path, resume: bool, options: Mapping[str, Any]) -> Reproduction:
+def reproduction(out: Path, resume: bool, **fields: Unpack[ReproductionFields]) -> Reproduction:
     """A reproduction's settings: those given, and for the rest the saved or the usual ones."""
     from realitygap.experiments.reproduction import Reproduction, begun
 
-    return replace((begun(out) if resume else None) or Reproduction(), **_given(options))
+    return replace((begun(out) if resume else None) or Reproduction(), **_given(**fields))
 
 
 def carry_out(
@@ -308,8 +325,8 @@ def study_config(
     noise: Sequence[float],
     spread: Sequence[float],
     settings: Iterable[str],
-    arena: str | None,
-    **fields: Any,
+    arena: str | None = None,
+    **fields: Unpack[StudyFields],
 ) -> StudyConfig:
     """The configuration of a study of one task.
 
@@ -321,8 +338,7 @@ def study_config(
         trust: agree to run the programs that `config` names.
         noise, spread: a condition for each pair; those that it starts from where there are none.
         settings: KEY=VALUE each, as in --set.
-        arena: the task's; None: as it starts from.
-        fields: of a configuration by name; None: as it starts from.
+        arena: the task's; None: as it starts from; likewise the `fields`.
 
     Raises:
         StudyError: `config` names a program that this user neither named nor agreed to run.
@@ -355,10 +371,10 @@ def study_config(
         programs = [file for file in theirs if file.is_file()]
         if trust:
             trust_contents(file.read_bytes() for file in programs)
-        require_trusted(config, programs)
+        require_trusted(config, programs, "--trust")
     if arena is not None:
-        fields["arenas"] = {name: arena}
-    return replace(made, **_given(fields))
+        made = replace(made, arenas={name: arena})
+    return replace(made, **_given(**fields))
 
 
 def different_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> list[str]:
@@ -423,8 +439,8 @@ def calibrate(
         )
     start = load_profile(base_of(read) if base is None else base)
     with nullcontext() if on_progress else ProgressLine() as line:
-        told = on_progress if line is None else partial(_calibrating(line.show), "fit")
-        made = fit(read, start, form=form, light=light, beside=beside, workers=workers, on_progress=told)
+        show = on_progress if line is None else partial(_calibrating(line.show), "fit")
+        made = fit(read, start, form=form, light=light, beside=beside, workers=workers, on_progress=show)
     if target is None:
         return made
     made = made.named(target.stem)
@@ -455,7 +471,7 @@ def _text(given: Place | None) -> str | None:
     return None if given is None else fspath(given)
 
 
-def _given(options: Mapping[str, Any]) -> dict[str, Any]:
+def _given(**options: Any) -> dict[str, Any]:
     """Those options that were not left out."""
     return {name: value for name, value in options.items() if value is not None}
 
@@ -467,26 +483,26 @@ def _several(given: Any) -> list[Any]:
 
 @contextmanager
 def _shown(on_progress: OnProgress | None) -> Iterator[OnProgress]:
-    """Who is told of progress: the caller's function, or a line, a bar."""
+    """Where progress goes: the caller's function, or a line, a bar."""
     with ProgressLine() if on_progress is None else nullcontext() as line:
-        told = on_progress if line is None else line.show
-        assert told is not None
-        yield told
+        show = on_progress if line is None else line.show
+        assert show is not None
+        yield show
 
 
-def _calibrating(tell: OnProgress) -> Callable[[str, int, int], None]:
-    """Who tells how far the recordings for a calibration are, several at a time, or that it is fitted."""
+def _calibrating(report: OnProgress) -> Callable[[str, int, int], None]:
+    """Reports how far the recordings for a calibration are, several at a time, or that it is fitted."""
     places: dict[str, tuple[int, int]] = {}
 
-    def told(name: str, done: int, total: int) -> None:
+    def show(name: str, done: int, total: int) -> None:
         if name == "fit":
-            tell(Progress(phase="fitting the simulation to the recordings", done=done, total=total))
+            report(Progress(phase="fitting the simulation to the recordings", done=done, total=total))
             return
         places[name] = (done, total)
         made, whole = (sum(numbers) for numbers in zip(*places.values(), strict=True))
-        tell(Progress(phase="recording the robot", done=made, total=whole, what="places"))
+        report(Progress(phase="recording the robot", done=made, total=whole, what="places"))
 
-    return told
+    return show
 
 
 @contextmanager

@@ -189,7 +189,8 @@ class BodyContract:
     """Tests of a body: override `opened`, and `pulses_per_unit` if its wheels are known."""
 
     pulses_per_unit: float | None = None
-    """Counter pulses a second at command `scale`; None: only the ratio of the two wheels is tested."""
+    """Counter pulses a second at command `scale`, or the speeds then measured; None: only the ratio of the
+    two wheels is tested."""
     scale: int = 1
     """So many of the robot's units are one of the test's, which drives at up to 5: 4 cm/s of a Khepera."""
 
@@ -246,7 +247,7 @@ class BodyContract:
         assert unit > 0 and abs(left - 2 * unit) < 0.4 * unit and abs(right + 3 * unit) < 0.6 * unit
 
     def test_a_stopped_body_stands(self) -> None:
-        """Its counters no longer change, or its pose, of a body without any."""
+        """Its counters no longer change, or its pose, of a body without any; else its speeds are 0."""
         with self.opened() as (body, clock):
             body.reset(MIDDLE)
             body.act(self._command(4, -4))
@@ -258,6 +259,7 @@ class BodyContract:
             clock.sleep_until(clock.now() + 0.5)
             body.sense()
             assert np.abs(_place(body) - before).max() <= 2
+            assert body.counts_turns or np.abs(body.odometry.speeds or 0).max() <= 2 * self.scale
 
     def test_a_trial_is_repeatable_from_a_reset(self) -> None:
         """The same commands turn the wheels as fast, within 15 %."""
@@ -281,22 +283,27 @@ def _counters(body: Body) -> NDArray[np.int64]:
 
 
 def _place(body: Body) -> NDArray[Any]:
-    """Its counters; else its pose, of which 2 are 5 mm or 2°."""
+    """Its counters; else its pose, of which 2 are 5 mm or 2°; else the speeds that it measures."""
     if body.odometry.counters is None and body.knows_pose:
         at = body.known_pose()
         return np.array([4 * at.x, 4 * at.y, 57 * np.cos(at.heading), 57 * np.sin(at.heading)])
-    return _counters(body)
+    counts = body.odometry.counters is not None or body.odometry.speeds is None
+    return _counters(body) if counts else np.asarray(body.odometry.speeds)
 
 
 def _pace(body: Body, clock: Clock, command: Command, seconds: float) -> tuple[float, float]:
-    """Pulses a second, left and right: the median, so that one late step of the computer does not count."""
+    """Pulses a second, left and right: the median, so that one late step of the computer does not count. The
+    measured speeds, of a body without counters."""
     body.sense()
-    _counters(body)
+    if body.odometry.speeds is None:
+        _counters(body)
     recording = drive(
         body, ConstantController(command), seconds=seconds, clock=clock, inputs=lambda readings: []
     )
-    taken = np.diff(recording.t)[:, None]
-    left, right = np.median(np.diff(recording.counters, axis=0)[1:] / taken[1:], axis=0)
+    paces = np.diff(recording.counters, axis=0) / np.diff(recording.t)[:, None]
+    if np.isnan(recording.counters).all():
+        paces = recording.speeds
+    left, right = np.median(paces[1:], axis=0)
     return float(left), float(right)
 
 

@@ -219,6 +219,13 @@ def test_nonsense_is_refused(recorded, spoil, words):
         calibrate([spoil(recorded("wall", repeats=1))], PAPER, form="extended")
 
 
+def test_two_columns_exchanged_are_warned_of(recorded):
+    """Neighbours that were swapped come out turned: said, since each alone might be a sensor's mounting."""
+    seen = recorded("wall", repeats=1)
+    made = calibrate([replace(seen, counts=seen.counts[:, [0, 2, 1, *range(3, 8)]])], PAPER, form="extended")
+    assert any("sensors 1, 2 look more than 15° elsewhere" in said for said in made.warnings)
+
+
 def test_a_profile_is_judged_on_other_data(by_a_wall, recorded):
     """A fit to a wall predicts a cylinder of the same robot; the paper's constants do not."""
     other = recorded("cylinder:2.7", seed=9, turn=1.0)
@@ -253,15 +260,6 @@ def test_a_table_with_the_faults_of_real_ones(made_tables):
     assert turn.value == pytest.approx(-TURN_DEG, abs=0.5)
     gains = [s.a for s in made.profile.infrared.sensors]
     assert np.argmin(gains) == DIRTY and gains[DIRTY] < 0.7 * np.median(gains)
-
-
-@pytest.mark.parametrize(("form", "limit"), [("paper", 86), ("individual", 52), ("extended", 30)])
-def test_the_real_wall(tables, form, limit):
-    """On the real wall's table each form leaves no more than it should, on places held out little more."""
-    made = calibrate([load_recording(tables / "wall.sam", object="wall")], PAPER, form=form)
-    assert made.infrared.rmse <= limit
-    assert made.infrared.held_out[form] < 1.15 * made.infrared.rmse
-    assert 18 < made.profile.noise.proximity < 27
 
 
 def test_the_shipped_khepera_comes_from_these_tables(tables):

@@ -103,12 +103,10 @@ def test_steps_come_back_equal(tmp_path_factory, pairs):
 @pytest.mark.parametrize(
     ("rows", "says"),
     [
-        ((HEAD,), "readings.csv: empty"),
         ((HEAD, ROW, "1.5,30,1,10,20"), "line 3: expected 11 values, got 5"),
         ((HEAD, ROW.replace("40", "nan")), "line 2: s3: expected a number"),
         ((HEAD, ROW, ROW.replace("1.5", "-1.5")), "line 3: distance_cm: expected 0 to 300 cm"),
         ((HEAD, ROW.replace("80", "1024")), "line 2: s7: expected counts from 0 to 1023"),
-        ((HEAD, ROW.replace("30,0", "400,0")), "line 2: bearing_deg"),
         ((HEAD.replace(",s7", ""), ROW[:-3]), "line 1: expected the sensors' columns s0 to s7"),
         ((HEAD.replace("_cm", "_mm"), ROW), "line 1: expected columns distance_cm"),
         (
@@ -116,7 +114,6 @@ def test_steps_come_back_equal(tmp_path_factory, pairs):
             "line 2: distance_cm: expected at most 20 cm",
         ),
         ((HEAD.replace(",", ";"), ROW.replace(",", ";")), "line 1: expected values separated by commas"),
-        (("# a bench", HEAD, "# moved", ROW.replace("40", "x")), "line 4: s3: expected a number, got 'x'"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
@@ -129,18 +126,12 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
 @pytest.mark.parametrize(
     ("facts", "says"),
     [
-        ("kind = ", "not a TOML file"),
         ('object = "wall"', "recording.toml: kind: expected infrared, ambient, wheels, got None."),
         ('kind = "infrared"', '"wall" or "cylinder:RADIUS_CM"'),
-        ('kind = "ambient"\nobject = "wall"', 'recorded with a "lamp"'),
         (FACTS + 'units = "mm"', "units: expected"),
-        (FACTS + "body_radius_cm = -1", "body_radius_cm: expected 0.2 to 100 cm"),
-        (FACTS + "reflectance = 0", 'a number above 0, at most 10, or "unknown", got 0'),
         (FACTS + "body_height_cm = 1\nsensor_height_cm = 1.2", "the sensors below the body's top"),
-        (FACTS + "sensors = 9", "s0 to s8"),
         (FACTS + "full_scale = 79", "s7: expected counts from 0 to 79"),
         (FACTS + "body_radius = 3", "body_radius: unknown key. Did you mean 'body_radius_cm'?"),
-        (FACTS + 'placed_by = "robot"', 'placed_by: expected "person" or "program", got'),
     ],
 )
 def test_wrong_facts_are_named(tmp_path, facts, says):

@@ -11,9 +11,8 @@ from realitygap.calibration import calibrate as fits
 from realitygap.calibration import forms as light
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
-from realitygap.calibration.load import load_recording
 from realitygap.calibration.model import illumination, light_readings, scene_of
-from realitygap.calibration.plan import CYLINDER, ambient_task
+from realitygap.calibration.plan import ambient_task
 from realitygap.calibration.recordings import SensorRecording
 from realitygap.calibration.unit import PARTS, Unit
 from realitygap.files import to_toml
@@ -107,17 +106,6 @@ def test_wheels_are_judged(driven, robot):
     judged = judge(drive, good)
     assert judged.kind == "wheels" and judged.rmse < 0.1 < 0.3 < judge(drive, fast).rmse
     assert judged.noise["wheel"] == (pytest.approx(0.06, rel=0.1), good.noise.wheel) and judged.warnings == ()
-
-
-def test_a_part_of_a_unit_is_recorded(tmp_path):
-    """By its own process's code: there as a whole, with the unit and its seed in it."""
-    told: list[tuple[str, int, int]] = []
-    settings = {"unit": 11, "twin_noise": 1.0, "seed": 3, "bearings": 6, "distances_cm": [1.0, 3.0]}
-    (tmp_path / "unit.toml").write_text(to_toml(settings), "utf-8")
-    Unit(tmp_path).record("infrared-cylinder", lambda *said: told.append(said))
-    made = load_recording(tmp_path / "recordings" / "infrared-cylinder")
-    assert made.object == CYLINDER and made.facts["unit"] == 11 and len(made.counts) == 2 * 6 * 10
-    assert [said[1] for said in told].count(12) == 1
 
 
 def test_a_unit_is_fitted(tmp_path, monkeypatch, recorded, driven, lit):

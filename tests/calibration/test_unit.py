@@ -9,12 +9,7 @@ import pytest
 
 import realitygap.calibration.calibrate as calibrate
 from realitygap.calibration import unit as module
-from realitygap.calibration.unit import (
-    PARTS,
-    calibrate_share,
-    calibrated_robot,
-    calibrated_unit,
-)
+from realitygap.calibration.unit import PARTS, calibrated_robot, calibrated_unit
 from realitygap.errors import CalibrationError
 from realitygap.world.robot import load_profile
 
@@ -74,15 +69,6 @@ def test_another_units_folder_is_refused(tmp_path, jobs, change):
     calibrated_unit(tmp_path / "unit", **SETTINGS)
     with pytest.raises(CalibrationError, match=r"unit\.toml: .*expected .*got .*another folder"):
         calibrated_unit(tmp_path / "unit", **{**SETTINGS, **change})
-
-
-def test_without_readings_to_fit_the_base_is_returned(recorded):
-    """As promised, with a warning that says why; a share that is enough is fitted."""
-    paper, walls = load_profile("paper"), [recorded("wall", repeats=1)]
-    made = calibrate_share(walls, paper, share=0.001, seed=1, form="extended")
-    assert made.profile == paper and made.recordings == () and made.channels == ()
-    assert made.warnings[0].startswith("constants stay as profile 'paper' has them: ")
-    assert calibrate_share(walls, paper, share=0.9, seed=1, form="paper").infrared is not None
 
 
 def test_a_robot_of_ones_own_is_recorded_and_fitted(tmp_path, monkeypatch):

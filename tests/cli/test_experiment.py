@@ -83,7 +83,7 @@ def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
     with monkeypatch.context() as patch:
         patch.setattr("realitygap.experiments.noise.Rig.drive", stopped)
         noise = call(*NOISE, "--out", tmp_path / "noise")
-        robots = call(*ROBOTS, "--only", "--robot", "twin", "--out", tmp_path / "robots")
+        robots = call(*ROBOTS, "--robot", "twin", "--out", tmp_path / "robots")
     for name, result in (("noise", noise), ("robots", robots)):
         assert (result.exit_code, result.stdout) == (130, "")
         last = f"realitygap experiment {name} --out {tmp_path / name} --resume"
@@ -91,7 +91,7 @@ def test_ctrl_c_says_how_to_go_on(units, call, monkeypatch, tmp_path):
     assert (
         call("experiment", "robots", "--out", tmp_path / "robots", "--resume", "--workers", 1).exit_code == 0
     )
-    assert call(*ROBOTS, "--only", "--robot", "twin", "--out", tmp_path / "whole").exit_code == 0
+    assert call(*ROBOTS, "--robot", "twin", "--out", tmp_path / "whole").exit_code == 0
     for file in (TABLE, "twin-1/results/cells.csv", "twin-1/results/controllers.csv"):
         assert (tmp_path / "robots" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
 
@@ -100,7 +100,7 @@ FIRST = {
     "realitygap.study.runner.open_folder": ("evolve", "light"),
     "realitygap.experiments.reproduction.open_to_begin": ("reproduce",),
     "realitygap.experiments.noise.check_robot": ("experiment", "noise"),
-    "realitygap.experiments.robots.check_robot": ("experiment", "robots", "--only", "--robot", "twin"),
+    "realitygap.experiments.robots.check_robot": ("experiment", "robots", "--robot", "twin"),
 }
 """Commands, by what each calls before it keeps its settings."""
 
@@ -131,7 +131,7 @@ def test_what_cannot_be_done_is_refused(no_enki, refused, tmp_path):
 def test_a_program_that_a_folder_names_is_not_run_before_a_person_has(refused, tmp_path):
     """Who resumes with a robot of one's own names it again; the twin is no synonym for it."""
     made = NoiseConfig(units=1, tasks=("obstacle-avoidance",), robot=ROBOT, base=BASE)
-    asked = RobotsConfig(robots=(ROBOT,), only=True, base=BASE)
+    asked = RobotsConfig(robots=(ROBOT,), base=BASE)
     for name, settings in (("noise", made), ("robots", asked)):
         (tmp_path / name).mkdir()
         open_folder(tmp_path / name, type(settings), settings, resume=False)

@@ -8,23 +8,16 @@ from realitygap.world.robot import load_profile
 
 AT = ("--pose", "25,25,0")
 SIMULATE = ("simulate", "avoidance", "--controller", "constant:1,1", *AT)
-TRANSFER = ("transfer", "no/study", "--robot")
 
 
 @pytest.mark.parametrize(
     ("words", "named"),
     [
         (("evolv",), "No such command 'evolv'"),
-        (("evolve",), "Missing argument 'TASK'"),
         (("evolve", "flying"), "unknown task 'flying'"),
         (("evolve", "light", "--noise", "loud"), "--noise"),
-        (("evolve", "light", "--runs", 0), "--runs"),
-        (("evolve", "light", "--workers", 0), "--workers"),
-        (("evolve", "light", "--engine", "gpu"), "--engine"),
-        (("evolve", "light", "--profile", "nobody"), "unknown profile 'nobody'"),
         (("evolve", "light", "--set", "variation.mutatoin=0.1"), "mutatoin"),
         (("evolve", "light", "--shard", "4/3"), "expected I/N, share I (from 1 to N) of N"),
-        (("simulate", "avoidance", *AT), "Missing option '--controller'"),
         ((*SIMULATE[:-2], "--pose", "25,25"), "expected x, y (cm) and heading (degrees) as in 25,25,90"),
         ((*SIMULATE[:-2], "--pose", 25, 25, 90), "as in 25,25,90, got '25'"),
         ((*SIMULATE, "--seconds", 0.25), "seconds: expected a positive multiple of 0.1 (one step)"),
@@ -33,10 +26,7 @@ TRANSFER = ("transfer", "no/study", "--robot")
         ((*SIMULATE, "--picture", "path.bmp"), "ending in .png or .svg or .pdf"),
         ((*SIMULATE, "--picture", "no/folder/path.png"), "the folder 'no/folder' does not exist"),
         (("simulate", "avoidance", "--controller", "nobody.txt", *AT), "nobody.txt"),
-        (("simulate", "avoidance", "--controller", "constant:99,0", *AT), "99"),
         (("probe", "avoidance", "--pose", "15,15,0"), "overlaps the cylinder"),
-        (("show", "no/such/study"), "no/such/study"),
-        ((*TRANSFER[:2],), "Missing option '--robot'"),
         (("record", "--robot", "twn", "--plan", "all", "--out", "x"), "twn"),
         (("calibrate", "no.sam", "--out", "robot.toml"), "no.sam"),
     ],

@@ -1,4 +1,4 @@
-"""`simulate`, `probe`, `list`, `profile` and `arena`: from words to figures in the units that people read."""
+"""`simulate`, `probe`, `profile` and `arena`: from words to figures in the units that people read."""
 
 import numpy as np
 import pytest
@@ -40,20 +40,16 @@ def test_the_same_seed_is_the_same_trial(json_of):
 
 
 def test_what_is_listed_and_shown_can_be_changed_and_given_back(call, json_of, tmp_path):
-    """`list` names what `profile show` and `arena show` print, with the shipped comments; a genotype's file
+    """`profile` and `arena` list what they print, with the shipped comments; a genotype's file
     does what the controller does that it was made of; a room may be too small for the task's own start."""
-    listed = json_of("list")
-    assert listed["tasks"] == ["obstacle-avoidance", "light-seeking"]
-    assert "paper" in listed["profiles"] and "light-seeking" in listed["arenas"]
-    assert "paper" in call("list").stdout
+    assert "paper\n" in call("profile").stdout and "light-seeking\n" in call("arena").stdout
     robot, room, genes = (tmp_path / name for name in ("mine.toml", "room.toml", "mine.txt"))
-    robot.write_text(call("profile", "show", "paper").stdout.replace('name = "paper"', 'name = "mine"', 1))
-    room.write_text(call("arena", "show", "light-seeking").stdout)
+    robot.write_text(call("profile", "paper").stdout.replace('name = "paper"', 'name = "mine"', 1))
+    room.write_text(call("arena", "light-seeking").stdout)
     assert all(file.read_text().count("#") > 5 for file in (robot, room))
     made = json_of(*FORWARD, "--profile", robot, "--arena", room, "--seconds", 1)
     assert (made["profile"], made["arena"]) == ("mine", "light-seeking")
-    assert len(json_of("profile", "show", robot)["infrared"]["sensors"]) == 8
-    assert "#" not in call("profile", "show", robot).stdout
+    assert "#" not in call("profile", robot).stdout
     realitygap.Genotype.constant(2, 2).save(genes)
     assert json_of(*FORWARD[:3], genes, *FORWARD[4:])["x_cm"] == json_of(*FORWARD)["x_cm"]
     room.write_text('name = "box"\nsize_cm = [12, 12]\n')

@@ -98,15 +98,11 @@ def test_a_broken_track_in_a_folder_is_refused(refused, tmp_path, trials):
     """In a folder a file that was meant as a track is not passed over; other tables are."""
     write(tmp_path / "good.csv", trials[:1])
     (tmp_path / "counts.csv").write_text("t_s,left,right\n0,1,2\n")
-    for text in (b"", b"t_s,x_cm,y_cm,heading\n0,1,2,3\n", b"t_s,\xff\n"):
-        (tmp_path / "odd.csv").write_bytes(text)
-        assert "odd.csv" in refused("classify", tmp_path)
-    (tmp_path / "odd.csv").unlink()
-    (tmp_path / "odd.json").write_text('{"t_s": ')
-    assert "odd.json" in refused("classify", tmp_path)
-    (tmp_path / "odd.json").unlink()
-    write(tmp_path / "huge.csv", [replace(trials[0], x=trials[0].x * 1e9)])
-    assert "x_cm: expected a number from" in refused("classify", tmp_path)
+    for name, text in (("odd.csv", b"t_s,x_cm,y_cm,heading\n0,1,2,3\n"), ("odd.json", b'{"t_s": ')):
+        (tmp_path / name).write_bytes(text)
+        assert name in refused("classify", tmp_path)
+        (tmp_path / name).unlink()
+    assert "no such file" in refused("score", tmp_path / "none.csv", tmp_path)
 
 
 def test_a_transfers_folder_is_scored_by_itself(json_of, refused, tmp_path, trials):
@@ -141,8 +137,6 @@ def test_several_controllers_are_not_scored_as_one(json_of, refused, tmp_path, t
     for unit in ("twin-1", "twin-2"):
         shutil.rmtree(tmp_path / "transfer" / unit / "run-2")
     assert json_of("score", tmp_path)["trials"] == [2, 2]
-    (tmp_path / "transfer" / "twin-1" / "run-1" / "start-1" / "transfer.toml").write_text("name = ")
-    assert "transfer.toml" in refused("score", tmp_path)
 
 
 def test_judges_see_one_start_side_by_side(trials):
@@ -189,18 +183,6 @@ def test_bad_tracks_are_refused_with_the_reason(refused, tmp_path, text, named):
     assert named in refused("classify", path, "--task", "avoidance")
 
 
-def test_nowhere_is_refused(refused, tmp_path, tracks, monkeypatch):
-    """No such file, an empty folder, and tracks of an unknown arena without a task."""
-    assert "no such file" in refused("score", tracks, tmp_path / "none.csv")
-    monkeypatch.chdir(tmp_path)
-    assert "no such file" in refused("score", tracks, "none.csv")
-    (tmp_path / "empty").mkdir()
-    assert "t_s" in refused("score", tracks, tmp_path / "empty")
-    far = tmp_path / "far.csv"
-    far.write_text(HEAD + "".join(f"{k / 10},{300 + k},25,0\n" for k in range(100)))
-    assert "--task" in refused("classify", far)
-
-
 def test_judging_is_blind_and_marks_agree(call, json_of, refused, tmp_path, trials):
     """The page tells neither names nor sides; perfect marks give r = 1; a strange pair is refused."""
     for k, noise in enumerate((1.0, 3.0, 6.0)):
@@ -216,7 +198,6 @@ def test_judging_is_blind_and_marks_agree(call, json_of, refused, tmp_path, tria
     marks.write_text("pair,judge,mark\n" + "".join(f"{r['pair']},anna,{r['score']}\n" for r in rows))
     made = json_of("judge", "marks", marks, "--key", key)
     assert made["r"] == pytest.approx(1) and made["difference"] == pytest.approx(0, abs=1e-9)
-    marks.write_text("pair,judge,mark\n9,anna,5\n")
-    assert "not in the key" in refused("judge", "marks", marks, "--key", key)
-    marks.write_text("pair,judge,mark\n1,anna,11\n")
-    assert "0 to 10" in refused("judge", "marks", marks, "--key", key)
+    for rows, says in (("9,anna,5", "not in the key"), ("1,anna,11", "0 to 10"), ("1,A,5\n1,A,9", "5 and 9")):
+        marks.write_text(f"pair,judge,mark\n{rows}\n")
+        assert says in refused("judge", "marks", marks, "--key", key)

@@ -1,16 +1,15 @@
-"""The descriptors of motion, on tracks made of stretches whose amounts are plain."""
+"""The descriptors, on tracks made of stretches whose amounts are plain, and of batches of trials."""
 
-import re
 from dataclasses import replace
-from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from realitygap.correspondence.descriptors import describe_all
+from realitygap import Genotype, Simulation, describe
+from realitygap.correspondence.descriptors import chosen, describe_all
 from realitygap.correspondence.setting import fits
 from realitygap.correspondence.trials import STEP_S, Trial, read_transfer
+from realitygap.errors import UsageError
 from realitygap.tasks.load import load_task
 from realitygap.world.robot import load_profile
 from tests.correspondence.tracks import mirrored
@@ -86,10 +85,30 @@ def test_a_transfers_body_is_its_studys(tmp_path, folder):
         assert trial.radius_cm == (2.9 if folder else 4.0)
 
 
-def test_the_docs_count_the_descriptors_and_name_their_catalogue():
-    """Its number is that of a room without a lamp; the constants that it names are in its module."""
-    page = (Path(__file__).parents[2] / "docs" / "how-to-look.md").read_text(encoding="utf-8")
-    listed, module = re.findall(r"in the units of (`[^()]*`) in `(realitygap[\w.]+)`", page)[0]
-    assert all(hasattr(import_module(module), name) for name in re.findall(r"`(\w+)`", listed))
-    made = describe_all([drive((4, 3, 20))], load_task("avoidance").arena)
-    assert f"# {len(made)} descriptors, each" in page
+@pytest.mark.parametrize("name", ["avoidance", "light"])
+def test_each_trial_of_a_batch_is_told_as_alone(name):
+    """Tracks are the trajectories', descriptors those of their trials; an array [networks, trials] each."""
+    simulation = Simulation(load_task(name), load_profile("paper"))
+    genes = [Genotype.braitenberg(simulation.task.feeds).genes, Genotype.constant(3, 2).genes]
+    networks, streams = Genotype.decode(np.stack(genes), 8), np.arange(6, dtype=np.uint64).reshape(2, 3)
+    path = simulation.tracks(networks, streams)
+    made = describe(path, name, "paper")
+    assert {d.name for d in chosen(simulation.task.arena)} <= set(made)
+    for n in range(2):
+        alone, _ = simulation.trajectory(Genotype.decode(genes[n], 8), stream=int(streams[n, 1]))
+        track = alone.track
+        assert (path.x[n, 1] == track.x[1:]).all() and (
+            path.contact[n, 1] > 0
+        ).tolist() == alone.contact.tolist()
+        trial = Trial(x=track.x[1:], y=track.y[1:], heading=np.unwrap(alone.track.heading)[1:])
+        for key, values in describe_all([trial], simulation.task.arena).items():
+            assert made[key].shape == (2, 3)
+            assert made[key][n, 1] == pytest.approx(values[0], rel=1e-6, abs=1e-6, nan_ok=True), key
+
+
+def test_a_path_of_another_place_is_refused():
+    """Outside the task's arena nothing around the robot is what it was."""
+    light = Simulation("light", "paper")
+    path = light.tracks(Genotype.braitenberg("ambient").networks(), np.array([[1, 2]], np.uint64))
+    with pytest.raises(UsageError, match=r"inside the arena of task 'obstacle-avoidance'.*simulation\.task"):
+        describe(path, "avoidance", "paper")

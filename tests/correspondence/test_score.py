@@ -11,7 +11,6 @@ from studies.correspondence.ladders import against, behaviours, climb, ladders_o
 from realitygap.control.genotype import Genotype
 from realitygap.correspondence.descriptors import chosen
 from realitygap.correspondence.distances import Distances, matched_starts
-from realitygap.correspondence.judging import read_marks
 from realitygap.correspondence.score import (
     behaviour_score,
     compare,
@@ -23,7 +22,7 @@ from realitygap.correspondence.score import (
     transferability,
 )
 from realitygap.correspondence.trials import Trial, trial_of
-from realitygap.errors import TrackError, UsageError
+from realitygap.errors import UsageError
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks.load import load_task
 from realitygap.transfer import paths
@@ -239,14 +238,6 @@ def test_noise_of_the_simulation_is_seen():
         simulation = Simulation(task, load_profile("paper"), level)
         sets.append([trial_of(simulation.trajectory(networks, stream=k)[0]) for k in range(10)])
     assert all(noisiness(one, other) > 0.1 for one, other in itertools.pairwise(sets))
-
-
-def test_two_judges_of_one_name_are_noticed(tmp_path):
-    """A pair has one mark of a judge."""
-    file = tmp_path / "marks.csv"
-    file.write_text("pair,judge,mark\n1,A,5\n1,A,9\n")
-    with pytest.raises(TrackError, match="judge 'A' gives it 5 and 9"):
-        read_marks(file)
 
 
 @pytest.mark.parametrize(

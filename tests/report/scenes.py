@@ -1,19 +1,23 @@
-"""Made-up data that the report's tests draw: no simulation is needed to look at a figure."""
+"""Made-up data that the report's tests draw, and transfers: no simulation is needed to look at a figure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from realitygap.control.genotype import Genotype
+from realitygap.files import to_toml
 from realitygap.kernels.types import MAX_DELAY
-from realitygap.report.evolution import Mean, NoiseClass, Row, TaskPart, mean_of
+from realitygap.report.evolution import NoiseClass, Row, TaskPart, mean_of
 from realitygap.report.page import Picture
-from realitygap.track import Trajectory
+from realitygap.study.config import StudyConfig
+from realitygap.study.load import Run, Study
+from realitygap.track import Track, Trajectory
 from realitygap.values import Pose
 from tests.conftest import FIGURE
 
@@ -30,18 +34,11 @@ def circle(steps: int = 50, *, radius: float = 8.0, centre: tuple[float, float] 
     heading = turn + np.pi / 2
     rising = np.repeat(np.linspace(0, 480, steps)[:, None], 8, axis=1)
     return Trajectory(
-        t=0.1 * np.arange(steps),
-        x=x[:-1],
-        y=y[:-1],
-        heading=heading[:-1],
-        proximity=2 * rising,
-        ambient=rising,
-        inputs=np.zeros((steps, 8), np.int64),
-        commands=np.tile([3, 7], (steps, 1)),
-        wheels=np.tile([3.0, 7.0], (steps, 1)),
-        contact=np.zeros(steps, bool),
+        t=0.1 * np.arange(steps), x=x[:-1], y=y[:-1], heading=heading[:-1], proximity=2 * rising,
+        ambient=rising, inputs=np.zeros((steps, 8), np.int64), commands=np.tile([3, 7], (steps, 1)),
+        wheels=np.tile([3.0, 7.0], (steps, 1)), contact=np.zeros(steps, bool),
         end=Pose(x=float(x[-1]), y=float(y[-1]), heading=float(heading[-1])),
-    )
+    )  # fmt: skip
 
 
 def random_genotype(
@@ -69,24 +66,19 @@ def table(
     """A table whose individuals score the same at every noise level: given means by noise class."""
     classes = []
     for level, means in fittest.items():
+        facts = [
+            {"index": k, "id": k, "name": f"made-up/{level}/{k}", "evaluations": 1000, "finished": True,
+             "best_fitness": stored * scale}
+            for k in range(1, len(means) + 1)
+        ]  # fmt: skip
         rows = tuple(
             Row(
-                run=SimpleNamespace(
-                    index=k + 1,
-                    id=k + 1,
-                    name=f"made-up/{level}/{k + 1}",
-                    evaluations=1000,
-                    finished=True,
-                    best_fitness=stored * scale,
-                ),
-                means={
-                    (who, at): _mean(value * scale)
-                    for who, value in (("fittest", means[k]), ("champion", champion[level][k]))
-                    for at in LEVELS
-                },
+                run=SimpleNamespace(**one),
+                means={(who, at): mean_of([0.99 * value * scale, 1.01 * value * scale])
+                       for who, value in (("fittest", best), ("champion", last)) for at in LEVELS},
             )
-            for k in range(len(means))
-        )
+            for one, best, last in zip(facts, means, champion[level], strict=True)
+        )  # fmt: skip
         classes.append(NoiseClass(level=level, name=LEVELS[level], rows=rows))
     return TaskPart(task=made_up(scale), conditions=tuple(classes), levels=LEVELS)
 
@@ -94,13 +86,6 @@ def table(
 def made_up(scale: float = 1.0) -> SimpleNamespace:
     """What a table needs to know of its task."""
     return SimpleNamespace(name="made-up", fitness_unit="", fitness_scale=scale)
-
-
-def _mean(value: float) -> Mean:
-    """The mean of two trials about a value."""
-    mean = mean_of([value - 0.01 * abs(value), value + 0.01 * abs(value)])
-    assert mean is not None
-    return mean
 
 
 def draw_only(patch: pytest.MonkeyPatch, wanted: Callable[[str], bool]) -> None:
@@ -115,3 +100,40 @@ def draw_only(patch: pytest.MonkeyPatch, wanted: Callable[[str], bool]) -> None:
         return FIGURE
 
     patch.setattr(Picture, "save", some)
+
+
+def few(config: StudyConfig) -> StudyConfig:
+    """The same with short trials and few tests."""
+    return config.with_settings(["task.seconds=0.5", "retest_trials=2", "fresh_trials=3"])
+
+
+STEPS = 40
+
+
+def write_transfer(
+    study: Study, run: Run, *, robot: str = "twin-1", start: int = 1,
+    fitness: tuple[float, float] = (0.6, 0.4), film: bool = False, individual: str = "champion",
+) -> Path:  # fmt: skip
+    """A transfer of the layout that `realitygap transfer` writes: the robot drives a narrower circle."""
+    from PIL import Image
+
+    folder = study.folder / "transfer" / robot / run.name.replace("/", "-") / f"start-{start}"
+    folder.mkdir(parents=True)
+    for name, radius in (("simulated.csv", 3.0), ("situated.csv", 2.0)):
+        turn = np.arange(STEPS + 1) / STEPS * 4.0
+        x, y = 22.0 - radius + radius * np.cos(turn), 25.0 + radius * np.sin(turn)
+        Track.from_degrees(np.arange(STEPS + 1) / 10, x, y, 90.0 + np.degrees(turn)).write_csv(folder / name)
+    if film:
+        shade = np.linspace(0, 255, 1600 * 1200).reshape(1200, 1600).astype(np.uint8)
+        Image.fromarray(shade).save(folder / "tails.png")  # larger than a page has room for
+        (folder / "film.mp4").write_bytes(b"a film")
+    facts: dict[str, Any] = {
+        "run": run.id, "name": run.name, "task": run.task, "noise": run.noise, "individual": individual,
+        "robot": robot, "start": start, "pose": {"x_cm": 22.0, "y_cm": 25.0, "heading_deg": 90.0},
+        "seconds": STEPS / 10, "film": film, "situated_from": "film" if film else "camera", "late_steps": 0,
+        "fitness": {"simulated": fitness[0], "situated": fitness[1]},
+    }  # fmt: skip
+    if robot.startswith("twin"):
+        facts |= {"unit": int(robot.split("-")[1]), "twin_noise": 1.0}
+    (folder / "transfer.toml").write_text(to_toml(facts), encoding="utf-8")
+    return folder

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from realitygap.errors import StudyInterruptedError, UsageError
+from realitygap.errors import StudyInterruptedError
 from realitygap.experiments.reproduction import again
 from realitygap.report import build_report
 from realitygap.report.build import differences, is_paper
@@ -25,16 +25,11 @@ from realitygap.study.runner import EVOLVING, Progress, run_study
 from realitygap.tasks import load_task
 from realitygap.world.arena import load_arena
 from realitygap.world.robot import FittedChannel, Provenance, load_profile
-from tests.report.scenes import APART, EQUAL, LEVELS, draw_only, table
+from tests.report.scenes import APART, EQUAL, LEVELS, draw_only, few, table
 from tests.report.test_scores import AVOID, marks
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "follow_the_wall.py"
 FEW = {"evaluations": 70, "seed": 3}
-
-
-def _few(config: StudyConfig) -> StudyConfig:
-    """The same with short trials and few tests."""
-    return config.with_settings(["task.seconds=0.5", "retest_trials=2", "fresh_trials=3"])
 
 
 class _Tags(HTMLParser):
@@ -58,17 +53,6 @@ class _Tags(HTMLParser):
 
     def handle_startendtag(self, tag, attrs) -> None:
         self.seen.append((tag, dict(attrs)))
-
-
-@pytest.fixture(scope="module")
-def paper(tmp_path_factory) -> Study:
-    """The paper's six conditions, two short runs each; drawn are all figures but most of the networks."""
-    config = _few(StudyConfig.reproduction(runs=2, **FEW))
-    study = run_study(tmp_path_factory.mktemp("paper") / "study", config, workers=1)
-    with pytest.MonkeyPatch.context() as patch:
-        draw_only(patch, lambda name: "network" not in name or name.endswith("network-zero-1"))
-        build_report(study.folder)
-    return study
 
 
 def _page(study: Study) -> str:
@@ -183,7 +167,7 @@ def test_only_the_papers_study_is_called_so(paper: Study) -> None:
 
 def test_a_users_task_at_a_noise_of_its_own_has_a_page(tmp_path: Path) -> None:
     """One condition, one run, at a level without a name; it is not called the paper's, nor "1 runs"."""
-    text = _reported(tmp_path / "study", _few(StudyConfig.single(EXAMPLE, 0.5, **FEW)))
+    text = _reported(tmp_path / "study", few(StudyConfig.single(EXAMPLE, 0.5, **FEW)))
     assert "0.5 noise" in text and "Figure 1" not in text and "realitygap reproduce" not in text
     assert "<dt>run</dt><dd>1</dd>" in text
     assert again(load_study(tmp_path / "study")) == ""
@@ -193,9 +177,7 @@ def test_many_runs_are_limited_to_what_a_person_can_look_at(tmp_path: Path, monk
     """The page says so, shows some, and its CSV has all."""
     draw_only(monkeypatch, lambda name: "network" not in name)
     runs = 2 * PER_CONDITION + 2
-    text = _reported(
-        tmp_path / "study", _few(StudyConfig.single("avoidance", 1.0, runs=runs, evaluations=64))
-    )
+    text = _reported(tmp_path / "study", few(StudyConfig.single("avoidance", 1.0, runs=runs, evaluations=64)))
     assert f"the first {PER_CONDITION} runs of each noise level" in text and "averages are over all" in text
     report = tmp_path / "study" / "report"
     csv_text = (report / "tables" / "obstacle-avoidance.csv").read_text("utf-8")
@@ -214,18 +196,11 @@ def test_an_unfinished_study_has_a_page_that_says_so(tmp_path: Path, monkeypatch
         if progress.phase == EVOLVING and progress.runs_done == finished:
             raise KeyboardInterrupt
 
-    config = _few(StudyConfig.single("light", 1.0, runs=3, **FEW))
+    config = few(StudyConfig.single("light", 1.0, runs=3, **FEW))
     with pytest.raises(StudyInterruptedError):
         run_study(tmp_path / "study", config, workers=1, on_progress=stop)
     text = build_report(tmp_path / "study").read_text("utf-8")
     assert "This study is unfinished" in text and f"{finished} of 3 runs are finished" in text
-
-
-def test_a_folder_without_a_study_is_refused(tmp_path: Path) -> None:
-    """And nothing is made there."""
-    with pytest.raises(UsageError):
-        build_report(tmp_path / "nothing")
-    assert not (tmp_path / "nothing").exists()
 
 
 def test_a_star_stands_where_an_interval_excludes_zero() -> None:

@@ -12,7 +12,6 @@ from scipy.stats import ttest_ind
 from realitygap.report.evolution import (
     NoiseClass,
     TaskPart,
-    curves_figure,
     decimals,
     difference,
     mean_curve,
@@ -20,7 +19,7 @@ from realitygap.report.evolution import (
     running_best,
     table_csv,
 )
-from realitygap.report.style import number, styled
+from realitygap.report.style import number
 from tests.report.scenes import APART, EQUAL, LEVELS, made_up, table
 
 
@@ -51,21 +50,6 @@ def test_a_curve_goes_as_far_as_all_runs_do() -> None:
     mean, half = mean_curve([np.arange(10.0), np.arange(7.0)])
     assert mean == pytest.approx(np.arange(7.0)) and half == pytest.approx(np.zeros(7))
     assert running_best([1, 3, 2, 4]).tolist() == [1, 3, 3, 4]
-
-
-@pytest.mark.parametrize("tested", [0.02, -0.3])
-def test_curves_are_not_pressed_flat_or_covered(tested: float) -> None:
-    """Two unlike runs' interval does not set the scale; no legend covers a curve or an open marker."""
-    runs = [np.linspace(0.1, 0.2, 20), np.linspace(0.1, 0.6, 20)]
-    with styled():
-        figure = curves_figure({1.0: runs}, {1.0: LEVELS[1.0]}, tested={1.0: tested})
-        figure.draw_without_rendering()
-    axes = figure.axes[0]
-    low, high = axes.get_ylim()
-    assert low == pytest.approx(min(0, tested)) and 0.6 < high < 0.75
-    legend = axes.get_legend().get_window_extent()
-    for line in axes.lines:
-        assert not legend.count_contains(axes.transData.transform(line.get_xydata()))
 
 
 def test_the_csv_holds_every_run_and_every_average() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -80,9 +79,3 @@ def test_a_stopped_study_says_so(tmp_path, monkeypatch):
     page = seen.page.read_text("utf-8")
     assert ">stopped</p>" in page and 'http-equiv="refresh"' not in page
     assert (tmp_path / "study" / DATABASE).exists()
-
-
-def test_negative_scores_have_curves():
-    """A task may score below 0: the best is above the worst, and 0 is in the box, at the top."""
-    line = live._line(np.array([-4.0, -4.0, -1.0]), 3, -4.0, 0.0)
-    assert [float(point.split(",")[1]) for point in line.split()] == [50.0, 50.0, 14.0]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.patches import Circle
 
 from realitygap.control.genotype import Genotype
 from realitygap.report.network import network_figure, place_neurons, read_wiring
@@ -38,21 +37,6 @@ def test_sensors_stand_at_their_places_and_motors_at_their_wheels() -> None:
     for sensor, (forward, left) in enumerate(ROBOT.proximity.place):
         assert places[sensor] == pytest.approx([-left, forward])
     assert places[8][0] < -1 < 1 < places[9][0]
-
-
-@pytest.mark.parametrize("name", ["paper", "e-puck", "thymio"])
-def test_no_neuron_is_cut_off(name: str) -> None:
-    """Those at sensors on the body's edge, in front of it on a Thymio, are whole."""
-    profile = load_profile(name)
-    count = len(profile.infrared.sensors)
-    genotype = random_genotype(1, hidden=0, inputs=count)
-    with styled():
-        axes = network_figure(genotype, profile, feeds="proximity", sensors=range(count)).axes[0]
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    discs = [patch for patch in axes.patches if isinstance(patch, Circle)]
-    assert len(discs) >= count
-    for (x, y), r in ((disc.center, disc.radius) for disc in discs):
-        assert left <= x - r and x + r <= right and low <= y - r and y + r <= high
 
 
 def test_only_what_can_move_a_wheel_counts_as_working() -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from realitygap.export import logs as trial
 from realitygap.report import player
@@ -84,17 +83,6 @@ def test_commands_in_a_robots_own_units_are_shown_as_the_networks(played: Study)
     assert logged[0] == logged[1] and {"commands", "outputs"} <= logged[1].keys()
 
 
-@pytest.mark.parametrize("who", ["simulated", "situated"])
-def test_the_motors_of_the_network_are_the_commands(played: Study, who: str) -> None:
-    """The network that lights up is the one that drove, step by step."""
-    run = _run(played, AVOID, 0)
-    told = run["trials"][0][who]
-    outputs = _unpacked(told["outputs"], "i1").reshape(told["steps"], -1)
-    kinds = [neuron["kind"] for neuron in run["network"]["neurons"]]
-    assert outputs.shape[1] == len(kinds) and kinds[8:10] == ["output", "output"]
-    assert np.array_equal(outputs[:, 8:10], _unpacked(told["commands"], "i1").reshape(-1, 2))
-
-
 def test_activity_is_that_of_the_one_who_drove() -> None:
     """Another's commands, even in one step, are not explained by this network."""
     genotype = random_genotype(4)
@@ -111,12 +99,17 @@ def test_activity_is_that_of_the_one_who_drove() -> None:
 
 
 def test_a_run_without_a_transfer_is_simulated_alone(played: Study) -> None:
-    """With all that a simulation knows; the other task's runs have both, up to the number that is shown."""
+    """With all that a simulation knows; the other task's runs have both, up to the number that is shown, and
+    the motors of the network that lights up are the commands, step by step."""
     alone = _run(played, LIGHT, 0)["trials"]
     assert len(alone) == 1 and alone[0]["situated"] is None and alone[0]["simulated"]["outputs"]
-    both = _run(played, AVOID, 0)["trials"]
-    assert [trial["name"] for trial in both] == ["twin unit 1, start 1", "twin unit 1, start 2"]
-    assert all(trial["simulated"]["outputs"] and trial["situated"] for trial in both)
+    run = _run(played, AVOID, 0)
+    assert [trial["name"] for trial in run["trials"]] == ["twin unit 1, start 1", "twin unit 1, start 2"]
+    kinds = [neuron["kind"] for neuron in run["network"]["neurons"]]
+    assert kinds[8:10] == ["output", "output"]
+    for drive in (one[who] for one in run["trials"] for who in ("simulated", "situated")):
+        outputs = _unpacked(drive["outputs"], "i1").reshape(drive["steps"], len(kinds))
+        assert np.array_equal(outputs[:, 8:10], _unpacked(drive["commands"], "i1").reshape(-1, 2))
 
 
 def test_nothing_in_the_data_ends_its_script() -> None:

@@ -9,11 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
 
-from realitygap.report import build_report, style
-from realitygap.report.drawing import PathPanel, Scene, paths_figure
+from realitygap.report import build_report
+from realitygap.report.drawing import Scene
 from realitygap.report.evolution import parts_of
 from realitygap.report.page import Figures
 from realitygap.report.transfers import (
@@ -25,36 +23,18 @@ from realitygap.report.transfers import (
     shown_pair,
     transfers_csv,
 )
-from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
-from realitygap.study.runner import run_study
-from realitygap.tasks import load_task
-from realitygap.track import Track
 from realitygap.transfer.spec import shown_runs
-from realitygap.world.robot import load_profile
-from tests.report.scenes import draw_only
-from tests.report.situations import STEPS, write_transfer
+from tests.report.scenes import STEPS, draw_only, write_transfer
 
-PAPER = load_profile("paper")
 AVOID, LIGHT = "obstacle-avoidance", "light-seeking"
 
 
-@pytest.fixture(scope="module")
-def evolved(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The paper's six conditions, two short runs each, without transfers."""
-    config = StudyConfig.reproduction(runs=2, evaluations=70, seed=3)
-    config = config.with_settings(["task.seconds=0.5", "retest_trials=2", "fresh_trials=3"])
-    return run_study(tmp_path_factory.mktemp("paper") / "study", config, workers=1).folder
-
-
 @pytest.fixture
-def study(evolved: Path, tmp_path: Path) -> Study:
+def study(paper: Study, tmp_path: Path) -> Study:
     """A copy to which transfers may be added."""
-    return load_study(shutil.copytree(evolved, tmp_path / "study"))
-
-
-def _built(study: Study) -> str:
-    return build_report(study.folder).read_text("utf-8")
+    ignored = shutil.ignore_patterns("report")
+    return load_study(shutil.copytree(paper.folder, tmp_path / "study", ignore=ignored))
 
 
 def _shown(study: Study, figures: Figures) -> list[Pair]:
@@ -62,32 +42,6 @@ def _shown(study: Study, figures: Figures) -> list[Pair]:
     part = parts_of(study)[0]
     scene, pairs = Scene.of(part.task, study.profile), pairs_of(study, [part])[AVOID]
     return pair_figures(part, pairs, scene, "", figures)["shown"]
-
-
-def test_pairs_stand_one_above_the_other() -> None:
-    """Two rows; the noise level's colour in both, but another line, width and body: never colour alone."""
-    route = Track.from_degrees([0.0, 0.1], [20.0, 25.0], [25.0, 25.0], [0.0, 0.0])
-    rows = [
-        [PathPanel(noise=1.0, title="simulated: 1", trajectory=route)],
-        [PathPanel(noise=1.0, title="twin unit 1: 2", trajectory=route, look=style.SITUATED)],
-    ]
-    with style.styled():
-        figure = paths_figure(Scene.of(load_task("avoidance"), PAPER), rows, heads=["observed noise, #1"])
-    above, below = figure.axes
-    assert above.get_position().y0 > below.get_position().y1 and not above.get_xlabel()
-    assert [text.get_text() for text in figure.texts] == ["observed noise, #1"]
-
-    def tail(ax) -> Line2D:
-        return max(ax.lines, key=lambda line: len(line.get_xdata()))
-
-    assert tail(above).get_color() == tail(below).get_color()
-    assert tail(above).get_linewidth() < tail(below).get_linewidth()
-    assert tail(above).is_dashed() != tail(below).is_dashed()
-    bodies = [
-        {p.get_facecolor() for p in ax.patches if isinstance(p, Circle) and p.zorder == 5}
-        for ax in (above, below)
-    ]
-    assert bodies[0].isdisjoint(bodies[1])
 
 
 def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_path, monkeypatch) -> None:
@@ -102,7 +56,7 @@ def test_figures_3_and_5_hold_both_paths_and_films_are_shown(study: Study, tmp_p
     draw_only(monkeypatch, lambda name: "-pairs" in name)
     for content in (b"a film", b"another film"):
         film.write_bytes(content)
-        text = _built(study)
+        text = build_report(study.folder).read_text("utf-8")
         away = shutil.copytree(study.folder / "report", tmp_path / content.decode())
         links = re.findall(r'<a href="([^"#][^"]*)"', text)
         assert all((away / link).resolve().is_relative_to(away.resolve()) for link in links)
@@ -155,8 +109,7 @@ def test_a_mean_is_over_runs(study: Study) -> None:
     for start in (1, 2, 3):
         write_transfer(study, two, start=start, fitness=(1.0, 0.6))
     write_transfer(study, two, robot="serial-ttyUSB0", fitness=(1.0, 1.0))
-    other = write_transfer(study, two, start=4, fitness=(1.0, -9.0)) / "transfer.toml"
-    other.write_text(other.read_text("utf-8").replace('"champion"', '"fittest"'), "utf-8")
+    write_transfer(study, two, start=4, fitness=(1.0, -9.0), individual="fittest")
     parts = parts_of(study)
     robot, twin, best = groups_of(parts[0], pairs_of(study, parts)[AVOID])
     assert (robot.kind, twin.kind, robot.level, twin.level) == ("robot", "twin", 1.0, 1.0)

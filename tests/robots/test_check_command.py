@@ -1,4 +1,4 @@
-"""`realitygap robot check` and `realitygap twin serve`."""
+"""`realitygap robot check` and `realitygap robot serve`."""
 
 from __future__ import annotations
 

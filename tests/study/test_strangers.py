@@ -76,7 +76,7 @@ def test_running_asks_first(stranger):
     folder, trace = stranger
     for work in (lambda: load_study(folder).task("touch"), lambda: build_report(folder),
                  lambda: run_study(folder, resume=True)):  # fmt: skip
-        with pytest.raises(StudyError, match=r"brings a program, .*touch.py, .* --trust .*trust=True"):
+        with pytest.raises(StudyError, match=r"brings a program, .*touch.py, .* --trust.*trust=True"):
             work()
     with pytest.raises(UsageError, match="trust: expected a bool, got 'no'"):
         load_study(folder, trust="no")

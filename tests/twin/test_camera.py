@@ -119,6 +119,21 @@ def test_a_film_of_recorded_places() -> None:
     assert np.abs(frame - quiet[0].astype(float) @ (0.299, 0.587, 0.114)).max() < 1.5
 
 
+def test_a_tracker_is_shown_the_same_surroundings() -> None:
+    """Frames that are painted onto the one before are, 3.5 cm about the robot, those of a film; and only one
+    robot is in each, however far it has jumped."""
+    x = np.array([20.0, 20.4, 20.8, 41.0, 41.5])
+    truth = Track(t=np.arange(5) / 10, x=x, y=np.full(5, 22.0), heading=x)
+    with OverheadCamera(ARENAS["obstacle-avoidance"], unit=1, grey=True) as eye:
+        for (_, whole), (_, part), at in zip(
+            eye.frames(truth, fps=10), eye.watched(truth, fps=10), x, strict=True
+        ):
+            column, row = np.rint(eye.lens.pixels(np.array([at / 100, 0.22, DISK_HEIGHT]))).astype(int)
+            here = slice(row - 55, row + 55), slice(column - 55, column + 55)
+            assert np.array_equal(part[here], whole[here])
+            assert np.abs(part.astype(int) - whole).max() < 40
+
+
 def test_a_renderer_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without EGL and OSMesa frames can be drawn all the same."""
     monkeypatch.setattr(render, "LIBRARIES", ("glory",))

@@ -110,7 +110,7 @@ def test_a_broken_gl_library_is_no_matter_of_the_twin() -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        "twin serve --arena light",
+        "robot serve --arena light",
         "record --robot twin --plan wheels --out made",
         "record --robot thymio:COM3 --plan wheels --out made",
         "evolve light --out made",

@@ -7,7 +7,7 @@ import pytest
 
 from realitygap.twin import stranger
 from realitygap.twin.body import TwinBody
-from realitygap.twin.stranger import StrangerBody, UnmodelledEffects
+from realitygap.twin.stranger import StrangerBody
 from tests.twin.rooms import ARENAS, CROWDED, OPEN
 
 AVOIDANCE = ARENAS["obstacle-avoidance"]
@@ -28,12 +28,10 @@ def test_without_its_oddities_it_is_the_twin(monkeypatch: pytest.MonkeyPatch, ro
     """It reads and drives as the twin to the bit where nothing is odd, lamp or none, and otherwise not."""
     arena = ARENAS[room]
     nothing = {"REFLECTANCE_SPREAD": 0.0, "CYLINDER_REFLECTANCE": 1.0, "PLACED_M": 0.0, "LATEST_MS": 0,
-               "SAG_PER_S": 0.0, "LAMP_INFRARED": 0.0}  # fmt: skip
+               "SAG_PER_S": 0.0, "LAMP_INFRARED": 0.0, "CROSSTALK": 0.0, "CHARGE": (1.0, 1.0)}  # fmt: skip
     with monkeypatch.context() as quiet:
         for name, value in {**nothing, "LAMP_PARTS": 1, "LAMP_RADIUS": 0.0}.items():
             quiet.setattr(stranger, name, value)
-        plain = UnmodelledEffects(crosstalk=0.0, charge=1.0)
-        quiet.setattr(UnmodelledEffects, "drawn", classmethod(lambda *_: plain))
         same, twin = StrangerBody(arena, unit=3, seed=4), TwinBody(arena, unit=3, seed=4)
         same._slip.ground[:] = twin._slip.ground
         assert driven(same) == driven(twin)
@@ -88,6 +86,6 @@ def test_neighbours_and_the_lamp_shine_into_a_sensor() -> None:
     dim = np.array(calm.proximity())
     assert (bright >= dim).all()
     assert bright.sum() > dim.sum()
-    calm._sensors._odd = UnmodelledEffects(crosstalk=0.3, charge=1.0)
+    calm._sensors.crosstalk = 0.3
     assert (np.array(calm.proximity()) >= dim).all()
     assert np.array(calm.proximity()).sum() > dim.sum()

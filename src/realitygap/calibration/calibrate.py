@@ -6,6 +6,7 @@ the form with the smallest error on held-out places is kept.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -317,6 +318,8 @@ MEASURED, LOOKUP = "measured", "lookup"
 JUDGED = {AUTO: ("extended", MEASURED)}
 """The forms between which `auto` chooses, those with fewer constants first."""
 UNLIT = "no reading held out is neither dark nor saturated: model error over noise is that of all readings"
+TURNED_DEG = 15.0
+"""Fitted directions further from the base's than any sensor is mounted."""
 FAINT = 2e-4
 """Light of a room that is none, 1/cm²: that of a white wall at 70 cm."""
 OVERFITTED = 1.3
@@ -449,11 +452,12 @@ class Fits:
 def _jobs(kind: str, form: str, *, beside: bool) -> list[tuple[str, int | None]]:
     """What has to be fitted, the longest first; the chosen form is one of those with folds."""
     judged = JUDGED.get(form, (form,))
+    done = {*judged}
     if kind == "ambient" and MEASURED in judged:
         judged = (MEASURED,)  # which rests on the extended form
+        done.add("extended")
     jobs: list[tuple[str, int | None]] = [(one, k) for one in judged[::-1] for k in (None, *range(FOLDS))]
     forms = INFRARED_FORMS if kind == "infrared" else LIGHT_FORMS
-    done = {*judged, *JUDGED.get(form, ())}
     return jobs + [(one, None) for one in forms if beside and form != LOOKUP and one not in done]
 
 
@@ -511,6 +515,13 @@ def fit_channel(
             held[name][out] = found.get(name, held[name][out])
     best = choose({name: data.rmse_lit(read) for name, read in held.items()})
     outcome = outcomes[best]
+    pairs = zip(outcome.profile.channel(kind).sensors, base.channel(kind).sensors, strict=True)
+    apart = [abs(math.remainder(a.direction_deg - b.direction_deg, 360.0)) for a, b in pairs]
+    if turned := [str(k) for k, off in enumerate(apart) if off > TURNED_DEG and k not in data.dead]:
+        said.append(
+            f"{kind}: sensors {', '.join(turned)} look more than {TURNED_DEG:g}° elsewhere than in profile "
+            f"{base.name!r}: are columns exchanged, or is it another robot's?"
+        )
     if kind == "ambient" and not room:
         outcome = replace(outcome, profile=as_bright_as_the_paper(outcome.profile))
     fits = {name: one.fit for name, one in outcomes.items()}

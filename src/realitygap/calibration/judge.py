@@ -28,7 +28,7 @@ from realitygap.calibration.recordings import (
     WheelRecording,
     count_unit,
 )
-from realitygap.calibration.wheels import refuse_few_steps, refuse_odd
+from realitygap.calibration.wheels import refuse_few_steps, refuse_lengths, refuse_odd
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.work.pool import one_thread
@@ -268,7 +268,7 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         )
     said = list(recording.warnings)
     recording = recording.of_robot(profile)
-    odometry = measure_odometry(recording, profile.wheels.track_cm)
+    odometry = measure_odometry(recording, profile)
     per_pulse = profile.provenance.cm_per_pulse(recording.pulses_per_mm)
     measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
@@ -279,7 +279,9 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
             f"a Khepera's {recording.pulses_per_mm:g} are assumed"
         )
     try:
-        refuse_odd(recording, odometry, profile)
+        refuse_odd(recording)
+        if odometry is not None:
+            refuse_lengths(recording, odometry, profile)
     except CalibrationError as error:  # a calibration would refuse it
         said.append(str(error))
     off = read - measured

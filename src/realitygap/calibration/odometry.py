@@ -1,35 +1,49 @@
-"""Odometry from a camera: centimetres per pulse, the track, and slip.
+"""Odometry: poses seen from outside, predicted from the counters over whole runs.
 
-For wheels without counters, settled commands replace pulses, whose length is then the speed per unit. With
-the track, pictures of each step give the wheels' speeds.
+One start pose for each piece of a run, and for all of them the wheels' centimetres per pulse, the track, the
+marker's place and turn on the body, and how much later poses are stamped than counters. Summed over a run, a
+noisy heading costs nothing: it is not an error of a regressor. For wheels without counters, commands replace
+pulses, whose length is then the speed per unit.
 """
 
-from __future__ import annotations
-
 import math
-from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import NamedTuple
+import sys
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from realitygap.calibration.fit import SIGMAS
 from realitygap.calibration.recordings import WheelRecording
+from realitygap.errors import CalibrationError
 from realitygap.values import Floats
-from realitygap.world.robot import Constant
+from realitygap.world.robot import Constant, Profile
 
-SLIP, CAMERA_CM, WILD = 0.06, 0.1, 6.0
-"""Initial values of slip and of the camera's error; deviations beyond which a segment is an outlier."""
-APART = 5
-"""Steps between two pictures used for lengths: far enough for the camera's error to matter little."""
-FEWEST_STEPS = 100
-"""Number of single steps of steady driving from which on slip is estimated from them."""
-SETTLED_STEPS, STEADY_STEPS = 4, 10
-"""Steps of constant command before two pictures after which wheels without counters have turned as commanded
-between them, driving or standing; a single step measures slip after the second number."""
-FEWEST = 12
-"""Least number of segments between two pictures."""
+__all__ = ["Odometry", "measure_odometry", "measured_speeds"]
+
+KEYS = ("cm_per_pulse_left", "cm_per_pulse_right", "track_cm", "marker_ahead_cm", "marker_left_cm",
+        "marker_turn_deg", "poses_late_s")  # fmt: skip
+PRIOR = np.diag(np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.3, 0.3]) ** -2)
+"""Information of what is known in advance: shares of lengths and track; the marker, in tracks; rad; s."""
+DETERMINED = np.array([0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.2])
+"""Largest deviation, in the same units, with which a constant counts as determined."""
+LONG, SHORT = 800, 100
+"""Rows of a piece at most: of the fit, and where a fit begins or pieces are few."""
+ROBUST_AT = 3.0
+"""Residuals beyond this many deviations count by their size (Huber): nearly all count as squares, so that
+leaving pieces out gives honest intervals."""
+STEPS, FURTHEST, ENOUGH = 50, 0.5, 1e-6
+"""Steps of a fit at most, and the largest and smallest of them in the constants' scales."""
+FEWEST, FEWEST_PIECES = 12, 8
+"""Least number of pictures after a movement; and of pieces for the spread that leaving one out gives."""
+FOLDS = 4
+DISAGREE, FAR = 5.0, 0.03
+"""Deviations, and share of the track, from which the halves of a recording disagree."""
+APART, STEADY_STEPS, FEWEST_STEPS = 5, 10, 100
+"""Steps between two pictures that are drawn; steps of constant command, without counters, before one that
+measures slip; and number of single steps from which on they do."""
+LEAP, SURE = 6.0, 2.0
+"""Deviations from which a step's error is a leap; and those by which slip must differ from none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,35 +53,232 @@ class Odometry:
     Attributes:
         cm_per_pulse: left and right; for wheels without counters their speeds per unit, cm/s.
         track_cm: between the wheels.
-        slip: deviation of the distance of one step, relative (of several steps' sum where no camera saw each
-            step).
+        slip: deviation of the distance of one step, relative; the base's where the poses do not determine it.
+        place_cm, heading_deg: deviations of the poses from the fitted runs.
         drift_deg_per_m: drift of the heading under equal commands.
         constants: with intervals.
+        halves: the track by the first and by the second half of the trials, cm, where they disagree.
+        theta: [7] constants as in KEYS, rad.
+        held_out: how far off (cm, degrees; medians) the ends of runs are that were not fitted, see `ends`.
+        by_base: the same by the base's constants.
         ways: [m, 2] distances by the encoders (cm), and the camera's excess over them, [m, 2].
     """
 
     cm_per_pulse: tuple[float, float]
     track_cm: float
     slip: float
+    place_cm: float
+    heading_deg: float
     drift_deg_per_m: float
     constants: tuple[Constant, ...]
+    halves: tuple[float, float] | None
+    theta: Floats = field(repr=False)
+    held_out: tuple[float, float]
+    by_base: tuple[float, float]
     ways: Floats = field(repr=False)
     beyond: Floats = field(repr=False)
 
+    def ends(self, recording: WheelRecording) -> Floats:
+        """[runs, 2] how far (cm, rad) from its last pose each run of a recording ends, predicted from its
+        first pose and the counters."""
+        return _ends(_Runs(recording, sys.maxsize), self.theta)
 
-class _Ways(NamedTuple):
-    """Segments between two pictures: pulses [m, 2], sums of the steps' squares [m, 2], distance and turn by
-    camera [m], whether both commands were equal [m], and whether it is one step of steady driving [m]."""
 
-    pulses: Floats
-    squares: Floats
-    way: Floats
-    turn: Floats
-    straight: NDArray[np.bool_]
-    steady: NDArray[np.bool_]
+class _Runs:
+    """The pictures of a recording, or of some of its trials, in pieces of at most so many rows."""
 
-    def only(self, some: NDArray[np.bool_]) -> _Ways:
-        return _Ways._make(part[some] for part in self)
+    def __init__(
+        self, recording: WheelRecording, longest: int, trials: Collection[int] | None = None
+    ) -> None:
+        assert recording.pose is not None
+        first = np.concatenate([[True], np.diff(recording.trial) != 0])
+        pulses = np.diff(recording.counters, axis=0, prepend=recording.counters[:1])
+        pulses[first] = 0.0
+        between = np.where(first, 1000.0, np.diff(recording.t_s, prepend=0.0))
+        self.t_s, self.rolled = np.cumsum(between), np.cumsum(pulses, axis=0)
+        pose = recording.pose
+        same = np.concatenate([[False], (np.diff(pose, axis=0) == 0).all(axis=1)])
+        good = np.isfinite(pose).all(axis=1) & ~(same & (pulses != 0).any(axis=1))  # no old picture again
+        if trials is not None:
+            good &= np.isin(recording.trial, list(trials))
+        piece = np.zeros(len(pose), np.int64)
+        for rows in recording.trials():
+            parts = max(1, round(len(rows) / longest))
+            piece[rows] = piece.max() + 1 + np.arange(len(rows)) * parts // len(rows)
+        self.seen = np.flatnonzero(good)
+        self.pose = pose[self.seen]
+        _, self.first, self.piece = np.unique(piece[self.seen], return_index=True, return_inverse=True)
+        self.count = len(self.first)
+
+    def start(self, theta: Floats) -> Floats:
+        """[pieces, 3] poses of the axle's middle at each piece's first picture, as seen there."""
+        start = self.pose[self.first].copy()
+        start[:, 2] -= theta[5]
+        start[:, :2] -= _turned(theta[3:5], start[:, 2])
+        return start
+
+    def predicted(self, theta: Floats, start: Floats) -> Floats:
+        """[m, 3] poses of the marker at each picture, from the axle's at each piece's first."""
+        rolled = np.stack(
+            [np.interp(self.t_s - theta[6], self.t_s, self.rolled[:, w]) * theta[w] for w in range(2)], 1
+        )
+        heading = (rolled[:, 1] - rolled[:, 0]) / theta[2]
+        turn = np.diff(heading, prepend=heading[:1])
+        chord = np.diff(rolled.mean(axis=1), prepend=rolled[:1].mean()) * np.sinc(turn / math.tau)
+        mean = heading - turn / 2
+        path = np.cumsum(np.stack([chord * np.cos(mean), chord * np.sin(mean), turn], 1), axis=0)[self.seen]
+        at, path = start[self.piece], path - path[self.first][self.piece]
+        ahead = at[:, 2] - heading[self.seen][self.first][self.piece]
+        place = at[:, :2] + _turned(path[:, :2].T, ahead) + _turned(theta[3:5], at[:, 2] + path[:, 2])
+        return np.column_stack([place, at[:, 2] + path[:, 2] + theta[5]])
+
+    def off(self, theta: Floats, start: Floats) -> Floats:
+        """[m, 3] predicted minus seen, cm and rad."""
+        off = self.predicted(theta, start) - self.pose
+        off[:, 2] = _within_half(off[:, 2])
+        return np.asarray(off)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Constants [7] as in KEYS (rad, s), deviations of place, place and heading [3], and each piece's weighed
+    residuals and their derivatives by the constants [3m, 1 + 7], without what its start pose explains."""
+
+    theta: Floats
+    error: Floats
+    pieces: Sequence[Floats]
+
+
+def _fitted(runs: _Runs, known: Floats, theta: Floats) -> _Fit:
+    """The robust least squares of all pieces (Gauss and Newton, start poses eliminated), the errors of place
+    and heading estimated from what is left."""
+    start, error = runs.start(theta), np.array([known[2], known[2], 1.0])
+    scale = _scale(known)
+    for _ in range(STEPS):
+        pieces, back = _eliminated(runs, theta, start, error, scale)
+        normal = np.sum([rows.T @ rows for rows in pieces], axis=0)
+        slope = normal[1:, 0] + PRIOR @ ((theta - known) / scale)
+        move = -np.linalg.solve(normal[1:, 1:] + PRIOR, slope)
+        move *= min(1.0, FURTHEST / np.abs(move).max())
+        theta, start = theta + move * scale, start - back @ [1.0, *move]
+        left = np.abs(runs.off(theta, start))
+        place, heading = 1.4826 * np.median(np.hypot(*left[:, :2].T)) / 1.7456, 1.4826 * np.median(left[:, 2])
+        error = np.maximum([place, place, heading], [1e-4, 1e-4, 1e-5])
+        if np.abs(move).max() < ENOUGH:
+            break
+    return _Fit(theta, error, _eliminated(runs, theta, start, error, scale)[0])
+
+
+def _eliminated(
+    runs: _Runs, theta: Floats, start: Floats, error: Floats, scale: Floats
+) -> tuple[list[Floats], Floats]:
+    """A fit's pieces, and how far back each start pose moves [pieces, 3, 1 + 7] by the residuals and by the
+    constants."""
+    off = runs.off(theta, start)
+    rows = [off / error]
+    for i in range(7):
+        moved = theta + np.where(np.arange(7) == i, 1e-6 * scale, 0.0)
+        rows.append((runs.off(moved, start) - off) / 1e-6 / error)
+    weight = np.sqrt(ROBUST_AT / np.maximum(np.abs(rows[0]), ROBUST_AT))
+    columns = np.stack(rows, axis=2) * weight[:, :, None]
+    from_start = runs.predicted(theta, start)[:, :2] - start[runs.piece, :2]
+    own = np.broadcast_to(np.eye(3), (len(off), 3, 3)).copy()
+    own[:, 0, 2], own[:, 1, 2] = -from_start[:, 1], from_start[:, 0]
+    own *= (weight / error)[:, :, None]
+    pieces, back = [], np.zeros((runs.count, 3, 8))
+    for j, a in enumerate(runs.first):
+        b = runs.first[j + 1] if j + 1 < runs.count else len(off)
+        basis, part = own[a:b].reshape(-1, 3), columns[a:b].reshape(-1, 8)
+        back[j] = np.linalg.lstsq(basis, part, rcond=None)[0]
+        pieces.append(part - basis @ back[j])
+    return pieces, back
+
+
+def _left_out(pieces: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """[7] how far the constants move if only these pieces are fitted, and their deviations by leaving out
+    each piece (jackknife), in the constants' scales; what no piece says is as uncertain as in advance."""
+    squares = np.array([rows.T @ rows for rows in pieces])
+    whole, n = squares.sum(axis=0), len(pieces)
+    moved = [-np.linalg.solve((whole - one)[1:, 1:] + PRIOR, (whole - one)[1:, 0]) for one in squares]
+    bread = np.linalg.inv(whole[1:, 1:] + PRIOR)
+    spread = (n - 1) * np.var(moved, axis=0) + np.diag(bread @ PRIOR @ bread)
+    return -bread @ whole[1:, 0], np.sqrt(spread)
+
+
+def measure_odometry(recording: WheelRecording, base: Profile) -> Odometry | None:
+    """Lengths and slip of a recording; None if a camera did not see enough of it.
+
+    Raises:
+        CalibrationError: the heading runs the other way round.
+    """
+    from scipy.stats import t
+
+    if recording.pose is None or len(_segments(recording, np.ones(7), 1)[1]) < FEWEST:
+        return None
+    length, track = 0.1 / recording.pulses_per_mm, base.wheels.track_cm
+    known = np.array([length, length, track, 0.0, 0.0, 0.0, 0.0])
+    short, runs = _Runs(recording, SHORT), _Runs(recording, LONG)
+    near = _fitted(short, known, known)
+    mirrored = _Runs(replace(recording, pose=recording.pose * (1.0, 1.0, -1.0)), SHORT)
+    if _fitted(mirrored, known, known).error[1:].prod() < near.error[1:].prod() / 3:
+        raise CalibrationError(
+            f"{recording.source}: heading_deg runs the other way: counter-clockwise from the x axis is "
+            "expected. Turn its sign round."
+        )
+    fit = _fitted(runs, known, near.theta)
+    pieces = fit.pieces if runs.count >= FEWEST_PIECES else near.pieces
+    deviation = _left_out(pieces)[1] * _scale(known)
+    size = float(t.ppf(0.975, max(len(pieces) - 1, 1))) * deviation
+    sure = (deviation < DETERMINED * _scale(fit.theta)).tolist()
+    constants = tuple(
+        Constant(key=key, value=value, low=value - half, high=value + half, told=told)
+        for key, value, half, told in zip(KEYS, _shown(fit.theta), _shown(size), sure, strict=True)
+        if recording.counted or not key.startswith("cm_per")
+    )
+    slip = _slip(recording, fit.theta, base.noise.wheel)
+    _, ways, beyond = _segments(recording, fit.theta, APART)
+    return Odometry(
+        cm_per_pulse=(float(fit.theta[0]), float(fit.theta[1])), track_cm=float(fit.theta[2]),
+        slip=slip.value, place_cm=float(fit.error[0]), heading_deg=math.degrees(fit.error[2]),
+        drift_deg_per_m=_drift(recording, fit.theta), constants=(*constants, slip),
+        halves=_halves(fit) if runs.count >= FEWEST_PIECES else None, theta=fit.theta,
+        held_out=_held_out(recording, known, fit.theta),
+        by_base=_medians(_ends(_Runs(recording, sys.maxsize), known)), ways=ways, beyond=beyond,
+    )  # fmt: skip
+
+
+def _halves(fit: _Fit) -> tuple[float, float] | None:
+    """The track by each half of the pieces alone, where they differ by more than chance explains."""
+    middle = len(fit.pieces) // 2
+    (one, a), (two, b) = (
+        (moved[2], spread[2]) for moved, spread in map(_left_out, (fit.pieces[:middle], fit.pieces[middle:]))
+    )
+    if abs(one - two) < max(DISAGREE * math.hypot(a, b), FAR):
+        return None
+    return fit.theta[2] * (1 + one), fit.theta[2] * (1 + two)
+
+
+def _ends(runs: _Runs, theta: Floats) -> Floats:
+    """[pieces, 2] see `Odometry.ends`."""
+    off = runs.off(theta, runs.start(theta))[np.append(runs.first[1:], len(runs.seen)) - 1]
+    return np.stack([np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])], 1)
+
+
+def _medians(ends: Floats) -> tuple[float, float]:
+    place, heading = np.median(ends, axis=0)
+    return float(place), math.degrees(heading)
+
+
+def _held_out(recording: WheelRecording, known: Floats, theta: Floats) -> tuple[float, float]:
+    """Ends of runs by constants fitted to the others; NaN of a single run."""
+    trials, found = np.unique(recording.trial).tolist(), []
+    for k in range(min(FOLDS, len(trials))):
+        out = trials[k::FOLDS]
+        rest = _Runs(recording, LONG, set(trials).difference(out))
+        left = _Runs(recording, sys.maxsize, out)
+        if rest.count and left.count:
+            found.append(_ends(left, _fitted(rest, known, theta).theta))
+    return _medians(np.concatenate(found)) if found else (math.nan, math.nan)
 
 
 def measured_speeds(
@@ -80,171 +291,99 @@ def measured_speeds(
     step, way = np.diff(recording.t_s), np.diff(recording.counters, axis=0)
     lengths = odometry.cm_per_pulse if odometry else cm_per_pulse
     if recording.from_commands:
-        way = np.full_like(way, np.nan)
+        way, lengths = np.full_like(way, np.nan), (1.0, 1.0)
         if odometry is not None and recording.pose is not None:
-            turn, ahead = np.array([_moved(a, b, 0.0) for a, b in pairwise(recording.pose)]).T
-            aside = turn * odometry.track_cm / 2
-            way, lengths = np.stack([ahead - aside, ahead + aside], 1), (1.0, 1.0)
+            way = _ways(recording.pose[:-1], recording.pose[1:], odometry.theta)
     out = np.full(recording.commands.shape, np.nan)
     good = (np.diff(recording.trial) == 0) & (np.abs(step - recording.period_s) < 0.2 * recording.period_s)
     out[:-1][good] = way[good] / step[good, None] * np.array(lengths)
     return out
 
 
-def measure_odometry(recording: WheelRecording, track_cm: float) -> Odometry | None:
-    """Lengths and slip of a recording; None if a camera did not see enough of it."""
-    ways = _between_pictures(recording, track_cm, apart=APART)
-    if ways is None:
-        return None
-    pulses_per_cm = 10.0 * recording.pulses_per_mm
-    theta, spread = np.array([1.0, 1.0, pulses_per_cm * track_cm]) / pulses_per_cm, np.zeros((3, 3))
-    beyond, slip, camera = _beyond(ways, theta), SLIP, CAMERA_CM
-    for _ in range(5):
-        squares = ways.squares * theta[:2] ** 2
-        likely = slip**2 * squares + camera**2
-        # A picture in which the disk was misdetected is not used.
-        seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))
-        if seen.sum() < FEWEST:
-            return None
-        theta, spread = _lengths(ways, np.where(seen[:, None], 1.0 / likely, 0.0))
-        beyond = _beyond(ways, theta)
-        slip, camera = _slip(beyond[seen], squares[seen])
-    ways, beyond = ways.only(seen), beyond[seen]
-    deviation = np.sqrt(np.diag(spread))
-    few = 1.0 / math.sqrt(2.0 * beyond.size)
-    told = _of_one_step(recording, theta)
-    if told is not None:
-        slip, few = told
-    names = ("cm_per_pulse_left", "cm_per_pulse_right", "track_cm")
-    constants = tuple(
-        Constant(key=k, value=float(v), low=float(v - SIGMAS * d), high=float(v + SIGMAS * d))
-        for k, v, d in zip(names, theta, deviation, strict=True)
-        if recording.counted or k == names[2]
-    )
-    share = Constant(
-        key="noise.wheel", value=slip, low=slip * (1 - SIGMAS * few), high=slip * (1 + SIGMAS * few),
-        told=told is not None,
-    )  # fmt: skip
-    return Odometry(
-        cm_per_pulse=(float(theta[0]), float(theta[1])), track_cm=float(theta[2]), slip=slip,
-        drift_deg_per_m=_drift(ways), constants=(*constants, share), ways=ways.pulses * theta[:2],
-        beyond=beyond,
-    )  # fmt: skip
+def _shown(theta: Floats) -> list[float]:
+    """As in KEYS, degrees for radians."""
+    return [*theta[:5].tolist(), math.degrees(theta[5]), float(theta[6])]
 
 
-def enough_pictures(recording: WheelRecording, track_cm: float) -> bool:
-    """Whether there are enough pictures for lengths."""
-    return _between_pictures(recording, track_cm, apart=APART) is not None
+def _scale(theta: Floats) -> Floats:
+    return np.array([theta[0], theta[1], theta[2], theta[2], theta[2], 1.0, 1.0])
 
 
-def _of_one_step(recording: WheelRecording, theta: Floats) -> tuple[float, float] | None:
-    """Slip over one step, and its relative deviation, from pictures of steady driving at every step; None
-    without enough of them. Slip is correlated over some steps, so sums over many say little about one."""
-    ways = _between_pictures(recording, float(theta[2]), apart=1)
-    if ways is None or ways.steady.sum() < FEWEST_STEPS:
-        return None
-    ways = ways.only(ways.steady)
-    beyond, squares = _beyond(ways, theta), ways.squares * theta[:2] ** 2
-    slip, camera = SLIP, CAMERA_CM
-    for _ in range(5):
-        likely = slip**2 * squares + camera**2
-        seen = np.asarray((np.abs(beyond) < WILD * np.sqrt(likely)).all(axis=1))
-        slip, camera = _slip(beyond[seen], squares[seen])
-    return slip, 1.0 / math.sqrt(2.0 * beyond[seen].size)
+def _turned(point: Floats, heading: Floats) -> Floats:
+    """[n, 2] points of the body [2] or [2, n] as seen from outside."""
+    c, s = np.cos(heading), np.sin(heading)
+    return np.stack([c * point[0] - s * point[1], s * point[0] + c * point[1]], 1)
 
 
-def _between_pictures(recording: WheelRecording, track_cm: float, *, apart: int) -> _Ways | None:
-    """Segments between pictures at least `apart` steps apart; None if there are too few."""
-    if recording.pose is None:
-        return None
-    found: list[tuple[Floats, Floats, float, float, bool, bool]] = []
+def _within_half(angle: Floats) -> Floats:
+    """From −π to π."""
+    return np.asarray((angle + math.pi) % math.tau - math.pi)
+
+
+def _ways(before: Floats, after: Floats, theta: Floats) -> Floats:
+    """[m, 2] ways of both wheels from poses [m, 3] to later ones, by an arc; NaN where one is unknown."""
+    begin, end = before[:, 2] - theta[5], after[:, 2] - theta[5]
+    turn = _within_half(end - begin)
+    mean = begin + turn / 2
+    moved = after[:, :2] - _turned(theta[3:5], end) - before[:, :2] + _turned(theta[3:5], begin)
+    ahead = (moved[:, 0] * np.cos(mean) + moved[:, 1] * np.sin(mean)) / np.sinc(turn / math.tau)
+    aside = turn * theta[2] / 2
+    return np.stack([ahead - aside, ahead + aside], 1)
+
+
+def _segments(recording: WheelRecording, theta: Floats, apart: int) -> tuple[Floats, Floats, Floats]:
+    """Of pictures so many steps apart, between which the wheels turned: their rows [m, 2], the ways by the
+    counters [m, 2], and what they are seen to go further [m, 2]."""
+    assert recording.pose is not None
+    seen, pieces = np.asarray(np.isfinite(recording.pose).all(axis=1)), []
     for rows in recording.trials():
-        seen = _thinned(rows[np.isfinite(recording.pose[rows]).all(axis=1)], apart)
-        for a, b in pairwise(seen):
-            if recording.from_commands and not _alike(recording.commands[rows[0] : b], a - rows[0]):
-                continue
-            steps = np.diff(recording.counters[a : b + 1], axis=0)
-            pulses = steps.sum(axis=0)
-            if not np.abs(pulses).max() > 0:
-                continue
-            guess = (pulses[1] - pulses[0]) / (10.0 * recording.pulses_per_mm) / track_cm
-            turn, way = _moved(recording.pose[a], recording.pose[b], guess)
-            told = recording.commands[a:b]
-            since = STEADY_STEPS if recording.from_commands else 1
-            before = recording.commands[max(a - since, rows[0]) : b]
-            steady = b == a + 1 and a - rows[0] >= since and bool((before == before[0]).all())
-            same = bool((told[:, 0] == told[:, 1]).all())
-            found.append((pulses, (steps**2).sum(axis=0), way, turn, same, steady))
-    if len(found) < FEWEST:
-        return None
-    return _Ways._make(np.array(column) for column in zip(*found, strict=True))
+        kept = rows[seen[rows]]
+        kept = kept[np.unique((kept - rows[0]) // apart, return_index=True)[1]]
+        pieces.append(np.stack([kept[:-1], kept[1:]], 1))
+    pairs = np.concatenate(pieces)
+    a, b = pairs.T
+    ways = (recording.counters[b] - recording.counters[a]) * theta[:2]
+    moved = (ways != 0).any(axis=1)
+    beyond = _ways(recording.pose[a], recording.pose[b], theta) - ways
+    return pairs[moved], ways[moved], beyond[moved]
 
 
-def _moved(a: Floats, b: Floats, guess: float) -> tuple[float, float]:
-    """Turn (rad), nearest to a guess, and signed length (cm) of the arc from one pose to another."""
-    (x0, y0, h0), (x1, y1, h1) = a, b
-    turn = guess + math.remainder(h1 - h0 - guess, math.tau)
-    half = turn / 2
-    mean = h0 + half
-    chord = (x1 - x0) * math.cos(mean) + (y1 - y0) * math.sin(mean)
-    return turn, chord * (half / math.sin(half) if abs(half) > 1e-6 else 1.0)
+def _slip(recording: WheelRecording, theta: Floats, known: float) -> Constant:
+    """Relative deviation of a step's way, beside the camera's own error: error² = s²·way² + c²; leaps left
+    out. From pictures of single steady steps if they tell it, since slip over several is another where it is
+    correlated; else over several; else as known."""
+    from scipy.optimize import nnls
+
+    squares = np.cumsum(np.diff(recording.counters, axis=0, prepend=recording.counters[:1]) ** 2, axis=0)
+    steady = STEADY_STEPS if recording.from_commands else 1
+    since = recording.since_change().min(axis=1)
+    for apart in (1, APART):
+        (a, b), _, beyond = (part.T for part in _segments(recording, theta, apart))
+        use = (b == a + 1) & (since[b - 1] >= steady) if apart == 1 else b > a
+        if use.sum() < (FEWEST_STEPS if apart == 1 else FEWEST):
+            continue
+        terms = np.stack(
+            [((squares[b] - squares[a]) * theta[:2] ** 2)[use].ravel(), np.ones(2 * use.sum())], 1
+        )
+        left, found = beyond.T[use].ravel() ** 2, np.array([0.06**2, 0.1**2])
+        for _ in range(20):
+            likely = terms @ found
+            near = left < LEAP**2 * likely
+            rows = terms[near] / likely[near, None]
+            found = np.maximum(nnls(rows, left[near] / likely[near])[0], (1e-8, 1e-6))
+        deviation = math.sqrt(2.0 * np.linalg.inv(rows.T @ rows)[0, 0])  # a square's: √2 times itself
+        if found[0] > SURE * deviation:
+            slip = math.sqrt(found[0])
+            half = SIGMAS * deviation / slip / 2
+            return Constant(key="noise.wheel", value=slip, low=slip - half, high=slip + half, told=apart == 1)
+    return Constant(key="noise.wheel", value=known, low=0.0, high=max(known, 1.0), told=False)
 
 
-def _alike(commands: Floats, a: int) -> bool:
-    """Whether commands were constant before row `a` of a trial (0: at rest) and the same at the end."""
-    before, last = commands[max(a - SETTLED_STEPS, 0) : a], commands[-SETTLED_STEPS:]
-    stood = a == 0 or (a >= SETTLED_STEPS and bool((before == before[0]).all()))
-    return stood and len(last) == SETTLED_STEPS and bool((last == (before[0] if a else 0.0)).all())
-
-
-def _thinned(rows: NDArray[np.int64], apart: int) -> list[int]:
-    """Of rows with pictures the first, each that is far enough from the previous one, and the last."""
-    kept: list[int] = []
-    for row in rows.tolist():
-        if not kept or row - kept[-1] >= apart:
-            kept.append(row)
-    if len(kept) > 1 and kept[-1] != rows[-1]:
-        kept[-1] = int(rows[-1])
-    return kept
-
-
-def _lengths(ways: _Ways, weight: Floats) -> tuple[Floats, Floats]:
-    """(cm per pulse left, right, track) by weighted least squares, and their covariance.
-
-    A wheel's distance is way ∓ turn·track/2, and equals its pulses' length.
-    """
-    m = len(ways.way)
-    rows = np.zeros((2 * m, 3))
-    rows[:m, 0], rows[m:, 1] = ways.pulses[:, 0], ways.pulses[:, 1]
-    rows[:m, 2], rows[m:, 2] = ways.turn / 2, -ways.turn / 2
-    wanted = np.concatenate([ways.way, ways.way])
-    root = np.sqrt(weight.T.ravel())
-    theta = np.linalg.lstsq(rows * root[:, None], wanted * root, rcond=None)[0]
-    off = (rows @ theta - wanted) * root
-    inverse = np.linalg.pinv((rows * root[:, None]).T @ (rows * root[:, None]))
-    return np.asarray(theta), np.asarray(inverse * float((off**2).sum() / max(2 * m - 3, 1)))
-
-
-def _beyond(ways: _Ways, theta: Floats) -> Floats:
-    """[m, 2] distance of each wheel beyond that of its pulses, cm."""
-    seen = np.stack([ways.way - ways.turn * theta[2] / 2, ways.way + ways.turn * theta[2] / 2], 1)
-    return np.asarray(seen - ways.pulses * theta[:2])
-
-
-def _slip(beyond: Floats, squares: Floats) -> tuple[float, float]:
-    """Relative deviation of a step's distance, and the camera's own (cm): error² = s²·Σd² + c²."""
-    x, y = squares.ravel(), beyond.ravel() ** 2
-    slip2, camera2 = 0.06**2, 0.05**2
-    for _ in range(20):
-        root = 1.0 / (slip2 * x + camera2)
-        rows = np.stack([x, np.ones_like(x)], 1) * root[:, None]
-        solved = np.linalg.lstsq(rows, y * root, rcond=None)[0]
-        slip2, camera2 = max(float(solved[0]), 1e-8), max(float(solved[1]), 1e-6)
-    return math.sqrt(slip2), math.sqrt(camera2)
-
-
-def _drift(ways: _Ways) -> float:
+def _drift(recording: WheelRecording, theta: Floats) -> float:
     """Drift of the heading under equal commands, degrees a metre; NaN without any."""
-    metres = np.abs(ways.way[ways.straight]).sum() / 100.0
-    turned = (np.sign(ways.way) * ways.turn)[ways.straight].sum()
-    return float(math.degrees(turned) / metres) if metres > 0.2 else math.nan
+    pairs, ways, beyond = _segments(recording, theta, 1)
+    unequal = np.concatenate([[0], np.cumsum(recording.commands[:, 0] != recording.commands[:, 1])])
+    way = (ways + beyond)[unequal[pairs[:, 1]] == unequal[pairs[:, 0]]]
+    metres = np.abs(way.mean(axis=1)).sum() / 100.0
+    turned = np.sign(way.mean(axis=1)) @ (way[:, 1] - way[:, 0]) / theta[2]
+    return math.degrees(turned) / metres if metres > 0.2 else math.nan

@@ -253,6 +253,12 @@ class WheelRecording(Recorded):
             self, counters=counters, pulses_per_mm=per_mm, from_commands=True, period_s=base.period_s
         )
 
+    def since_change(self) -> NDArray[np.int64]:
+        """[n, 2] steps for which each wheel's command has been the same."""
+        number, new = np.arange(len(self.commands))[:, None], np.diff(self.trial, prepend=-1)[:, None] != 0
+        changed = new | (np.diff(self.commands, axis=0, prepend=np.nan) != 0)
+        return np.asarray(number - np.maximum.accumulate(np.where(changed, number, 0), axis=0))
+
     def trials(self, *kinds: str) -> list[NDArray[np.int64]]:
         """The rows of each trial of these kinds (default: all), in order."""
         wanted = np.isin(self.kind, kinds) if kinds else np.ones(len(self.kind), bool)

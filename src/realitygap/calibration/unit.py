@@ -10,18 +10,14 @@ and robot.toml, the profile.
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, closing
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from realitygap.calibration.load import FACTS, load_recording
-from realitygap.calibration.recordings import Recording, SensorRecording
+from realitygap.calibration.recordings import Recording
 from realitygap.errors import CalibrationError
 from realitygap.files import as_path, atomic_write, move_whole, read_toml, to_toml, written_together
 from realitygap.robots.address import Address, as_scale
@@ -32,9 +28,7 @@ from realitygap.world.robot import Profile, load_profile
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
 
-__all__ = [
-    "PARTS", "PROFILE", "calibrate_share", "calibrated_again", "calibrated_robot", "calibrated_unit",
-]  # fmt: skip
+__all__ = ["PARTS", "PROFILE", "Unit", "calibrated_robot", "calibrated_unit"]
 
 PROFILE, SETTINGS, RECORDINGS = "robot.toml", "unit.toml", "recordings"
 PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
@@ -42,9 +36,7 @@ PARTS = ("ambient", "wheels", "infrared-wall", "infrared-cylinder")
 TURNS = "turns"
 NEEDS = {"ambient": "ambient", "wheels": TURNS, "infrared": "proximity"}
 """What a robot must have for each plan."""
-MEASURING = ("auto", "measured")
-"""Forms whose fit of the proximity sensors takes so long that all workers share it."""
-RECIPE = 8
+RECIPE = 9
 """Increased whenever the same settings would make another profile."""
 FIT = "fit"
 
@@ -101,16 +93,6 @@ def calibrated_unit(
     known |= {key: value for key, value in asked.items() if value is not None}
     known |= {"twin_noise": as_scale(noise, "noise"), "seed": int(as_stream(seed, "seed"))}
     return _calibrated(folder, known, workers, on_progress, meanwhile)
-
-
-def calibrated_again(
-    folder: str | Path, *, of: Path, share: float = 1.0, form: str | None = None, workers: Workers = 1
-) -> Path:
-    """Another profile of the unit in folder `of` from its recordings, or from a `share` of their places
-    (`calibrate_share`), in another `form` than the unit's own."""
-    known = Unit(of).settings | ({"share": share} if share < 1 else {}) | ({"form": form} if form else {})
-    known["of"] = os.path.relpath(of.resolve(), Path(folder).resolve())
-    return _calibrated(folder, known, workers)
 
 
 def calibrated_robot(
@@ -189,7 +171,7 @@ def _calibrated(
     def searching(done: int, total: int) -> None:
         report(FIT, len(fits) * total + done, len(kinds) * total)
 
-    shared = [name for name in unit.parts if _kind_of(name) == "infrared" and unit.form in MEASURING]
+    shared = [name for name in unit.parts if _kind_of(name) == "infrared" and unit.form != "extended"]
     jobs = [*meanwhile, *dict.fromkeys(name if name in shared else _kind_of(name) for name in unit.parts)]
     with _recorders(workers) as pool:
         pool.work(Setup(Unit, (str(folder),)), jobs, heard)
@@ -234,9 +216,8 @@ class Unit:
         self.settings = read_toml(self.folder / SETTINGS, CalibrationError, "Calibrate the unit first.")
         self.parts: list[str] = list(self.settings.get("parts", PARTS))
         # On the twin the printed form has the smallest error, which "auto" finds in three times the time.
-        self.form = str(self.settings.get("form", "extended" if "unit" in self.settings else "auto"))
-        # A share's recordings are the whole unit's.
-        self.recordings = self.folder / str(self.settings.get("of", "")) / RECORDINGS
+        self.form = "extended" if "unit" in self.settings else "auto"
+        self.recordings = self.folder / RECORDINGS
 
     def has(self, part: str) -> bool:
         """Whether a part is recorded, completely."""
@@ -282,11 +263,7 @@ class Unit:
         from realitygap.calibration.calibrate import calibrate
 
         recordings = [load_recording(self.recordings / name) for name in sorted(parts)]
-        base, how = self._base(recordings), {"form": self.form, **how}
-        if "share" in self.settings:  # a wall is more informative than a cylinder
-            some = {key: self.settings[key] for key in ("share", "seed")}
-            return calibrate_share(recordings[::-1], base, **some, **how)
-        return calibrate(recordings, base, beside=False, **how)
+        return calibrate(recordings, self.base(recordings), beside=False, form=self.form, **how)
 
     def profile(self, fits: Sequence[Calibration]) -> str:
         """The profile of all fits together, as TOML."""
@@ -298,50 +275,10 @@ class Unit:
         used.sort(key=lambda one: Path(one.recordings[0].source).name)
         recordings = [one for fit in used for one in fit.recordings]
         # The date is in the recordings: the same settings make the same file on any day.
-        return joined(used, self._base(recordings)).named(name, date="").profile.to_toml()
+        return joined(used, self.base(recordings)).named(name, date="").profile.to_toml()
 
-    def _base(self, recordings: Sequence[Recording]) -> Profile:
+    def base(self, recordings: Sequence[Recording]) -> Profile:
         """The profile that the fits start from."""
         from realitygap.calibration.calibrate import base_of
 
         return load_profile(self.settings.get("base", base_of(recordings)))
-
-
-def thinned(recording: SensorRecording, share: float, seed: int) -> SensorRecording:
-    """The recording with a share of its places, at least one; a larger share contains a smaller one."""
-    place = recording.place()
-    drawn = np.random.default_rng(seed).permutation(place.max() + 1)
-    rows = np.isin(place, drawn[: max(1, round(share * len(drawn)))])
-    names = ("distance_cm", "bearing_deg", "repeat", "counts", "pose", "speed_cm_s")
-    there = {name: column for name in names if (column := getattr(recording, name)) is not None}
-    return replace(recording, lines=(), **{name: column[rows] for name, column in there.items()})
-
-
-def calibrate_share(
-    recordings: Sequence[Recording], base: Profile, *, share: float, seed: int, **how: Any
-) -> Calibration:
-    """A calibration by a share of the places; recordings of wheels are used whole.
-
-    Recordings with too few readings left to fit are dropped, the last first; without any the base is
-    returned, with a warning that says why.
-
-    Args:
-        recordings: of one kind, the most informative first.
-        base: a profile.
-        share: of the places of each, above 0.
-        seed: of the choice of places.
-        how: its form, and the rest, as of `calibrate`.
-    """
-    from realitygap.calibration.calibrate import Calibration, calibrate
-
-    kept = [thinned(one, share, seed) if isinstance(one, SensorRecording) else one for one in recordings]
-    why = "no recordings"
-    for few in range(len(kept), 0, -1):
-        try:
-            return calibrate(kept[:few], base, beside=False, **how)
-        except CalibrationError as error:
-            why = str(error)
-    unfitted = f"constants stay as profile {base.name!r} has them: {why}"
-    return Calibration(
-        profile=base, infrared=None, ambient=None, wheels=None, recordings=(), warnings=(unfitted,)
-    )

@@ -4,7 +4,7 @@ Counters show how a wheel follows its command, in pulses; pulses per millimetre,
 be seen from outside (odometry.py).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import NamedTuple
@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.fit import SIGMAS, Tick, blind_pairs, bounded, filling
+from realitygap.calibration.fit import SIGMAS, Fit, Observed, Outcome, Parameter, Tick, Values, fit, value_of
 from realitygap.calibration.model import wheel_speeds
-from realitygap.calibration.odometry import Odometry, enough_pictures, measure_odometry, measured_speeds
+from realitygap.calibration.odometry import Odometry, measure_odometry, measured_speeds
 from realitygap.calibration.recordings import PULSES_PER_MM, WheelRecording
 from realitygap.errors import CalibrationError
 from realitygap.kernels.types import STEP_S
@@ -26,7 +26,11 @@ WHEEL_FORMS = ("printed", "refitted")
 unit."""
 SPEED_KEYS, SPEED_BOUNDS = ("speed_left", "speed_right"), (0.0625, 25.0)
 """Speeds per unit, and their bounds relative to the base's."""
-GAINS = ("kp", "ki", "kd", "lag")
+GAINS = {
+    "kp": (100.0, 9500.0, 4.0), "ki": (0.0, 4000.0, 1.0), "kd": (0.0, 40000.0, 1.0), "lag": (0.0, 1.0, 1e-3),
+    "play_cm": (0.0, 0.5, 1e-3),
+}  # fmt: skip
+"""Bounds of what is free in the form "refitted", and steps of the derivatives."""
 PRINTED = {"kp": 3800.0, "ki": 800.0, "kd": 100.0, "divisor": 50000.0, "lag": 0.0, "play_cm": 0.0}
 """§3.2.2, whatever the base has; lag and play are not in the paper."""
 FIRST_GAINS: dict[str, tuple[tuple[float, ...], ...]] = {
@@ -34,8 +38,12 @@ FIRST_GAINS: dict[str, tuple[tuple[float, ...], ...]] = {
     "refitted": ((3800.0, 100.0, 100.0, 0.1, 0.01), (4800.0, 1.0, 1.0, 0.4, 0.08)),
 }
 """Starting values of a form: gains, lag and play."""
-ROBUST_AT, SETTLING = 0.5, 0.999
-"""Residuals beyond this many cm/s count less than their square; the largest pole that is tried."""
+NOISE_CM_S, UNSTABLE_CM_S, SETTLING = 0.1, 1e3, 0.999
+"""Deviation by which residuals are weighed; misfit of gains with which a wheel does not settle; the largest
+pole that is tried."""
+SETTLED, BENT, LATE = 5, 0.1, 0.999
+"""Steps after which a wheel has its speed; share of the top speed by which a settled one may be off the
+fitted law before it is called not proportional; lag that is at its bound of a step."""
 ROUGH, OTHER_UNIT = 1.15, 4.0
 """Factor between fitted and base speeds beyond which the unit of commands is doubted."""
 FIRST_STEPS = 2
@@ -65,6 +73,8 @@ class WheelFit:
         odometry: from the camera; None without one, or if it saw too little.
         camera: whether there are any pictures.
         pulses_per_mm: of both counters, measured or known in advance; empty without counters.
+        bent: wheel, command, and the share of the fitted speed at which it settles, where that is not
+            proportional to the command.
         measured, model: [n, 2] speeds in the step after each row, cm/s.
     """
 
@@ -77,6 +87,7 @@ class WheelFit:
     odometry: Odometry | None
     camera: bool
     pulses_per_mm: tuple[float, ...]
+    bent: tuple[str, float, float] | None
     measured: Floats = field(repr=False)
     model: Floats = field(repr=False)
 
@@ -85,8 +96,10 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     """Fit a profile's wheels to a recording; constants that it says nothing of stay the base's."""
     assumed = recording.counted and not (recording.pulses_said or base.provenance.pulses_per_mm)
     recording = recording.of_robot(base)
-    odometry = measure_odometry(recording, base.wheels.track_cm)
-    refuse_odd(recording, odometry, base)
+    refuse_odd(recording)
+    odometry = measure_odometry(recording, base)
+    if odometry is not None:
+        refuse_lengths(recording, odometry, base)
     per_pulse = odometry.cm_per_pulse if odometry else (0.1 / recording.pulses_per_mm,) * 2
     measured = measured_speeds(recording, odometry, per_pulse)
     refuse_few_steps(recording, measured)
@@ -96,25 +109,24 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     threshold = friction.value if friction else base.wheels.friction_cm_s2
     start = replace(base, wheels=replace(base.wheels, track_cm=track, friction_cm_s2=threshold))
     fits = {name: _fit(name, start, recording, measured) for name in WHEEL_FORMS}
-    profile, constants, alike = fits[form]
-    constants = _with_others(constants, odometry, friction)
+    profile, found = fits[form].profile, fits[form].fit
+    constants = _with_others(found.constants, odometry, friction)
     if assumed and odometry is None:
         _refuse_assumed(recording, profile, base)
     _refuse_unit(recording, profile, base)
     if odometry is not None:
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
     model = wheel_speeds(profile, recording)
-    left = {name: wheel_speeds(made, recording) - measured for name, (made, *_) in fits.items()}
-    speeds = [c for c in constants if c.key in SPEED_KEYS and at_bound(c.value, *_speed_bounds(base))]
-    refuse_wheels(recording, measured, model, {c.key: c.value for c in speeds})
+    refuse_wheels(recording, measured, model, found)
     tick()
     return WheelFit(
-        profile=profile, form=form, constants=constants, alike=alike,
-        rmse={name: float(np.sqrt(np.nanmean(off**2))) for name, off in left.items()},
+        profile=profile, form=form, constants=constants, alike=found.alike,
+        rmse={name: float(np.sqrt(np.nanmean((one.fit.model - measured) ** 2)))
+              for name, one in fits.items()},
         friction=friction, odometry=odometry,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
         pulses_per_mm=tuple(0.1 / length for length in per_pulse if recording.counted),
-        measured=measured, model=model,
+        bent=_bent(recording, profile, measured), measured=measured, model=model,
     )  # fmt: skip
 
 
@@ -142,7 +154,40 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             f"wheels: the printed gains leave {wheels.rmse['printed']:.2f} cm/s, refitted ones "
             f"{wheels.rmse['refitted']:.2f}: this misfit is no noise"
         )
+    if any(c.key == "lag" and c.value > LATE for c in wheels.constants):
+        out.append(
+            "wheels: lag: at its bound of one step: commands act later than the law of the wheels has it"
+        )
+    if wheels.bent is not None:
+        side, command, share = wheels.bent
+        out.append(
+            f"wheels: the speed is not proportional to the command: at {command:g} the {side} wheel settles "
+            f"at {max(share, 0.0):.0%} of the fitted speed"
+        )
+    halves = wheels.odometry.halves if wheels.odometry else None
+    if halves is not None:
+        out.append(
+            f"wheels: trials disagree: the first half of them gives a track of {halves[0]:.3g} cm, the "
+            f"second {halves[1]:.3g} cm: two floors?"
+        )
     return out
+
+
+def _bent(recording: WheelRecording, profile: Profile, measured: Floats) -> tuple[str, float, float] | None:
+    """The wheel and command whose settled speed is farthest from proportional, and its share of the fitted
+    speed; None if all are within BENT of the top speed."""
+    found: list[tuple[float, str, float, float]] = []
+    for w, side in enumerate(SIDES):
+        per_unit, command = profile.wheels.speed_per_unit_cm_s[w], recording.commands[:, w]
+        use = (recording.since_change()[:, w] >= SETTLED) & (command != 0) & np.isfinite(measured[:, w])
+        for value in np.unique(command[use]).tolist():
+            speeds = measured[use & (command == value), w]
+            off = abs(float(np.median(speeds)) - value * per_unit)
+            if len(speeds) >= SETTLED:
+                found.append((off, side, value, float(np.median(speeds)) / (value * per_unit)))
+    top = max((abs(value) for *_, value, _ in found), default=0.0) * max(profile.wheels.speed_per_unit_cm_s)
+    worst = max(found, default=None)
+    return worst[1:] if worst is not None and worst[0] > BENT * top else None
 
 
 def _refuse_assumed(recording: WheelRecording, profile: Profile, base: Profile) -> None:
@@ -190,50 +235,40 @@ def _with_others(
     return (*constants, Constant(key="friction_cm_s2", value=value, low=low, high=high, told=low > 0))
 
 
-def _fit(
-    form: str, base: Profile, recording: WheelRecording, measured: Floats
-) -> tuple[Profile, tuple[Constant, ...], tuple[tuple[str, str, float], ...]]:
-    """One form's profile, its constants, and pairs that the counters cannot separate.
+def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) -> Outcome:
+    """One form's profile and fit.
 
-    Free are the speed per unit of each wheel, and in the form "refitted" the gains, the lag and the play too.
+    Free are the speed per unit of each wheel, and in the form "refitted" the gains, the lag and the play too;
+    one whose interval reaches a bound is not identifiable.
     """
-    from scipy.optimize import least_squares
-
-    keys = [*SPEED_KEYS] + ([*GAINS, "play_cm"] if form == "refitted" else [])
-    slowest, fastest = _speed_bounds(base)
-    low = np.array([slowest, slowest, 100.0, 0.0, 0.0, 0.0, 0.0][: len(keys)])
-    high = np.array([fastest, fastest, 9500.0, 4000.0, 40000.0, 1.0, 0.5][: len(keys)])
     if form == "printed":
         base = replace(base, wheels=replace(base.wheels, **PRINTED))  # type: ignore[arg-type]
-    use = _told(recording, measured)
-    speeds = _steady(recording, measured)
-
-    def residuals(theta: Floats) -> Floats:
-        law = dict(zip(keys, theta.tolist(), strict=True))
-        if not _stable(base, law):
-            return np.full(int(use.sum()), 1e3)
-        off = (wheel_speeds(_with(base, law), recording) - measured)[use]
-        return np.asarray(np.clip(off, -1e3, 1e3))
-
-    step = np.array([1e-4, 1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3][: len(keys)])
-    begun = [np.array([*speeds, *gains][: len(keys)]) for gains in FIRST_GAINS[form]]
-    tried = [
-        least_squares(
-            residuals, np.clip(begin, low, high), bounds=(low, high), x_scale=np.maximum(begin, 10.0 * step),
-            diff_step=step, loss="soft_l1", f_scale=ROBUST_AT,
-        )
-        for begin in begun
-    ]  # fmt: skip
-    found = min(tried, key=attrgetter("cost"))
-    trial = np.broadcast_to(recording.trial[:, None], use.shape)[use]
-    told = intervals(keys, found.x, (low, high), residuals, trial)
-    return _with(base, dict(zip(keys, found.x.tolist(), strict=True))), *told
-
-
-def _speed_bounds(base: Profile) -> tuple[float, float]:
-    """Bounds of a wheel's speed per unit, cm/s."""
     usual = sum(base.wheels.speed_per_unit_cm_s) / 2
-    return SPEED_BOUNDS[0] * usual, SPEED_BOUNDS[1] * usual
+    slow, fast = (share * usual for share in SPEED_BOUNDS)
+    free = dict.fromkeys(SPEED_KEYS, (slow, fast, 1e-4 * usual)) | (GAINS if form == "refitted" else {})
+    data = Observed(
+        counts=measured, noise=NOISE_CM_S, use=_told(recording, measured), clusters=_groups(recording.trial)
+    )
+
+    def model(values: Values) -> Floats:
+        law = {key: value_of(values, key) for key in values}
+        return wheel_speeds(_with(base, law), recording) if _stable(base, law) else measured + UNSTABLE_CM_S
+
+    tried = []
+    for gains in FIRST_GAINS[form]:
+        begun = zip(free.items(), (*_steady(recording, measured), *gains), strict=True)
+        parameters = [
+            Parameter(key=key, start=np.clip([value], low, high), low=low, high=high, step=step)
+            for (key, (low, high, step)), value in begun
+        ]
+        tried.append(fit(parameters, model, data))
+    found = min(tried, key=attrgetter("cost"))
+    constants = tuple(
+        replace(c, told=c.told and free[c.key][0] < c.low and c.high < free[c.key][1])
+        for c in found.constants
+    )
+    law = {key: value_of(found.values, key) for key in free}
+    return Outcome(profile=_with(base, law), fit=replace(found, constants=constants))
 
 
 def _told(recording: WheelRecording, measured: Floats) -> NDArray[np.bool_]:
@@ -261,7 +296,7 @@ def _stable(base: Profile, law: dict[str, float]) -> bool:
 
 def _with(base: Profile, values: dict[str, float]) -> Profile:
     wheels = base.wheels
-    gains = {key: values[key] for key in (*GAINS, "play_cm") if key in values}
+    gains = {key: values[key] for key in GAINS if key in values}
     speeds = (values["speed_left"], values["speed_right"])
     # A little below the loader's bound, because of rounding.
     top = min(wheels.top_command, base.body.radius_cm / base.period_s / max(speeds) * (1 - 1e-9))
@@ -273,9 +308,7 @@ def _steady(recording: WheelRecording, measured: Floats) -> list[float]:
     out = []
     for w in range(2):
         command = recording.commands[:, w]
-        changed = np.concatenate([[True], (np.diff(command) != 0) | (np.diff(recording.trial) != 0)])
-        since = np.arange(len(command)) - np.maximum.accumulate(np.where(changed, np.arange(len(command)), 0))
-        use = (since >= 5) & (command != 0) & np.isfinite(measured[:, w])
+        use = (recording.since_change()[:, w] >= SETTLED) & (command != 0) & np.isfinite(measured[:, w])
         if use.sum() < 5:
             use = (command != 0) & np.isfinite(measured[:, w])
         out.append(float((measured[use, w] * command[use]).sum() / (command[use] ** 2).sum()))
@@ -315,54 +348,24 @@ def measure_friction(recording: WheelRecording, measured: Floats) -> Friction | 
     return Friction(value, min(low, high), max(low, high), len(lows))
 
 
-# Intervals, and which constants the counters cannot separate
+# Intervals
 
 ASSUMED = 0.02
 """Relative uncertainty of pulses per mm where they were not measured: sources say 12 or 12.5."""
 LENGTHS = {"speed_left": (0,), "speed_right": (1,), "play_cm": (0, 1)}
 """Constants in cm, and the wheels whose cm per pulse they depend on."""
-STEP = 1e-4
-"""Step of the derivatives: this share of a value, or of a hundredth of its range."""
 FEWEST_TRIALS, ROWS = 10, 20
 """With fewer trials the rows are grouped by this many (2 s)."""
-
-
-def intervals(
-    names: Sequence[str],
-    theta: Floats,
-    bounds: tuple[Floats, Floats],
-    residuals: Callable[[Floats], Floats],
-    trial: NDArray[np.int64],
-) -> tuple[tuple[Constant, ...], tuple[tuple[str, str, float], ...]]:
-    """Constants with 95 % intervals, and pairs that the residuals cannot separate.
-
-    Steps of one trial [n] have correlated errors: the covariance is the sandwich clustered by trials (Liang
-    and Zeger 1986), at least that of independent steps. A constant without effect gets its whole range; one
-    whose interval ends at a bound is not identifiable (not `told`).
-    """
-    low, high = bounds
-    off = residuals(theta)
-    z = (off / ROBUST_AT) ** 2
-    columns = _columns(theta, bounds, residuals, off) * (high - low)
-    curvature = columns.T @ (columns * (1.0 + z)[:, None] ** -1.5)  # soft L1's second derivative
-    variance = max(float((off**2 / np.sqrt(1.0 + z)).sum()) / max(len(off) - len(theta), 1), 1e-300)
-    # Without information all values within the bounds are equally likely: no division by zero.
-    bread = np.linalg.inv(curvature / variance + np.eye(len(theta)))
-    scores = columns * (off / np.sqrt(1.0 + z) / variance)[:, None]
-    inner = filling(scores, _groups(trial)) + np.eye(len(theta))
-    spread = np.maximum(np.diag(bread @ inner @ bread), np.diag(bread))
-    deviation = np.sqrt(spread) * (high - low)
-    told = (low < theta - SIGMAS * deviation) & (theta + SIGMAS * deviation < high)
-    return bounded(names, theta, deviation, low, high, told), blind_pairs(names, curvature)
 
 
 def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tuple[Constant, ...]:
     """Constants in cm with the uncertainty of the pulses' length added; not identifiable where that length is
     assumed."""
-    shares = (ASSUMED, ASSUMED)
+    shares = [ASSUMED, ASSUMED]
     if odometry is not None:
-        lengths = {c.key: (c.high - c.low) / 2 / SIGMAS / c.value for c in odometry.constants}
-        shares = (lengths.get("cm_per_pulse_left", 0.0), lengths.get("cm_per_pulse_right", 0.0))
+        lengths = {c.key: c for c in odometry.constants}
+        sides = [lengths.get(f"cm_per_pulse_{side}") for side in SIDES]
+        shares = [(c.high - c.low) / 2 / SIGMAS / c.value if c else 0.0 for c in sides]
     out = []
     for c in constants:
         share = max((shares[w] for w in LENGTHS.get(c.key, ())), default=0.0)
@@ -375,37 +378,12 @@ def with_lengths(constants: Sequence[Constant], odometry: Odometry | None) -> tu
     return tuple(out)
 
 
-def at_bound(value: float, low: float, high: float) -> bool:
-    """Whether a fitted value is at one of its bounds."""
-    span = 1e-4 * (high - low)
-    return not low + span < value < high - span
-
-
 def _groups(trial: NDArray[np.int64]) -> NDArray[np.int64]:
     """[n] numbers of rows with correlated errors: a trial's, or a piece's where trials are few."""
     numbers = np.unique(trial, return_inverse=True)[1]
     if int(numbers.max(initial=0)) + 1 < FEWEST_TRIALS:
         numbers = np.unique(numbers * len(trial) + np.arange(len(trial)) // ROWS, return_inverse=True)[1]
     return np.asarray(numbers)
-
-
-def _columns(
-    theta: Floats, bounds: tuple[Floats, Floats], residuals: Callable[[Floats], Floats], off: Floats
-) -> Floats:
-    """[n, p] derivatives within the bounds; of both directions the smaller one, since unstable gains may be
-    near."""
-    low, high = bounds
-    out = np.empty((len(off), len(theta)))
-    for i, value in enumerate(theta):
-        step = STEP * max(abs(value), 0.01 * (high[i] - low[i]))
-        ways = []
-        for to in (value + step, value - step):
-            if low[i] <= to <= high[i]:
-                moved = theta.copy()
-                moved[i] = to
-                ways.append((residuals(moved) - off) / (to - value))
-        out[:, i] = min(ways, key=np.linalg.norm)
-    return out
 
 
 # What no such wheels can have made
@@ -417,12 +395,12 @@ AGAINST, OTHERS = -0.3, 0.2
 other wheel's command from which on columns count as swapped."""
 PULSES_SHARE = (0.5, 25.0 / 12.0)
 """Range of pulses per mm by camera, as a share of the value known in advance."""
-TRACK_SHARE = 0.3
+TRACK_FACTOR, MOST_SLIP = 2.0, 0.5
 EXPLAINED = 0.5
 
 
-def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profile) -> None:
-    """Refuse a recording that no robot like the base can have made, using the camera's data."""
+def refuse_odd(recording: WheelRecording) -> None:
+    """Refuse commands and counters that do not belong together."""
     for w, side in enumerate(SIDES):
         if not (recording.commands[:, w] != 0).any():
             raise CalibrationError(f"{recording.source}: the {side} wheel was never told to move.")
@@ -443,14 +421,6 @@ def refuse_odd(recording: WheelRecording, odometry: Odometry | None, base: Profi
                 raise CalibrationError(
                     f"{recording.source}: counter_{side} runs against command_{side}. Turn its sign round."
                 )
-    if odometry is not None:
-        _refuse_lengths(recording, odometry, base)
-    elif enough_pictures(recording, base.wheels.track_cm):
-        raise CalibrationError(
-            f"{recording.source}: the camera's poses fit no wheels with these counters or commands. Are x_cm "
-            "and y_cm in cm, heading_deg in degrees, and commands in units of --base? Without these three "
-            "columns counters alone are used."
-        )
 
 
 def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
@@ -465,8 +435,8 @@ def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
         )
 
 
-def _refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile) -> None:
-    """Refuse impossible pulses per mm (without counters: speeds per unit) and tracks."""
+def refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile) -> None:
+    """Refuse impossible pulses per mm (without counters: speeds per unit), tracks and slip."""
     cure = "Are x_cm and y_cm in cm, heading_deg in degrees, and counters in pulses?"
     low, high = (share * recording.pulses_per_mm for share in PULSES_SHARE)
     for side, length in zip(SIDES, odometry.cm_per_pulse, strict=True):
@@ -477,22 +447,26 @@ def _refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile
         if recording.from_commands:
             expected, got = f"{0.1 / high:.3g} to {0.1 / low:.3g} cm/s a unit", length
             cure = f"Are commands in units of profile {base.name!r}, x_cm and y_cm in cm?"
+        elif not recording.pulses_said:
+            cure = f"State the robot's pulses_per_mm in recording.toml. {cure}"
         raise CalibrationError(
             f"{recording.source}: {side} wheel: expected {expected} by the camera, got {got:.3g}. {cure}"
         )
-    least, most = ((1 + sign * TRACK_SHARE) * base.wheels.track_cm for sign in (-1, 1))
+    least, most = base.wheels.track_cm / TRACK_FACTOR, base.wheels.track_cm * TRACK_FACTOR
     if not least <= odometry.track_cm <= most:
         raise CalibrationError(
             f"{recording.source}: track: expected {least:.1f} to {most:.1f} cm, as profile {base.name!r} has "
             f"{base.wheels.track_cm:g} cm, got {odometry.track_cm:.3g} cm by the camera. {cure}"
         )
+    if odometry.slip > MOST_SLIP:
+        raise CalibrationError(
+            f"{recording.source}: the camera's poses fit no wheels with these counters or commands. {cure}"
+        )
 
 
-def refuse_wheels(
-    recording: WheelRecording, measured: Floats, model: Floats, bounded: dict[str, float]
-) -> None:
+def refuse_wheels(recording: WheelRecording, measured: Floats, model: Floats, found: Fit) -> None:
     """Refuse a fit that explains less than half of the variation of the speeds [n, 2], or whose speeds per
-    unit ended at their bounds (`bounded`, cm/s)."""
+    unit ended at their bounds."""
     for w, side in enumerate(SIDES):
         known = np.isfinite(measured[:, w])
         off = ((model - measured)[known, w] ** 2).sum()
@@ -502,8 +476,10 @@ def refuse_wheels(
                 f"{recording.source}: the fitted law explains only {max(0.0, share):.0%} of how the {side} "
                 "wheel turned: these counters or poses do not belong to these commands."
             )
-    for key, value in bounded.items():
-        raise CalibrationError(
-            f"{recording.source}: {key}: {value:g} cm/s per unit, the utmost that is tried: no wheel of this "
-            "robot. Are commands in its units, as --base has them, and counters in pulses?"
-        )
+    for key in SPEED_KEYS:
+        if key in found.at_bounds:
+            raise CalibrationError(
+                f"{recording.source}: {key}: {value_of(found.values, key):g} cm/s per unit, the utmost that "
+                "is tried: no wheel of this robot. Are commands in its units, as --base has them, and "
+                "counters in pulses?"
+            )

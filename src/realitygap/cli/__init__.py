@@ -7,8 +7,8 @@ from realitygap.cli.calibrate import calibrate
 from realitygap.cli.console import Commands
 from realitygap.cli.evolve import evolve, merge, report, reproduce
 from realitygap.cli.experiment import experiment
-from realitygap.cli.robot import record, robot, twin
-from realitygap.cli.simulate import arena, list_shipped, probe, profile, simulate
+from realitygap.cli.robot import record, robot
+from realitygap.cli.simulate import arena, probe, profile, simulate
 from realitygap.cli.study import export, replay, show
 from realitygap.cli.tracks import camera, classify, judge, score
 from realitygap.cli.transfer import drive, transfer
@@ -35,7 +35,7 @@ def realitygap() -> None:
 
 for _command in (
     *(reproduce, evolve, experiment, simulate, probe, show, replay, report, export, transfer, drive, score),
-    *(merge, classify, judge, robot, twin, record, calibrate, camera, list_shipped, profile, arena),
+    *(merge, classify, judge, robot, record, calibrate, camera, profile, arena),
 ):
     realitygap.add_command(_command)
 

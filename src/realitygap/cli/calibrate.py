@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import print_json, shown, table, warn
+from realitygap.cli.console import shown, table, tell, warn
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from realitygap.calibration.calibrate import Calibration, ChannelFit
     from realitygap.calibration.judge import Judgement
     from realitygap.work.pool import Workers
@@ -19,7 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["calibrate"]
 
 FORMS = ("paper", "individual", "extended", "measured", "lookup", "auto")
-LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
 
 
 @click.command()
@@ -29,9 +30,6 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
     type=click.Choice(FORMS),
     default="auto",
     help="Which constants are free; auto: extended or measured, whichever errs less on places held out.",
-)
-@click.option(
-    "--light", type=click.Choice(LIGHT_FORMS), help="Form for ambient light [default: that of --form]."
 )
 @click.option(
     "--object",
@@ -49,30 +47,21 @@ LIGHT_FORMS = ("paper", "individual", "linear", "extended", "measured", "auto")
 @click.option(
     "--out",
     type=options.OutFile(".toml"),
-    help="The profile to write; its report is saved beside it.",
-)
-@click.option(
-    "--report",
-    "page",
-    type=options.OutFile(".html", ".htm"),
-    help="Where to write the report instead.",
+    help="The profile to write; its report, an HTML page, is saved beside it.",
 )
 @click.option("--no-report", is_flag=True, help="Write no report.")
-@click.option("--check", is_flag=True, help="Judge a profile (last argument) by the recordings before it.")
+@click.option("--check", metavar="P", help="Fit nothing: judge this profile by the recordings.")
 @options.workers
 @options.as_json
 def calibrate(
     recordings: tuple[str, ...],
     form: str,
-    light: str | None,
     objects: tuple[str, ...],
     base: str | None,
     out: Path | None,
-    page: Path | None,
     no_report: bool,
-    check: bool,
+    check: str | None,
     workers: Workers,
-    json_output: bool,
 ) -> None:
     """Fit a robot's constants to recordings.
 
@@ -86,25 +75,23 @@ def calibrate(
     \b
     Examples: a profile from two tables; judged on a third
         realitygap calibrate wall.sam light.sam --out robot.toml
-        realitygap calibrate --check round.sam robot.toml --object cylinder:2.7
+        realitygap calibrate round.sam --object cylinder:2.7 --check robot.toml
     """
-    if check:
-        _check(recordings, objects, json_output)
+    if check is not None:
+        _check(recordings, objects, check)
         return
     if out is None:
         raise click.UsageError("--out: missing: say where to write the profile, as in --out robot.toml.")
     from realitygap import api
 
-    page = None if no_report else page or out.with_suffix(".html")
-    made = api.calibrate(recordings, base, objects=objects, form=form, light=light, out=out, workers=workers)
+    page = None if no_report else out.with_suffix(".html")
+    made = api.calibrate(recordings, base, objects=objects, form=form, out=out, workers=workers)
     if page is not None:
         from realitygap.report.calibration import write_calibration_page
 
         write_calibration_page(made, page)
-    if json_output:
-        print_json({"profile": str(out), "report": str(page) if page else None, **_facts(made)})
-    else:
-        _tell(made, out, page)
+    facts = {"profile": str(out), "report": None if page is None else str(page), **_facts(made)}
+    tell(facts, *_lines(made), f"profile {out}", *([] if page is None else [f"report {page}"]))
     warn(made.warnings)
 
 
@@ -134,6 +121,8 @@ def _facts(made: Calibration) -> dict[str, object]:
         "wheels": {
             "form": made.wheels.form,
             "rmse": made.wheels.rmse,
+            "held_out_ends": made.wheels.odometry.held_out if made.wheels.odometry else None,
+            "base_ends": made.wheels.odometry.by_base if made.wheels.odometry else None,
             "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in made.wheels.alike],
         } if made.wheels else None,
         "constants": [c.to_dict() for c in made.profile.provenance.constants],
@@ -141,94 +130,92 @@ def _facts(made: Calibration) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _tell(made: Calibration, target: Path, page: Path | None) -> None:
+def _lines(made: Calibration) -> Iterator[str]:
     from realitygap.calibration.calibrate import with_hints
 
     for fit in made.channels:
         forms = ", ".join(f"{name} {value:.1f}" for name, value in fit.by_form.items())
-        click.echo(f"{fit.kind}: RMSE by form, counts: {forms}")
-        click.echo(f"  {fit.form}: {fit.held_out[fit.form]:.1f} counts on places held out")
+        yield f"{fit.kind}: RMSE by form, counts: {forms}"
+        yield f"  {fit.form}: {fit.held_out[fit.form]:.1f} counts on places held out"
         for e in fit.noise:
             tail = ", heavier tails than normal" if e.heavy else ""
             by_reading = ", ".join(f"{size:.2f} at {reading:.0f}" for reading, size in e.bins)
             tail += f", depends on the reading: {by_reading}" if e.depends else ""
-            click.echo(f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}")
+            yield f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}"
         ratios = ", ".join(f"{m.sensor} {shown(m.lit_ratio, '.2f')}" for m in fit.judged)
         share = fit.ratio * fit.deviation / made.profile.channel(fit.kind).top
-        click.echo(
+        yield (
             "  model error over noise, held out, neither dark nor saturated: "
             f"{shown(fit.ratio, '.2f')} ({ratios}), {shown(share, '.1%')} of the full scale"
         )
-        _tell_misplaced(fit)
-        _tell_alike(fit.fit.alike)
+        yield from _misplaced(fit)
+        yield from _alike(fit.fit.alike)
     if made.wheels:
         forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())
-        click.echo(f"wheels: RMSE by form, cm/s: {forms}")
-        left, right = made.profile.wheels.speed_per_unit_cm_s
-        click.echo(
-            f"  speed per unit {left:.4f} and {right:.4f} cm/s, track {made.profile.wheels.track_cm:.3f} cm"
-        )
+        yield f"wheels: RMSE by form, cm/s: {forms}"
+        found = {c.key: f"{c.value:.3g} ({c.low:.3g} to {c.high:.3g})" for c in made.wheels.constants}
+        track = found.get("track_cm", f"{made.profile.wheels.track_cm:.3g}")
+        lag = f", lag {found['lag']} steps" if "lag" in found else ""
+        yield f"  speed per unit {found['speed_left']} and {found['speed_right']} cm/s, track {track} cm{lag}"
+        if (seen := made.wheels.odometry) is not None and isfinite(seen.held_out[0]):
+            ends, base = (
+                f"{place:.2g} cm and {angle:.2g}°" for place, angle in (seen.held_out, seen.by_base)
+            )
+            yield f"  runs held out end {ends} off (by the constants of --base {base})"
         if vague := [c.key for c in made.wheels.constants if not c.told]:
-            click.echo(f"  not identifiable from these recordings: {with_hints(vague)}")
-        _tell_alike(made.wheels.alike)
-    for said in (*made.surfaces, f"profile {target}", *([f"report {page}"] if page else ())):
-        click.echo(said)
+            yield f"  not identifiable from these recordings: {with_hints(vague)}"
+        yield from _alike(made.wheels.alike)
+    yield from made.surfaces
 
 
-def _tell_misplaced(found: ChannelFit | Judgement) -> None:
+def _misplaced(found: ChannelFit | Judgement) -> Iterator[str]:
     """How much of a model error over noise a millimetre's error of each place explains, where set by hand."""
     if isfinite(found.ratio_placed):
         share = f"{found.misplaced:.2f} of it and leave {found.ratio_placed:.2f}"
         all_of_it = f"all of it: alone they would make {found.misplaced:.2f}"
         said = share if found.ratio_placed else all_of_it
-        click.echo(f"  places set by hand, if each is a millimetre off, explain {said}")
+        yield f"  places set by hand, if each is a millimetre off, explain {said}"
 
 
-def _tell_alike(alike: tuple[tuple[str, str, float], ...]) -> None:
+def _alike(alike: tuple[tuple[str, str, float], ...]) -> Iterator[str]:
     """Pairs of constants that the data hardly tell apart, the first four."""
     if alike:
         pairs = "; ".join(f"{a} and {b} (ρ = {r:.2f})" for a, b, r in alike[:4])
         more = f"; {len(alike) - 4} more" if len(alike) > 4 else ""
-        click.echo(f"  hard to tell apart: {pairs}{more}")
+        yield f"  hard to tell apart: {pairs}{more}"
 
 
-def _check(words: tuple[str, ...], objects: tuple[str, ...], json_output: bool) -> None:
+def _check(recordings: tuple[str, ...], objects: tuple[str, ...], name: str) -> None:
+    """Judge a profile by recordings."""
     from realitygap.api import load_recordings
     from realitygap.calibration.calibrate import refuse_twice
     from realitygap.calibration.judge import judge
     from realitygap.world.robot import load_profile
 
-    if len(words) < 2:
-        raise click.UsageError("--check: expected recordings and, as the last argument, a profile.")
-    profile, read = load_profile(words[-1]), load_recordings(words[:-1], objects)
+    profile, read = load_profile(name), load_recordings(recordings, objects)
     refuse_twice(read)
     found = [judge(recording, profile) for recording in read]
     warnings = list(dict.fromkeys(warning for one in found for warning in one.warnings))
-    if json_output:
-        every = [one.to_dict() for one in found]
-        print_json({**every[0], "profile": profile.name, "warnings": warnings, "recordings": every})
-    else:
-        for one in found:
-            _tell_judgement(one)
+    every = [one.to_dict() for one in found]
+    facts = {**every[0], "profile": profile.name, "warnings": warnings, "recordings": every}
+    tell(facts, *(line for one in found for line in _judgement(one)))
     warn(warnings)
 
 
-def _tell_judgement(one: Judgement) -> None:
+def _judgement(one: Judgement) -> Iterator[str]:
     what, unit, used = ("wheel", "cm/s", 3) if one.kind == "wheels" else ("sensor", "counts", 5)
-    click.echo(
-        f"{one.source}: {one.kind}, RMSE {one.rmse:.3g} {unit}, bias {one.bias:+.3g} (model minus measured)"
-    )
+    yield f"{one.source}: {one.kind}, RMSE {one.rmse:.3g} {unit}, bias {one.bias:+.3g} (model minus measured)"
     for what_differs in one.fitted_out:
-        click.echo(f"  {what_differs}: fitted out")
+        yield f"  {what_differs}: fitted out"
     head = [what, "rmse", "bias", "error/noise where lit", "over all"]
     keys = (("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))[: used - 1]
     rows = [[m.sensor, *(shown(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
-    click.echo(table(head[:used], rows))
+    yield table(head[:used], rows)
     if isfinite(one.ratio):
         within = f"{one.within:.0%} of places err by two deviations at most"
-        click.echo(f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; {within}")
-        _tell_misplaced(one)
+        yield f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; {within}"
+        yield from _misplaced(one)
     for channel, (measured, stated) in one.noise.items():
-        click.echo(f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}")
+        yield f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}"
     if one.noise_fits is not None:
-        click.echo(f"  the profile's noise {'fits' if one.noise_fits else 'does not fit'}")
+        yield f"  the profile's noise {'fits' if one.noise_fits else 'does not fit'}"

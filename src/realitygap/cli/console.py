@@ -15,15 +15,19 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import click
 
+from realitygap.cli.options import JSON
 from realitygap.errors import RealityGapError, StudyInterruptedError
 
+if TYPE_CHECKING:
+    from realitygap.study.load import Study
+
 __all__ = [
-    "Commands", "StoppedError", "ask_trust", "at_terminal", "guarded", "note", "note_few", "note_new",
-    "print_json", "resumable", "shown", "table", "tell", "warn",
+    "Commands", "StoppedError", "as_json", "ask_trust", "at_terminal", "guarded", "load_trusted", "note",
+    "note_few", "note_new", "print_json", "resumable", "shown", "table", "tell", "warn",
 ]  # fmt: skip
 
 DEBUG = "REALITYGAP_DEBUG"
@@ -31,9 +35,6 @@ DEBUG = "REALITYGAP_DEBUG"
 
 STOPPED = 130
 """Exit code after Ctrl-C."""
-
-LONGEST = 1300
-"""Most characters of a message."""
 
 NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?%?|–|inf|")
 
@@ -74,13 +75,12 @@ def guarded(work: Callable[[], Any]) -> int:
         if os.environ.get(DEBUG, "") not in ("", "0"):
             with suppress(OSError):  # a full disk under stderr
                 traceback.print_exc()
-    line = " ".join(line.splitlines())
-    said = line if len(line) <= LONGEST else f"{line[:800]}…{line[-400:]}"  # of a damaged file, say
-    for stream, text in ((sys.stderr, said), (sys.stdout, "")):
-        try:
-            click.echo(text, stream, nl=bool(text))
-        except OSError:  # it is full: the interpreter would try it once more
-            _close(stream)
+    with suppress(OSError):  # a full disk under stderr
+        click.echo(" ".join(line.splitlines()), err=True)
+    try:
+        sys.stdout.flush()
+    except OSError:  # it is full: the interpreter would try it once more
+        _close(sys.stdout)
     return code
 
 
@@ -156,9 +156,14 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def tell(json_output: bool, value: Any, *lines: str) -> None:
-    """What a command found on stdout: `value` as JSON, or in lines of plain text."""
-    if json_output:
+def as_json() -> bool:
+    """Whether the running command prints JSON."""
+    return bool(click.get_current_context().meta.get(JSON))
+
+
+def tell(value: Any, *lines: str) -> None:
+    """What a command found on stdout: `value` as JSON if it was asked for, or in lines of plain text."""
+    if as_json():
         print_json(value)
         return
     for line in lines:
@@ -214,7 +219,15 @@ def at_terminal() -> bool:
     return sys.stdin.isatty() and sys.stderr.isatty()
 
 
-def ask_trust(study: Path, trust: bool) -> None:
+def load_trusted(folder: Path) -> Study:
+    """A study; before its programs are run, a person at a terminal is asked whether they may be."""
+    from realitygap.study.load import load_study
+
+    ask_trust(folder)
+    return load_study(folder)
+
+
+def ask_trust(study: Path) -> None:
     """Ask once, before a study's task files are run, whether they may be.
 
     Without a terminal nothing is agreed to: whatever would run a file refuses it.
@@ -224,7 +237,7 @@ def ask_trust(study: Path, trust: bool) -> None:
     """
     from realitygap.study.folder import trust_programs, untrusted_programs
 
-    found = [] if trust else untrusted_programs(study)
+    found = untrusted_programs(study)
     if found and not at_terminal():
         return
     for file in found:
@@ -233,4 +246,4 @@ def ask_trust(study: Path, trust: bool) -> None:
         )
     if found:
         click.confirm("Do you trust its author?", abort=True, err=True)
-    trust_programs(study)
+        trust_programs(study)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Unpack
 
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import ask_trust, note, note_few, note_new, resumable, tell, warn
+from realitygap.cli.console import ask_trust, load_trusted, note, note_few, note_new, resumable, tell, warn
 from realitygap.cli.experiment import show_noise, show_robots
 from realitygap.cli.simulate import note_dark
 from realitygap.cli.study import show_study
@@ -19,6 +19,7 @@ from realitygap.work.progress import ProgressLine
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from realitygap.api import ReproductionFields, StudyFields
     from realitygap.study.config import StudyConfig
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
@@ -27,12 +28,12 @@ __all__ = ["evolve", "merge", "report", "reproduce"]
 
 
 @click.command()
-@options.out("out/reproduce")
+@options.out(default=Path("out/reproduce"), help="The study's folder.")
 @options.profile(None, "  [default: a profile calibrated first, to unit 1 of the twin]")
-@options.runs("Runs for each task and noise level [default: 5].")
+@options.runs(help="Runs for each task and noise level [default: 5].")
 @options.evaluations
 @options.seed(None, " [default: 1995]")
-@options.starts("Trials of each champion on the twin [default: 8].")
+@options.starts(type=click.IntRange(1), help="Trials of each champion on the twin [default: 8].")
 @options.workers
 @options.engine
 @click.option(
@@ -50,13 +51,12 @@ def reproduce(
     no_transfer: bool,
     watch: bool,
     resume: bool,
-    json_output: bool,
-    **settings: Any,
+    **fields: Unpack[ReproductionFields],
 ) -> None:
     """Repeat the paper's experiment and write a page about it.
 
-    First, as in the paper, it records the readings of unit 1 of the twin (pseudo-reality: a physics model
-    behind the robot's own serial protocol) and fits the simulation to them. It evolves both tasks in that
+    First, as in the paper, it records the readings of unit 1 of the twin (a physics model of the robot behind
+    its own serial protocol) and fits the simulation to them. It evolves both tasks in that
     simulation at all three noise levels, has every champion drive the unit, and films one of each kind.
     It scores the runs and writes a page about them. --profile paper uses the printed constants and records
     nothing. With --resume, omitted options keep their saved values.
@@ -70,7 +70,7 @@ def reproduce(
     from realitygap.study.store import DATABASE
     from realitygap.transfer.record import load_transfers
 
-    requested = api.reproduction(out, resume, settings)
+    requested = api.reproduction(out, resume, **fields)
     if not resume:
         note_few(requested.evaluations)
     else:
@@ -91,7 +91,7 @@ def reproduce(
         )
         took = progress.took()
     made = {} if no_transfer else {"transfers": [one.to_dict() for one in load_transfers(out)]}
-    show_study(out, study, page, made, json_output=json_output)
+    show_study(out, study, page, made)
     click.echo(took, err=True)
 
 
@@ -102,9 +102,9 @@ def reproduce(
 @options.profile(None, " [default: paper]")
 @options.arena
 @options.seed(None, " [default: 1995]")
-@options.runs("Runs [default: 1].")
+@options.runs(help="Runs [default: 1].")
 @options.evaluations
-@options.out(says="The study's folder [default: out/TASK].")
+@options.out(help="The study's folder [default: out/TASK].")
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Start from a study's TOML.")
 @click.option(
     "--set",
@@ -122,15 +122,19 @@ def reproduce(
 @options.as_json
 def evolve(
     task: str,
+    noise: tuple[float, ...],
     spreads: tuple[float, ...],
+    arena: str | None,
     out: Path | None,
+    config: Path | None,
+    settings: tuple[str, ...],
     workers: Workers,
     engine: str,
     shard: Shard | None,
     watch: bool,
     resume: bool,
-    json_output: bool,
-    **fields: Any,
+    trust: bool,
+    **fields: Unpack[StudyFields],
 ) -> None:
     """Evolve controllers for TASK and make the report.
 
@@ -145,9 +149,20 @@ def evolve(
     from realitygap.study.store import DATABASE
 
     folder = api.folder_of(task, out, shard)
-    chosen = api.study_config(folder, task, spread=spreads, resume=resume, **fields)
+    chosen = api.study_config(
+        folder,
+        task,
+        config=config,
+        resume=resume,
+        trust=trust,
+        noise=noise,
+        spread=spreads,
+        settings=settings,
+        arena=arena,
+        **fields,
+    )
     if not resume:
-        _notes(chosen, task)
+        _notes(chosen)
     else:
         note_new(folder, DATABASE)
     again = f"evolve {shlex.quote(task)}{options.unusual(engine)}"
@@ -155,36 +170,24 @@ def evolve(
         study, page = api.carry_out(
             folder, chosen, workers=workers, engine=engine, resume=resume, shard=shard, watch=watch
         )
-    show_study(folder, study, page, json_output=json_output)
+    show_study(folder, study, page)
 
 
-def _notes(config: StudyConfig, task: str) -> None:
+def _notes(config: StudyConfig) -> None:
     """What is taken as it was said, though it may be a slip."""
-    from dataclasses import replace
+    from realitygap.study.folder import gather
 
-    from realitygap.tasks import load_task
-    from realitygap.world.arena import load_arena
-    from realitygap.world.robot import load_profile
-
-    loaded, profile, changes = load_task(task), load_profile(config.profile), config.task.changes()
-    if loaded.name in config.arenas:
-        changes["arena"] = load_arena(config.arenas[loaded.name])
-    loaded = replace(loaded, **changes).of(profile)
-    loaded.to_kernel(profile)  # or what the robot lacks would be told as a fault of the encoding
-    note_dark(loaded, loaded.arena)
-    population = config.evolution.make(config.encoding_for(loaded)).cells
-    note_few(config.evaluations, population)
+    task = gather(config).tasks[0]
+    note_dark(task, task.arena)
+    note_few(config.evaluations, config.evolution.make(config.encoding_for(task)).cells)
 
 
 @click.command()
 @click.argument("shards", nargs=-1, required=True, type=click.Path(path_type=Path))
-@options.out(says="Folder for the merged study [default: the shards' name without -shard-I-of-N].")
+@options.out(help="Folder for the merged study [default: the shards' name without -shard-I-of-N].")
 @options.workers
-@options.trust
 @options.as_json
-def merge(
-    shards: tuple[Path, ...], out: Path | None, workers: Workers, trust: bool, json_output: bool
-) -> None:
+def merge(shards: tuple[Path, ...], out: Path | None, workers: Workers) -> None:
     """Merge the shards of a study into one folder.
 
     SHARDS are the folders that --shard 1/N to N/N made. The result is the same as from one process, to the
@@ -209,7 +212,7 @@ def merge(
     mark = read_mark(shards[0])
     if mark is not None and mark.work == "transfer":
         target = target if out is not None else target.with_name(target.name.removesuffix(f"-{mark.work}"))
-        _merge_transfer(found, target, json_output=json_output)
+        _merge_transfer(found, target)
         return
     more = {"shards": list(map(str, found.values()))}
     if mark is not None and mark.work == "experiment noise":
@@ -218,20 +221,20 @@ def merge(
             _note_versions(load_study(place).versions() for place in sorted((target / "evolved").iterdir()))
             with ProgressLine() as progress:
                 results = noise_experiment(target, workers=workers, resume=True, on_progress=progress.show)
-            show_noise(target, results, more, json_output=json_output)
+            show_noise(target, results, more)
         return
     for folder in found.values():
-        ask_trust(folder, trust)
+        ask_trust(folder)
     driven = [folder for folder in found.values() if (folder / TRANSFERS).is_dir()]
     warn(f"{folder}: its transfers stay there; drive the merged study anew." for folder in driven)
     with resumable(target, f"realitygap report {shlex.quote(str(target))}", DATABASE):
         study = merge_runs(found, target)
         _note_versions([study.versions()])
         page = api.report(target, study, workers=workers)
-    show_study(target, study, page, more, json_output=json_output)
+    show_study(target, study, page, more)
 
 
-def _merge_transfer(shards: Mapping[Shard, Path], study: Path, *, json_output: bool) -> None:
+def _merge_transfer(shards: Mapping[Shard, Path], study: Path) -> None:
     """Put the trials of shards into the folder of the study that drove, and print them."""
     from realitygap.transfer.record import merge_trials, read_trial
 
@@ -239,7 +242,7 @@ def _merge_transfer(shards: Mapping[Shard, Path], study: Path, *, json_output: b
     tables = (read_trial(one.folder).get("versions", {}) for one in made)
     _note_versions({name: [value] for name, value in table.items()} for table in tables)
     facts = {"study": str(study), "transfers": [one.to_dict() for one in made]}
-    tell(json_output, facts, *transfer_lines(made), f"\ntransfers {study / 'transfer'}")
+    tell(facts, *transfer_lines(made), f"\ntransfers {study / 'transfer'}")
 
 
 def _note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
@@ -252,9 +255,8 @@ def _note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
 
 @click.command()
 @click.argument("study", type=click.Path(path_type=Path))
-@options.trust
 @options.as_json
-def report(study: Path, trust: bool, json_output: bool) -> None:
+def report(study: Path) -> None:
     """Rebuild the report of STUDY.
 
     STUDY is a folder; its page, figures and tables are made from its database. The folder of an experiment on
@@ -269,18 +271,16 @@ def report(study: Path, trust: bool, json_output: bool) -> None:
     from realitygap.experiments.noise import NoiseConfig
     from realitygap.experiments.robots import RobotsConfig, finished
     from realitygap.report.scores import study_tables
-    from realitygap.study.load import load_study
     from realitygap.work.pool import opened
 
     if (study / NoiseConfig.FILE).is_file():
-        show_noise(study, study / RESULTS, {}, json_output=json_output)
+        show_noise(study, study / RESULTS)
         return
     if (study / RobotsConfig.FILE).is_file():
-        show_robots(study, finished(study), json_output=json_output)
+        show_robots(study, finished(study))
         return
-    ask_trust(study, trust)
+    loaded = load_trusted(study)
     with opened(None, one_thread=True) as pool:
-        loaded = load_study(study)
         page = api.report(study, loaded, workers=pool)
     tables = [table.to_dict() for table in study_tables(loaded)]
-    tell(json_output, {"report": str(page), "tables": tables}, f"report {page}")
+    tell({"report": str(page), "tables": tables}, f"report {page}")

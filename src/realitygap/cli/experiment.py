@@ -2,29 +2,48 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import note_new, print_json, resumable, table, tell, warn
+from realitygap.cli.console import note_new, resumable, table, tell, warn
 from realitygap.cli.study import show_shard
 from realitygap.work.progress import ProgressLine, counts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from realitygap.experiments.noise import NoiseConfig
-    from realitygap.experiments.robots import Place, RobotsConfig
+    from realitygap.experiments.robots import Place
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
 
 __all__ = ["experiment", "show_noise", "show_robots"]
 
-SMALL = {"runs": 2, "starts": 2, "evaluations": 200}
 FEW = 5
 """Runs a level below which the robots' table has no scores: their means would say nothing."""
+
+
+class ExperimentSettings(TypedDict):
+    """Options that are settings of either experiment; None: the saved or the usual ones."""
+
+    levels: tuple[float, ...] | None
+    runs: int | None
+    base: str | None
+    starts: int | None
+    evaluations: int | None
+    seed: int | None
+    seconds: float | None
+
+
+class NoiseSettings(ExperimentSettings):
+    """Those of the noise experiment alone."""
+
+    twin_noise: float | None
+    tasks: tuple[str, ...] | None
+    arena: str | None
 
 
 @click.group()
@@ -38,13 +57,9 @@ def experiment() -> None:
 
 
 @experiment.command()
-@options.out("out/noise")
-@click.option(
-    "--levels",
-    metavar="L,L,…",
-    help="Noise levels (1 = observed) to evolve at and to compare with [default: 0,0.5,1,2,4].",
-)
-@options.runs("Runs of each task at each level; the units take turns [default: 40].")
+@options.out(default=Path("out/noise"), help="The study's folder.")
+@options.levels("0,0.5,1,2,4")
+@options.runs(help="Runs of each task at each level; the units take turns [default: 40].")
 @click.option(
     "--robot",
     metavar="R",
@@ -58,11 +73,15 @@ def experiment() -> None:
     metavar="N",
     help="Units of the twin, the stranger, or Enki's [default: 3].",
 )
-@options.starts("Trials of each controller on each unit [default: 8].", least=2)
+@options.starts(type=click.IntRange(2), help="Trials of each controller on each unit [default: 8].")
 @options.evaluations
-@options.twin_noise()
+@options.twin_noise
 @options.seed(None, " [default: 1995]")
-@click.option("--tasks", metavar="TASK|both", help="obstacle-avoidance or light-seeking [default: both].")
+@click.option(
+    "--tasks",
+    type=options.Parsed("TASK|both", "realitygap.experiments.noise:tasks_of"),
+    help="obstacle-avoidance or light-seeking [default: both].",
+)
 @options.seconds
 @options.arena
 @options.workers
@@ -76,8 +95,9 @@ def noise(
     engine: str,
     shard: Shard | None,
     resume: bool,
-    json_output: bool,
-    **settings: Any,
+    robot: str | None,
+    units: int | None,
+    **settings: Unpack[NoiseSettings],
 ) -> None:
     """Find which noise level crosses the reality gap best.
 
@@ -86,18 +106,30 @@ def noise(
     same starts; its tracks there are compared with the simulation at every level. Makes tables and a page of
     four figures. With --resume, omitted options keep their saved values.
 
-    \b
     Examples: the full experiment; on a twin twice as noisy; a small one to try; a robot of your own
+
+    \b
         realitygap experiment noise
         realitygap experiment noise --twin-noise 2 --out out/noise-2
         realitygap experiment noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
         realitygap experiment noise --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
     """
-    from realitygap.experiments.noise import noise_experiment
+    from realitygap.experiments.noise import NoiseConfig, noise_experiment
     from realitygap.work.shard import read_mark
 
     out = out if shard is None else shard.folder(out)
-    config = _noise_config(out, resume, settings)
+    begun = NoiseConfig.begun(out, resume=resume)
+    if robot == "twin" and begun.robot is not None:
+        raise click.UsageError(f"--robot: expected {begun.robot}, this experiment's robot, got twin.")
+    if robot is None and begun.base is not None:
+        raise click.UsageError(
+            f"--robot: expected {begun.robot}, the robot of this experiment: a program, "
+            "which runs only when you name it."
+        )
+    if robot is not None and robot.partition(":")[0] not in ("twin", "stranger", "enki") and units is None:
+        units = 1
+    own = None if robot == "twin" else robot
+    config = replace(begun, **options.given(robot=own, units=units, **settings))
     if resume:
         note_new(out, config.FILE)
     again = config.resuming(out) + options.unusual(engine)
@@ -105,13 +137,13 @@ def noise(
         results = noise_experiment(
             out, config, workers=workers, engine=engine, resume=resume, shard=shard, on_progress=progress.show
         )
-        if read_mark(out) is not None:
-            show_shard(out, {}, json_output=json_output)
-            return
-    show_noise(out, results, {}, json_output=json_output)
+    if read_mark(out) is not None:
+        show_shard(out, {})
+    else:
+        show_noise(out, results)
 
 
-def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output: bool) -> None:
+def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) -> None:
     """Make the page of a noise experiment, and print its table, with `more` parts of the JSON."""
     from realitygap.report.experiment import NoiseData, build_noise_page, noise_summary, noise_table
 
@@ -119,58 +151,27 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any], *, json_output
         drawn = counts(progress.show, "making the report", "figures")
         page = build_noise_page(out, on_progress=drawn)
     data = NoiseData.read(out)
-    rows = noise_table(data)
+    head, rows = noise_table(data)
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)
-    facts = {"study": str(out), "results": str(results), "report": str(page), **noise_summary(data), **more}
-    words = f"{table(rows.head, rows.rows)}\n\nnoise-matched level: {matched}"
-    tell(json_output, facts, f"{words}\n\nresults {results}\nreport  {page}")
-
-
-def _noise_config(out: Path, resume: bool, settings: dict[str, Any]) -> NoiseConfig:
-    """The usual experiment with what was given; or, resumed, the one that is there."""
-    from dataclasses import replace
-
-    from realitygap.experiments.noise import NoiseConfig, levels_of, tasks_of
-
-    begun = NoiseConfig.begun(out, resume=resume)
-    asked = options.given(settings)
-    if asked.get("robot") == "twin":
-        if begun.robot is not None:
-            raise click.UsageError(f"--robot: expected {begun.robot}, this experiment's robot, got twin.")
-        del asked["robot"]
-    if asked.get("robot", "enki").partition(":")[0] not in ("stranger", "enki"):
-        for key in ("units", "twin_noise"):
-            if key in asked:
-                name = f"--{key.replace('_', '-')}"
-                raise click.UsageError(f"{name}: belongs to the twin; leave it out with a robot of your own.")
-        asked["units"] = 1
-    elif begun.base is not None and "robot" not in asked:
-        raise click.UsageError(
-            f"--robot: expected {begun.robot}, the robot of this experiment: a program, "
-            "which runs only when you name it."
-        )
-    for key, read in (("levels", levels_of), ("tasks", tasks_of)):
-        if key in asked:
-            asked[key] = read(asked[key])
-    return replace(begun, **asked)
+    where = {"study": str(out), "results": str(results), "report": str(page)}
+    words = f"{table(head, rows)}\n\nnoise-matched level: {matched}"
+    tell({**where, **noise_summary(data), **(more or {})}, f"{words}\n\nresults {results}\nreport  {page}")
 
 
 @experiment.command()
-@options.out("out/robots")
+@options.out(default=Path("out/robots"), help="The study's folder.")
 @click.option(
     "--robot",
-    "robots",
+    "named",
     multiple=True,
     metavar="R",
-    help="A robot to include: twin, stranger, enki:MODEL, or a body of your own that places "
-    "itself, file.py:Class; may be repeated.",
+    help="A robot: twin, stranger, enki:MODEL, or a body of your own that places itself, file.py:Class; may "
+    "be repeated [default: the twin and, if installed, Enki's].",
 )
-@click.option("--only", is_flag=True, default=None, help="Only those that --robot names.")
 @options.base
-@click.option("--small", is_flag=True, help="A small version, in minutes: 2 runs, 2 starts, 200 evaluations.")
-@click.option("--levels", metavar="L,L,…", help="Noise levels (1 = observed) [default: 0,1,2].")
-@options.runs("Runs at each level [default: 6].")
-@options.starts("Trials of each controller [default: 4].", least=2)
+@options.levels("0,1,2")
+@options.runs(help="Runs at each level [default: 6].")
+@options.starts(type=click.IntRange(2), help="Trials of each controller [default: 4].")
 @options.evaluations
 @options.seed(None, " [default: 1995]")
 @options.seconds
@@ -178,72 +179,59 @@ def _noise_config(out: Path, resume: bool, settings: dict[str, Any]) -> NoiseCon
 @options.resume
 @options.as_json
 def robots(
-    out: Path, workers: Workers, small: bool, resume: bool, json_output: bool, **settings: Any
+    out: Path,
+    named: tuple[str, ...],
+    workers: Workers,
+    resume: bool,
+    **settings: Unpack[ExperimentSettings],
 ) -> None:
     """Calibrate, evolve and transfer on several robots.
 
-    They are the twin, the robots of EPFL's simulator Enki (its Khepera, e-puck and Thymio II)
-    and those that --robot names. Each robot is recorded, and a simulation calibrated to it. Controllers
-    that avoid obstacles evolve in it at every noise level, drive the robot and are compared with the
-    simulation. Prints one matrix for all: model error over noise, beside that of real robots' readings;
-    noise; correspondence by level; and where the simulation is as noisy as the robot. Robots that are
-    not installed are left out, unless --robot names them. With --resume, omitted options keep their saved
-    values.
+    They are those that --robot names; or the twin and the robots of EPFL's simulator Enki (its Khepera,
+    e-puck and Thymio II), if it is installed. Each robot is recorded, and a simulation calibrated to it.
+    Controllers that avoid obstacles evolve in it at every noise level, drive the robot and are compared with
+    the simulation. Prints one matrix for all: model error over noise, beside that of real robots' readings;
+    noise; correspondence by level; and where the simulation is as noisy as the robot. With --resume, omitted
+    options keep their saved values.
+
+    Examples: a small one to try, in minutes; a robot of your own beside the twin; two of Enki's
 
     \b
-    Examples: a small one to try; a robot of your own beside all others; two of Enki's alone
-        realitygap experiment robots --small
-        realitygap experiment robots --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
-        realitygap experiment robots --only --robot enki:epuck --robot enki:thymio2 --out out/enki
+        realitygap experiment robots --runs 2 --starts 2 --evaluations 200
+        realitygap experiment robots --robot twin --robot my_robot.py:MyRobot --base my_robot.toml
+        realitygap experiment robots --robot enki:epuck --robot enki:thymio2 --out out/enki
     """
-    from realitygap.experiments.robots import robots_experiment
-
-    asked = _robots_config(out, resume, {**(SMALL if small else {}), **options.given(settings)})
-    if resume:
-        note_new(out, asked.FILE)
-    with resumable(out, asked.resuming(out), asked.FILE), ProgressLine() as progress:
-        places = robots_experiment(out, asked, workers=workers, resume=resume, on_progress=progress.show)
-    show_robots(out, places, json_output=json_output)
-
-
-def show_robots(out: Path, places: list[Place], *, json_output: bool) -> None:
-    """Make the page of an experiment on several robots, and print its table."""
-    from realitygap.experiments.robots import RobotsConfig
-    from realitygap.report.experiment import NoiseData, build_robots_page, matrix, noise_summary
-
-    few = RobotsConfig.from_folder(out).runs < FEW
-    with ProgressLine() as progress:
-        drawn = counts(progress.show, "making the report", "figures")
-        page = build_robots_page(out, places, few=few, on_progress=drawn)
-    warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
-    if json_output:
-        made = [
-            {"robot": one.robot, "folder": str(one.folder), **noise_summary(NoiseData.read(one.folder))}
-            for one in places
-            if not one.why
-        ]
-        left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
-        print_json({"folder": str(out), "report": str(page), "robots": made, "left_out": left})
-        return
-    rows = matrix(places, few=few)
-    click.echo(f"{table(rows.head, rows.rows)}\n\nreport {page}")
-
-
-def _robots_config(out: Path, resume: bool, given: dict[str, Any]) -> RobotsConfig:
-    """The usual one with what was given; or, resumed, the one that is there."""
-    from dataclasses import replace
-
-    from realitygap.experiments.noise import levels_of
-    from realitygap.experiments.robots import RobotsConfig
+    from realitygap.experiments.robots import RobotsConfig, robots_experiment
 
     begun = RobotsConfig.begun(out, resume=resume)
-    if not given["robots"]:
-        del given["robots"]
-        if begun.programs:
-            raise click.UsageError(
-                f"--robot: expected {', '.join(begun.robots)}, the robots of this experiment: programs, "
-                "which run only when you name them."
-            )
-    if "levels" in given:
-        given["levels"] = levels_of(given["levels"])
-    return replace(begun, **given)
+    if begun.programs and not named:
+        raise click.UsageError(
+            f"--robot: expected {', '.join(begun.robots)}, the robots of this experiment: programs, "
+            "which run only when you name them."
+        )
+    config = replace(begun, **options.given(robots=named or None, **settings))
+    if resume:
+        note_new(out, config.FILE)
+    with resumable(out, config.resuming(out), config.FILE), ProgressLine() as progress:
+        places = robots_experiment(out, config, workers=workers, resume=resume, on_progress=progress.show)
+    show_robots(out, places)
+
+
+def show_robots(out: Path, places: list[Place]) -> None:
+    """Make the page of an experiment on several robots, and print its table."""
+    from realitygap.experiments.robots import RobotsConfig
+    from realitygap.report.experiment import build_robots_page, matrix, noise_summary, read_robots
+
+    few, robots = RobotsConfig.from_folder(out).runs < FEW, read_robots(places)
+    with ProgressLine() as progress:
+        drawn = counts(progress.show, "making the report", "figures")
+        page = build_robots_page(out, places, robots, few=few, on_progress=drawn)
+    warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
+    (head, rows), made = matrix(places, robots, few=few), [one for one in places if not one.why]
+    facts = [
+        {"robot": one.robot, "folder": str(one.folder), **noise_summary(data)}
+        for one, data in zip(made, robots.values(), strict=True)
+    ]
+    left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
+    found = {"folder": str(out), "report": str(page), "robots": facts, "left_out": left}
+    tell(found, f"{table(head, rows)}\n\nreport {page}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from functools import partial
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
     from realitygap.world.robot import Profile
 
 __all__ = [
-    "ROBOT", "OutFile", "Parsed", "arena", "as_json", "base", "baud", "checked_pose",
-    "controller", "disk", "engine", "evaluations", "given", "individual", "marker", "noise", "out", "picture",
-    "pose", "profile", "resume", "runs", "seconds", "seed", "shard", "spread", "starts", "task", "trust",
+    "JSON", "ROBOT", "OutFile", "Parsed", "arena", "as_json", "base", "baud", "checked_pose", "controller",
+    "engine", "evaluations", "given", "individual", "levels", "marker", "noise", "out", "picture", "pose",
+    "profile", "resume", "runs", "seconds", "seed", "shard", "spread", "starts", "task", "trust",
     "twin_noise", "unusual", "watch", "workers",
 ]  # fmt: skip
 
@@ -100,11 +101,21 @@ class OutFile(click.Path):
         return path
 
 
-NOISE = Parsed("LEVEL", "realitygap.world.robot:noise_level")
+NOISE = Parsed("LEVEL", "realitygap.world.robot:noise_level", "noise: ")
 ROBOT = Parsed("R", "realitygap.robots.address:Address.parse", "robot: ")
 SHARD = Parsed("I/N", "realitygap.work.shard:Shard.parse", "shard: ")
 
-as_json = click.option("--json", "json_output", is_flag=True, help="Print JSON, and nothing else.")
+LEVELS = Parsed("L,L,…", "realitygap.experiments.noise:levels_of")
+JSON = "realitygap.json"
+"""Key of a context's `meta`: whether the command prints JSON."""
+as_json = click.option(
+    "--json",
+    is_flag=True,
+    expose_value=False,
+    callback=lambda context, _, asked: context.meta.update({JSON: asked}),
+    help="Print JSON, and nothing else.",
+)
+"""`console.tell` obeys it."""
 arena = click.option(
     "--arena", metavar="A", help="Arena instead of the task's: a shipped arena's name or a TOML file."
 )
@@ -113,12 +124,19 @@ base = click.option(
     metavar="P",
     help="Rough profile of a robot of your own, a TOML file with its radius, heights, top command and speed.",
 )
-disk = click.option("--disk", metavar="FILE", help="The disk's TOML file [default: the shipped disk].")
 marker = click.option(
     "--marker",
     metavar="M",
-    help="What the robot wears: disk, aruco:DICTIONARY:NUMBER or apriltag:FAMILY:NUMBER, optionally followed "
-    "by ,size=MM,x=MM,y=MM,angle=DEGREES,height=MM [default: disk].",
+    help="What the robot wears: disk (the shipped one), another disk's FILE.toml, aruco:DICTIONARY:NUMBER or "
+    "apriltag:FAMILY:NUMBER, optionally followed by ,size=MM,x=MM,y=MM,angle=DEGREES,height=MM "
+    "[default: disk].",
+)
+baud = click.option(
+    "--baud",
+    type=click.Choice([*map(str, BAUD_RATES), "any"]),
+    default="38400",
+    callback=lambda _, __, said: None if said == "any" else int(said),
+    help="Baud rate set by the jumpers of a Khepera or a twin; any: try them all.",
 )
 
 
@@ -148,14 +166,22 @@ individual = click.option(
     metavar="WHO",
     help="champion (retested), fittest (as in the paper), or the number of an evaluation.",
 )
+out = partial(click.option, "--out", type=click.Path(path_type=Path), metavar="DIR")
 picture = click.option(
     "--picture",
-    type=OutFile(".png", ".svg", ".pdf"),
-    help="Draw the path to FILE (.png, .svg or .pdf).",
+    type=OutFile(".png", ".svg", ".pdf", ".gif", ".mp4"),
+    help="Draw the path to FILE (.png, .svg or .pdf), or animate it (.gif or .mp4).",
+)
+pose = partial(
+    click.option,
+    "--pose",
+    type=PoseType(),
+    help="The robot's centre (cm) and heading (degrees), as in 25,25,90.",
 )
 resume = click.option(
     "--resume", is_flag=True, help="Continue an interrupted study to exactly the same result."
 )
+runs = partial(click.option, "--runs", type=click.IntRange(1), metavar="K")
 seconds = click.option(
     "--seconds",
     type=click.FloatRange(0.1),
@@ -165,7 +191,7 @@ seconds = click.option(
 trust = click.option(
     "--trust",
     is_flag=True,
-    help="Trust what was made elsewhere: run the files it brings, which are programs.",
+    help="From now on trust what was made elsewhere: run the files it brings, which are programs.",
 )
 shard = click.option(
     "--shard",
@@ -181,8 +207,15 @@ spread = click.option(
     help="Draw the robot's constants anew for each trial, within this share (0.1: ±10 %). May be repeated, "
     "for several conditions.",
 )
+starts = partial(click.option, "--starts", metavar="N")
 task = click.option(
     "--task", metavar="TASK", help="Task whose arena the tracks were made in [default: guessed]."
+)
+twin_noise = click.option(
+    "--twin-noise",
+    type=click.FloatRange(0, LARGEST_SCALE),
+    metavar="X",
+    help="Noise scale of a twin or of Enki [default: 1].",
 )
 watch = click.option(
     "--watch",
@@ -219,20 +252,10 @@ def seed(default: int | None = 0, says: str = "") -> Callable[[Decorator], Decor
     return click.option("--seed", type=kind, default=default, metavar="S", help=f"Random seed.{says}")
 
 
-def runs(says: str) -> Callable[[Decorator], Decorator]:
-    """`--runs K`."""
-    return click.option("--runs", type=click.IntRange(1), metavar="K", help=says)
-
-
-def starts(says: str, default: int | None = None, least: int = 1) -> Callable[[Decorator], Decorator]:
-    """`--starts N`."""
-    return click.option("--starts", type=click.IntRange(least), default=default, metavar="N", help=says)
-
-
-def out(default: str | None = None, says: str = "The study's folder.") -> Callable[[Decorator], Decorator]:
-    """`--out DIR`."""
-    kind, usual = click.Path(path_type=Path), None if default is None else Path(default)
-    return click.option("--out", type=kind, default=usual, metavar="DIR", help=says)
+def levels(usual: str) -> Callable[[Decorator], Decorator]:
+    """`--levels L,L,…`."""
+    says = f"Noise levels (1 = observed) to evolve at and to compare with [default: {usual}]."
+    return click.option("--levels", type=LEVELS, help=says)
 
 
 def controller(required: bool = True) -> Callable[[Decorator], Decorator]:
@@ -248,38 +271,13 @@ def controller(required: bool = True) -> Callable[[Decorator], Decorator]:
     return click.option("--controller", required=required, metavar="C", callback=whose, help=says)
 
 
-def pose(required: bool = True) -> Callable[[Decorator], Decorator]:
-    """`--pose X,Y,HEADING_DEG`."""
-    says = "The robot's centre (cm) and heading (degrees), as in 25,25,90."
-    return click.option("--pose", type=PoseType(), required=required, help=says)
-
-
 def profile(default: str | None = "paper", says: str = "") -> Callable[[Decorator], Decorator]:
     """`--profile P`."""
     says = f"Robot: a shipped profile's name or a TOML file.{says}"
     return click.option("--profile", default=default, metavar="P", help=says)
 
 
-def twin_noise() -> Callable[[Decorator], Decorator]:
-    """`--twin-noise X`; None if omitted."""
-    kind, says = click.FloatRange(0, LARGEST_SCALE), "Noise scale of a twin or of Enki [default: 1]."
-    return click.option("--twin-noise", type=kind, metavar="X", help=says)
-
-
-def baud(
-    says: str = "Baud rate set by the jumpers of a Khepera or a twin; any: try them all.",
-    any_rate: bool = True,
-) -> Callable[[Decorator], Decorator]:
-    """`--baud B`; with `any_rate` also "any", which is passed on as None."""
-    kind = click.Choice([*map(str, BAUD_RATES), *["any"] * any_rate])
-
-    def rate(_: click.Context, __: click.Parameter, said: str) -> int | None:
-        return None if said == "any" else int(said)
-
-    return click.option("--baud", type=kind, default="38400", callback=rate, help=says)
-
-
-def given(options: dict[str, Any]) -> dict[str, Any]:
+def given(**options: Any) -> dict[str, Any]:
     """Those options that were not omitted."""
     return {name: value for name, value in options.items() if value is not None}
 

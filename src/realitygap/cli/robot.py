@@ -1,17 +1,17 @@
-"""`realitygap robot check`, `twin serve` and `record`: a robot by its address, and the twin as one."""
+"""`realitygap robot check`, `robot serve` and `record`: a robot by its address, and the twin as one."""
 
 from __future__ import annotations
 
 import math
 import sys
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import click
 from click.core import ParameterSource
 
 from realitygap.cli import options
-from realitygap.cli.console import StoppedError, print_json, table, tell
+from realitygap.cli.console import StoppedError, as_json, table, tell
 from realitygap.work.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from realitygap.values import Pose, Readings
     from realitygap.world.arena import Arena
 
-__all__ = ["record", "robot", "twin"]
+__all__ = ["record", "robot"]
 
 BAR_CHARACTERS = 40
 MOVE_CM_S, MOVE_S = 4.0, 0.5
@@ -33,6 +33,8 @@ MOVE_CM_S, MOVE_S = 4.0, 0.5
 
 ROOM_CM = 60.0
 """Side of the empty room in which a robot that places itself is checked."""
+BAUD = 38400
+"""Rate of the twin's line."""
 
 SAID = {"leds": "all LEDs, on and off", "faults": "answers that had to be requested again"}
 """What a robot finds out by itself, in words."""
@@ -40,11 +42,12 @@ SAID = {"leds": "all LEDs, on and off", "faults": "answers that had to be reques
 
 @click.group()
 def robot() -> None:
-    """Talk to a robot.
+    """Check a robot, or serve a twin as one.
 
     \b
-    Example:
+    Examples:
         realitygap robot check --robot khepera:/dev/ttyUSB0
+        realitygap robot serve --arena avoidance
     """
 
 
@@ -57,16 +60,14 @@ def robot() -> None:
     help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, "
     "or a body of your own, file.py:Class.",
 )
-@options.baud()
+@options.baud
 @options.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
 @click.option(
     "--seconds", type=click.FloatRange(0.1), default=3.0, help="Seconds for which to show the sensors."
 )
 @click.option("--yes", is_flag=True, help="Let it move 2 cm and back without asking.")
 @options.as_json
-def check(
-    where: Address, baud: int | None, profile: str, seconds: float, yes: bool, json_output: bool
-) -> None:
+def check(where: Address, baud: int | None, profile: str, seconds: float, yes: bool) -> None:
     """Check that a robot works.
 
     Shows its sensors, counters, the timing of its loop, and whatever else it has. It moves only with your
@@ -93,23 +94,20 @@ def check(
         if body.places_itself:
             body.enter({"size_cm": [ROOM_CM] * 2}, 0, Pose(x=ROOM_CM / 2, y=ROOM_CM / 2, heading=0.0))
         facts = _about(where, body)
-        if not json_output:
+        if not as_json():
             about = [f"{name} {fact}" for name, fact in facts.items() if name not in ("robot", "port")]
             click.echo(": ".join([str(where), ", ".join(about)]) if about else str(where))
-        facts |= _sensors(body, seconds, live=not json_output and sys.stdout.isatty())
+        facts |= _sensors(body, seconds, live=not as_json() and sys.stdout.isatty())
         facts |= {"counters": _counters(body)}
-        if not json_output:
+        if not as_json():
             _tell(facts, body.channels)
-        facts["movement"] = _movement(body, units) if _agreed(yes, json_output) else None
+        facts["movement"] = _movement(body, units) if _agreed(yes) else None
         found = body.inspect()
-    if json_output:
-        print_json({**facts, **found})
-        return
+    lines = [f"{SAID.get(name, name)}: {fact}" for name, fact in found.items()]
     if facts["movement"]:
         counted = "counters {left} and {right} pulses, then back".format(**facts["movement"])
-        click.echo(f"moved: {counted}" if facts["counters"] else "moved ahead and back")
-    for name, fact in found.items():
-        click.echo(f"{SAID.get(name, name)}: {fact}")
+        lines.insert(0, f"moved: {counted}" if facts["counters"] else "moved ahead and back")
+    tell({**facts, **found}, *lines)
 
 
 def _about(where: Address, body: Body) -> dict[str, Any]:
@@ -220,9 +218,9 @@ def _tell(facts: dict[str, Any], channels: Sequence[Channel]) -> None:
         click.echo(f"note: {loop['note']}")
 
 
-def _agreed(yes: bool, json_output: bool) -> bool:
+def _agreed(yes: bool) -> bool:
     """Whether the person lets the robot move; without anyone to ask it stands."""
-    if yes or json_output or not sys.stdin.isatty():
+    if yes or as_json() or not sys.stdin.isatty():
         return yes
     return click.confirm("Let it move 2 cm forward and back? Its wheels must be free", default=False)
 
@@ -239,40 +237,22 @@ def _movement(body: Body, units: int) -> dict[str, int | None]:
     return {"left": left, "right": right}
 
 
-@click.group()
-def twin() -> None:
-    """Serve a physics twin of the Khepera (pseudo-reality).
-
-    \b
-    Example:
-        realitygap twin serve --arena avoidance
-    """
-
-
-@twin.command()
+@robot.command()
 @click.option(
     "--arena", "arena_name", required=True, metavar="TASK", help="A task, or an arena's name or TOML file."
 )
 @click.option("--unit", type=click.IntRange(0), default=1, metavar="N", help="Which robot.")
-@options.twin_noise()
-@options.seed(says=" It does not change the unit's constants: those depend on --unit alone.")
-@options.baud("Baud rate set by its jumper.", any_rate=False)
-@options.pose(required=False)
+@options.twin_noise
+@options.pose()
 @options.as_json
-def serve(
-    arena_name: str,
-    unit: int,
-    twin_noise: float | None,
-    seed: int,
-    baud: int,
-    pose: options.Numbers | None,
-    json_output: bool,
-) -> None:
-    """Put a twin on a pseudo-terminal and serve it until Ctrl-C.
+def serve(arena_name: str, unit: int, twin_noise: float | None, pose: options.Numbers | None) -> None:
+    """Serve a twin of the Khepera until Ctrl-C.
+
+    The twin, a physics model, answers on a pseudo-terminal in the robot's own serial protocol.
 
     \b
     Example: a robot that any Khepera program can talk to
-        realitygap twin serve --arena avoidance
+        realitygap robot serve --arena avoidance
     """
     import signal
 
@@ -285,24 +265,23 @@ def serve(
     if pose is not None:
         start = options.checked_pose(pose, arena, load_profile("paper"))
     noise = 1.0 if twin_noise is None else twin_noise
-    body = TwinBody(arena.plain(), unit=unit, noise=noise, seed=seed)
+    body = TwinBody(arena.plain(), unit=unit, noise=noise)
     if start is not None:
         body.place(start.x, start.y, start.heading)
     for number in (signal.SIGTERM, signal.SIGHUP):  # its folder is removed however it is ended
         signal.signal(number, signal.default_int_handler)
-    with Server(Firmware(body, baud=baud, name=f"twin unit {unit}")) as server:
+    with Server(Firmware(body, baud=BAUD, name=f"twin unit {unit}")) as server:
         facts = {
             "device": server.device,
             "channel": server.channel,
             "unit": unit,
             "noise": noise,
-            "seed": seed,
-            "baud": baud,
+            "baud": BAUD,
             "arena": arena.plain(),
             "pose": None if start is None else (start.x, start.y, start.heading),
         }
         lines = (f"device: {server.device}", f"second channel: {server.channel}")
-        tell(json_output, facts, *lines, f"{baud} baud, unit {unit}; Ctrl-C ends it")
+        tell(facts, *lines, f"{BAUD} baud, unit {unit}; Ctrl-C ends it")
         try:
             server.serve()
         except KeyboardInterrupt:
@@ -327,6 +306,19 @@ def _arena(name: str) -> tuple[Arena, Pose | None]:
     return task.arena, Pose.from_degrees(task.start.x_cm, task.start.y_cm, sum(task.start.heading_deg) / 2)
 
 
+class PlanSettings(TypedDict):
+    """Options that `Plan` takes by the same names."""
+
+    kind: str
+    object: str | None
+    reflectance: float
+    repeats: int
+    bearings: int | None
+    distances_cm: tuple[float, ...] | None
+    seed: int
+    marker: str | None
+
+
 class Reflectance(click.FloatRange):
     """How much light a surface throws back; "unknown" is NaN."""
 
@@ -344,6 +336,7 @@ class Reflectance(click.FloatRange):
 )
 @click.option(
     "--plan",
+    "kind",
     type=click.Choice(["infrared", "ambient", "wheels", "all"]),
     required=True,
     help="What to record.",
@@ -378,29 +371,20 @@ class Reflectance(click.FloatRange):
     "10,12.5,15 too].",
 )
 @options.seed(says=" It does not change a twin's constants: those depend on its unit alone.")
-@options.twin_noise()
-@options.baud()
+@options.twin_noise
+@options.baud
 @options.base
 @options.marker
-@click.option(
-    "--notes",
-    default="",
-    show_default=False,
-    metavar="TEXT",
-    help="Notes kept with the recording: which robot, where, by whom.",
-)
 @click.option("--resume", is_flag=True, help="Continue interrupted recordings.")
 @options.as_json
 def record(
     robot: Address,
-    plan: str,
     out: str,
     twin_noise: float | None,
     baud: int | None,
     base: str | None,
     resume: bool,
-    json_output: bool,
-    **places: Any,
+    **places: Unpack[PlanSettings],
 ) -> None:
     """Record a robot at known places, for a calibration.
 
@@ -408,9 +392,10 @@ def record(
     poses all over the arena of light seeking. Wheels: speed steps, standing starts, straight lines and
     turns. Each finished place is saved at once; --resume continues after an interruption.
 
-    \b
     Examples: all that a calibration of a twin needs; a robot at a wall, and how to continue after "q";
     a robot of your own
+
+    \b
         realitygap record --robot twin:7 --plan all --out unit-7
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall
         realitygap record --robot serial:/dev/ttyUSB0 --plan infrared --object wall --out wall --resume
@@ -423,22 +408,21 @@ def record(
         raise click.UsageError(
             f"--base: expected the rough profile of {robot}: its radius, heights, top command and speed."
         )
-    wanted = Plan(kind=plan, base=load_profile(base) if base is not None else None, **places)
-    settings = {"baud": baud, "noise": 1.0 if twin_noise is None else twin_noise}
-    made, facts = _recorded(robot, settings, wanted, out, resume)
+    wanted = Plan(base=load_profile(base) if base is not None else None, **places)
+    made, facts = _recorded(robot, baud, 1.0 if twin_noise is None else twin_noise, wanted, out, resume)
     finished, fields = all(one.finished for one in made), ("kind", "places", "done", "finished", "seconds")
     recordings = [{"folder": str(one.folder), **{key: getattr(one, key) for key in fields}} for one in made]
     seconds = sum(one.seconds for one in made)
-    found = {"out": out, "plan": plan, **facts, "finished": finished, "seconds": seconds}
+    found = {"out": out, "plan": wanted.kind, **facts, "finished": finished, "seconds": seconds}
     lines = [
         f"{one.folder}: {one.kind}, {one.done} of {one.places} places, {one.seconds:.1f} s" for one in made
     ]
     lines += [] if finished else ["not finished: the same command with --resume continues"]
-    tell(json_output, {**found, "recordings": recordings}, *lines)
+    tell({**found, "recordings": recordings}, *lines)
 
 
 def _recorded(
-    robot: Address, settings: dict[str, Any], wanted: Plan, out: str, resume: bool
+    robot: Address, baud: int | None, noise: float, wanted: Plan, out: str, resume: bool
 ) -> tuple[list[Result], dict[str, Any]]:
     """What was recorded, and the facts of the robot."""
     from realitygap.calibration.record import record as make
@@ -448,7 +432,7 @@ def _recorded(
     with ExitStack() as stack:
         if robot.unit is None:
             stack.enter_context(StopOnSignal())
-        body = stack.enter_context(closing(robot.open(**settings)))
+        body = stack.enter_context(closing(robot.open(baud=baud, noise=noise)))
         facts = {name: fact for name, fact in body.description().items() if name != "units"}
         report: Progress = stack.enter_context(ProgressLine()).places if body.places_itself else _written
         try:

@@ -1,4 +1,4 @@
-"""`realitygap simulate`, `probe`, `list`, `profile`, `arena`: a robot in an arena, and what there is."""
+"""`realitygap simulate`, `probe`, `profile`, `arena`: a robot in an arena, and what there is."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ from realitygap.cli import options
 from realitygap.cli.console import note, shown, table, tell
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from realitygap.simulation.simulation import Simulation
     from realitygap.tasks.task import Task
     from realitygap.track import Trajectory
     from realitygap.values import Pose
     from realitygap.world.arena import Arena
+    from realitygap.world.robot import Profile
+    from realitygap.world.toml import Value
 
 __all__ = [
-    "arena", "list_shipped", "note_dark", "path_table", "probe", "profile", "simulate", "simulation_facts",
+    "arena", "note_dark", "path_table", "probe", "profile", "save_path", "simulate", "simulation_facts",
 ]  # fmt: skip
 
 EVERY = 10
@@ -29,7 +33,7 @@ EVERY = 10
 @click.command()
 @click.argument("task")
 @options.controller()
-@options.pose()
+@options.pose(required=True)
 @options.profile()
 @options.arena
 @options.noise()
@@ -47,7 +51,6 @@ def simulate(
     seed: int,
     seconds: float | None,
     picture: Path | None,
-    json_output: bool,
 ) -> None:
     """Simulate one trial of TASK.
 
@@ -67,18 +70,16 @@ def simulate(
     driver = named_controller(controller, played.feeds, len(played.sensors))
     trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=place, seconds=seconds)
     if picture is not None:
-        from realitygap.report import save_picture
-
-        save_picture(picture, played, simulation.profile, trajectory, played.title)
+        save_path(picture, played, simulation.profile, trajectory)
     lines = [f"\nscore {score:.6g}, end at ({trajectory.end.x:.1f}, {trajectory.end.y:.1f}) cm"]
     lines += [] if picture is None else [f"picture {picture}"]
     found = {**simulation_facts(simulation, seed), **trajectory.to_dict(), "score": score}
-    tell(json_output, found, path_table(trajectory), *lines)
+    tell(found, path_table(trajectory), *lines)
 
 
 @click.command()
 @click.argument("task")
-@options.pose()
+@options.pose(required=True)
 @options.profile()
 @options.arena
 @options.noise()
@@ -86,14 +87,7 @@ def simulate(
 @click.option("--repeat", type=click.IntRange(1, 10**6), default=1, metavar="N", help="Read N times.")
 @options.as_json
 def probe(
-    task: str,
-    pose: options.Numbers,
-    profile: str,
-    arena: str | None,
-    noise: float,
-    seed: int,
-    repeat: int,
-    json_output: bool,
+    task: str, pose: options.Numbers, profile: str, arena: str | None, noise: float, seed: int, repeat: int
 ) -> None:
     """Read a robot's sensors at a place in TASK's arena.
 
@@ -112,7 +106,7 @@ def probe(
             rows = [[k, *(f"{round(one, 2):.15g}" for one in row)] for k, row in enumerate(readings.tolist())]
             head = ["reading", *(f"s{i}" for i in range(readings.shape[1]))]
             lines += [f"{title}, counts", table(head, rows)]
-    tell(json_output, {**simulation_facts(simulation, seed), **found}, *lines)
+    tell({**simulation_facts(simulation, seed), **found}, *lines)
 
 
 def _placed(
@@ -165,80 +159,54 @@ def path_table(trajectory: Trajectory) -> str:
     return table(head, rows)
 
 
-@click.command("list")
-@options.as_json
-def list_shipped(json_output: bool) -> None:
-    """List the tasks, arenas and robot profiles there are.
+def save_path(file: Path, task: Task, profile: Profile, trajectory: Trajectory) -> None:
+    """A picture of a trial's path; as .gif or .mp4 it moves."""
+    from realitygap.report import save_animation, save_picture
 
-    \b
-    Example:
-        realitygap list
-    """
-    from realitygap.tasks import TASKS
-    from realitygap.world.toml import shipped
-
-    found = {"tasks": TASKS, **{kind: shipped(kind) for kind in ("arenas", "profiles")}}
-    tell(json_output, found, *(f"{kind}: {', '.join(names)}" for kind, names in found.items()))
+    save = save_animation if file.suffix.lower() in (".gif", ".mp4") else save_picture
+    save(file, task, profile, trajectory, task.title)
 
 
-def _show(folder: str, name: str, loaded: Any, json_output: bool) -> None:
-    """A shipped file as it is, with its comments, or a user's as it was read."""
-    from realitygap.world.toml import shipped_text
-
-    tell(json_output, loaded.to_dict(), (shipped_text(folder, name) or loaded.to_toml()).rstrip())
-
-
-@click.group()
-def arena() -> None:
-    """Show arenas.
-
-    \b
-    Example:
-        realitygap arena show light-seeking
-    """
-
-
-@arena.command("show")
-@click.argument("name")
-@options.as_json
-def show_arena(name: str, json_output: bool) -> None:
+@click.command()
+@click.argument("name", required=False)
+def arena(name: str | None) -> None:
     """Print an arena's walls, cylinders and lamps.
 
-    NAME is a shipped arena or a TOML file. Without --json this is TOML: save it, change it, and give the file
-    to --arena.
+    NAME is a shipped arena or a TOML file; without it, the names of the shipped ones are listed. Save what is
+    printed, change it, and give the file to --arena.
 
     \b
     Example: an arena of your own
-        realitygap arena show obstacle-avoidance > arena.toml
+        realitygap arena obstacle-avoidance > arena.toml
     """
     from realitygap.world.arena import load_arena
 
-    _show("arenas", name, load_arena(name), json_output)
+    _show("arenas", name, load_arena)
 
 
-@click.group()
-def profile() -> None:
-    """Show robot profiles.
-
-    \b
-    Example:
-        realitygap profile show paper
-    """
-
-
-@profile.command("show")
-@click.argument("name")
-@options.as_json
-def show_profile(name: str, json_output: bool) -> None:
+@click.command()
+@click.argument("name", required=False)
+def profile(name: str | None) -> None:
     """Print all constants of a robot.
 
-    NAME is a shipped profile or a TOML file. Without --json this is TOML: save it, change it, and give the
-    file to --profile.
+    NAME is a shipped profile or a TOML file; without it, the names of the shipped ones are listed. Save what
+    is printed, change it, and give the file to --profile.
 
     \b
     Example: a robot of your own
-        realitygap profile show paper > mine.toml
+        realitygap profile paper > mine.toml
     """
     from realitygap.world.robot import load_profile
 
-    _show("profiles", name, load_profile(name), json_output)
+    _show("profiles", name, load_profile)
+
+
+def _show(folder: str, name: str | None, load: Callable[[str], Value]) -> None:
+    """A shipped file as it is, with its comments, or a user's as it was read; or the shipped ones' names."""
+    from realitygap.world.toml import shipped, shipped_text
+
+    if name is None:
+        click.echo("\n".join(shipped(folder)))
+    else:
+        loaded = load(name)
+        click.echo((shipped_text(folder, name) or loaded.to_toml()).rstrip())

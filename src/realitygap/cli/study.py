@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import ask_trust, print_json, shown, table, tell
-from realitygap.cli.simulate import path_table, simulation_facts
+from realitygap.cli.console import load_trusted, shown, table, tell
+from realitygap.cli.simulate import path_table, save_path, simulation_facts
 from realitygap.errors import StudyError
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ SCORES = ("behaviour", "correspondence")
 )
 @options.trust
 @options.as_json
-def show(study: str, run: str | None, picture: Path | None, trust: bool, json_output: bool) -> None:
+def show(study: str, run: str | None, picture: Path | None, trust: bool) -> None:
     """Show the runs of STUDY, or one of them.
 
     STUDY is a folder. RUN is a number or a name such as obstacle-avoidance/observed/1; its
@@ -55,12 +55,8 @@ def show(study: str, run: str | None, picture: Path | None, trust: bool, json_ou
         if run is None:
             raise click.BadParameter("draws the network of one RUN: name it.", param_hint="'--picture'")
         _draw(loaded, runs[0], picture)
-    if json_output:
-        print_json({"study": study, "runs": [_run_facts(loaded, one) for one in runs]})
-    elif run is None:
-        click.echo(_run_table(runs))
-    else:
-        _print_run(loaded, runs[0])
+    text = _run_table(runs) if run is None else _run_text(loaded, runs[0])
+    tell({"study": study, "runs": [_run_facts(loaded, one) for one in runs]}, text)
 
 
 def _run_facts(study: Study, run: Run) -> dict[str, Any]:
@@ -98,18 +94,18 @@ def _state(run: Run) -> str:
     return "finished" if run.finished else "unfinished"
 
 
-def _print_run(study: Study, run: Run) -> None:
+def _run_text(study: Study, run: Run) -> str:
     """One run: its figures as comments, then its champion's genotype, so that it can be saved."""
-    click.echo(
-        f"# run {run.id}, {run.name}, seed {run.seed}\n"
-        f"# {run.evaluations} evaluations, {_state(run)}\n"
-        f"# best fitness {shown(run.best_fitness)}, champion retested {shown(run.champion_fitness)}"
-    )
+    lines = [
+        f"# run {run.id}, {run.name}, seed {run.seed}",
+        f"# {run.evaluations} evaluations, {_state(run)}",
+        f"# best fitness {shown(run.best_fitness)}, champion retested {shown(run.champion_fitness)}",
+    ]
     for (who, noise), scores in run.tests.items():
         mean, sd = shown(scores.mean()), shown(scores.std())
-        click.echo(f"# {who} at noise {noise}: {mean}, sd {sd}, {scores.size} trials")
+        lines.append(f"# {who} at noise {noise}: {mean}, sd {sd}, {scores.size} trials")
     genes = run.champion if run.champion is not None else run.fittest
-    click.echo((_text(study, run, genes) or "# no genotype yet").rstrip())
+    return "\n".join([*lines, (_text(study, run, genes) or "# no genotype yet").rstrip()])
 
 
 def _draw(study: Study, run: Run, picture: Path) -> None:
@@ -134,27 +130,23 @@ def _text(study: Study, run: Run, genes: Genes | None) -> str | None:
     return None if genes is None else str(study.slots(run.task, genes))
 
 
-def show_study(
-    folder: Path, study: Study, page: Path | None, more: Mapping[str, Any] | None = None, *, json_output: bool
-) -> None:
+def show_study(folder: Path, study: Study, page: Path | None, more: Mapping[str, Any] | None = None) -> None:
     """Print a study's runs and scores, and where it and its page are; for a shard, which has none, the
     finished runs, and how to merge all shards. `more` are further parts of the JSON."""
     from realitygap.report.scores import study_tables
 
     runs = study.runs if page is not None else [run for run in study.runs if run.finished]
     facts = [_run_facts(study, run) for run in runs]
-    if not json_output:
-        click.echo(_run_table(runs))
     if page is None:
-        show_shard(folder, {"runs": facts}, json_output=json_output)
+        show_shard(folder, {"runs": facts}, _run_table(runs))
         return
     scores = study_tables(study)
     rows = [table.to_dict() for table in scores]
     found = {"study": str(folder), "report": str(page), "runs": facts, "tables": rows, **(more or {})}
-    tell(json_output, found, *_score_lines(scores), f"\nstudy  {folder}\nreport {page}")
+    tell(found, _run_table(runs), *_score_lines(scores), f"\nstudy  {folder}\nreport {page}")
 
 
-def show_shard(folder: Path, more: Mapping[str, Any], *lines: str, json_output: bool) -> None:
+def show_shard(folder: Path, more: Mapping[str, Any], *lines: str) -> None:
     """Print what a shard did, where it is, and how all of them are put together."""
     from realitygap.work.shard import read_mark, whole_of
 
@@ -163,7 +155,7 @@ def show_shard(folder: Path, more: Mapping[str, Any], *lines: str, json_output: 
     facts = {"study": str(folder), "shard": str(mark.shard), **more}
     whole = shlex.quote(str(folder.with_name(whole_of(folder).name)))
     merging = f"realitygap merge {whole}-shard-*-of-{mark.shard.of}"
-    tell(json_output, facts, *lines, f"\nshard {mark.shard} in {folder}\nwhen all are done: {merging}")
+    tell(facts, *lines, f"\nshard {mark.shard} in {folder}\nwhen all are done: {merging}")
 
 
 def _score_lines(tables: Sequence[ScoreTable]) -> list[str]:
@@ -186,13 +178,9 @@ def _score_lines(tables: Sequence[ScoreTable]) -> list[str]:
 @options.profile(None, " [default: the study's own]")
 @options.noise(None, " [default: the run's own]")
 @options.seed()
-@options.pose(required=False)
+@options.pose()
 @options.seconds
 @options.picture
-@click.option(
-    "--animation", type=options.OutFile(".gif", ".mp4"), help="Animate the trial to FILE (.gif or .mp4)."
-)
-@options.trust
 @options.as_json
 def replay(
     study: Path,
@@ -204,9 +192,6 @@ def replay(
     pose: options.Numbers | None,
     seconds: float | None,
     picture: Path | None,
-    animation: Path | None,
-    trust: bool,
-    json_output: bool,
 ) -> None:
     """Replay an evolved individual.
 
@@ -217,14 +202,12 @@ def replay(
 
     \b
     Example:
-        realitygap replay out/reproduce 1 --noise double --animation champion.gif
+        realitygap replay out/reproduce 1 --noise double --picture champion.gif
     """
     from realitygap.simulation.simulation import Simulation
-    from realitygap.study.load import load_study
     from realitygap.world.robot import load_profile
 
-    ask_trust(study, trust)
-    loaded = load_study(study)
+    loaded = load_trusted(study)
     one = loaded.run(run)
     who, genes = _individual(one, individual)
     task, level = loaded.task(one.task), one.noise if noise is None else noise
@@ -232,16 +215,12 @@ def replay(
     place = None if pose is None else options.checked_pose(pose, task.arena, robot)
     simulation, networks = Simulation(task, robot, level), loaded.networks(one.task, genes)
     trajectory, score = simulation.trajectory(networks, stream=seed, pose=place, seconds=seconds)
-    if picture is not None or animation is not None:
-        from realitygap.report import save_animation, save_picture
-
-        for made, save in ((picture, save_picture), (animation, save_animation)):
-            if made is not None:
-                save(made, task, robot, trajectory, task.title)
+    if picture is not None:
+        save_path(picture, task, robot, trajectory)
     whose = {"study": str(study), "run": one.id, "name": one.name, "individual": who}
     found = {**whose, **simulation_facts(simulation, seed), **trajectory.to_dict(), "score": score}
-    saved = [f"saved {made}" for made in (picture, animation) if made is not None]
-    tell(json_output, found, path_table(trajectory), f"\n{one.name}, {who}: score {score:.6g}", *saved)
+    saved = [] if picture is None else [f"saved {picture}"]
+    tell(found, path_table(trajectory), f"\n{one.name}, {who}: score {score:.6g}", *saved)
 
 
 def _individual(run: Run, who: str) -> tuple[str, Genes]:
@@ -256,8 +235,9 @@ def _individual(run: Run, who: str) -> tuple[str, Genes]:
 def export() -> None:
     """Export tables, a trial's log, or a controller's source.
 
-    \b
     Examples: all tables; a trial's log; a controller for any chip with a C compiler
+
+    \b
         realitygap export tables out/reproduce --out tables
         realitygap export log out/reproduce 1 --out logs
         realitygap export source out/reproduce 1 --out avoider
@@ -275,9 +255,7 @@ into = click.option(
     "--format", "kind", type=click.Choice(["parquet", "csv"]), default="parquet", help="Of the files."
 )
 @into
-@options.trust
-@options.as_json
-def tables(study: Path, kind: str, out: Path, trust: bool, json_output: bool) -> None:
+def tables(study: Path, kind: str, out: Path) -> None:
     """Write STUDY as tables for pandas, R, DuckDB or a spreadsheet.
 
     A file each: runs, evaluations, tests, trials, scores. The documentation's page How to look at results
@@ -288,13 +266,9 @@ def tables(study: Path, kind: str, out: Path, trust: bool, json_output: bool) ->
         realitygap export tables out/reproduce --format csv --out tables
     """
     from realitygap.export.tables import write_tables
-    from realitygap.study.load import load_study
 
-    ask_trust(study, trust)
-    made = write_tables(load_study(study), kind, out)
-    rows = {path.stem: count for path, count in made.items()}
-    facts = {"study": str(study), "format": kind, "files": [str(path) for path in made], "rows": rows}
-    tell(json_output, facts, *(f"wrote {path}: {count} rows" for path, count in made.items()))
+    for path, count in write_tables(load_trusted(study), kind, out).items():
+        click.echo(f"wrote {path}: {count} rows")
 
 
 @export.command()
@@ -305,18 +279,8 @@ def tables(study: Path, kind: str, out: Path, trust: bool, json_output: bool) ->
 @options.individual
 @click.option("--robot", metavar="ROBOT", help="The trial's robot: its folder in transfer/, such as twin-1.")
 @click.option("--start", type=click.IntRange(1), metavar="N", help="Which trial [default: the first].")
-@options.trust
-@options.as_json
 def log(
-    study: Path,
-    run: str,
-    kind: str,
-    out: Path,
-    individual: str,
-    robot: str | None,
-    start: int | None,
-    trust: bool,
-    json_output: bool,
+    study: Path, run: str, kind: str, out: Path, individual: str, robot: str | None, start: int | None
 ) -> None:
     """Write a trial on a robot as a log for Rerun or Foxglove.
 
@@ -328,14 +292,10 @@ def log(
         realitygap export log out/reproduce 1 --format mcap --out logs
     """
     from realitygap.export.logs import trial_log, write_log
-    from realitygap.study.load import load_study
 
-    ask_trust(study, trust)
-    one = load_study(study).run(run)
-    trial = trial_log(one, individual, robot, start)
+    trial = trial_log(load_trusted(study).run(run), individual, robot, start)
     path = write_log(trial, kind, out)
-    facts = {"study": str(study), "run": one.id, "format": kind, "file": str(path), "trial": trial.name}
-    tell(json_output, facts, f"wrote {path}: {path.stat().st_size:,} bytes")
+    click.echo(f"wrote {path}: {path.stat().st_size:,} bytes")
 
 
 @export.command()
@@ -351,18 +311,7 @@ def log(
 @into
 @options.individual
 @click.option("--name", default="controller", metavar="NAME", help="Prefix of files and functions.")
-@options.trust
-@options.as_json
-def source(
-    study: Path,
-    run: str,
-    language: str,
-    out: Path,
-    individual: str,
-    name: str,
-    trust: bool,
-    json_output: bool,
-) -> None:
+def source(study: Path, run: str, language: str, out: Path, individual: str, name: str) -> None:
     """Write an evolved controller for a robot's processor.
 
     It uses whole numbers only, and is the same to the bit as in the simulation: readings in counts go in,
@@ -375,30 +324,14 @@ def source(
         realitygap export source out/reproduce 1 --language arduino --name avoider --out .
     """
     from realitygap.export.onboard import on_board, sizes, write_source
-    from realitygap.study.load import load_study
 
-    ask_trust(study, trust)
-    one = load_study(study).run(run)
-    who, genes = _individual(one, individual)
-    board = on_board(one, who, genes, name=name)
+    one = load_trusted(study).run(run)
+    board = on_board(one, *_individual(one, individual), name=name)
     made = write_source(board, language, out)
-    compiled = next((path for path in made if path.suffix == ".c"), None)
-    code = sizes(compiled) if compiled is not None else {}
-    facts = {
-        "study": str(study),
-        "run": one.id,
-        "individual": who,
-        "name": board.name,
-        "language": language,
-        "files": [str(path) for path in made],
-        "state_bytes": board.state_bytes,
-        "code_bytes": code,
-    }
+    for path in made:
+        click.echo(f"wrote {path}")
     neurons, links = len(board.thresholds), len(board.sources)
-    tell(
-        json_output,
-        facts,
-        *(f"wrote {path}" for path in made),
-        f"{neurons} neurons, {links} links; {board.state_bytes} bytes of state",
-        *(f"{chip}: {size} bytes of code and tables" for chip, size in code.items()),
-    )
+    click.echo(f"{neurons} neurons, {links} links; {board.state_bytes} bytes of state")
+    compiled = next((path for path in made if path.suffix == ".c"), None)
+    for chip, size in (sizes(compiled) if compiled is not None else {}).items():
+        click.echo(f"{chip}: {size} bytes of code and tables")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import shown, table, tell, warn
+from realitygap.cli.console import as_json, shown, table, tell, warn
 from realitygap.errors import RealityGapError, TrackError
 from realitygap.work.progress import FILM_AFTER_S, ProgressLine
 
@@ -44,7 +44,6 @@ def camera() -> None:
 @click.option("--poses", required=True, metavar="FILE", help="CSV: frame, x_cm, y_cm, heading_deg.")
 @click.option("--out", type=options.OutFile(".json"), required=True, help="Write the camera there (.json).")
 @options.marker
-@options.disk
 @click.option(
     "--lens-height",
     type=click.FloatRange(0),
@@ -57,9 +56,7 @@ def calibrate(
     poses: str,
     out: Path,
     marker: str | None,
-    disk: str | None,
     lens_height: float | None,
-    json_output: bool,
 ) -> None:
     """Calibrate a camera with known poses.
 
@@ -73,12 +70,12 @@ def calibrate(
     from realitygap.film.calibrate import calibrate_camera, read_frames
     from realitygap.film.tag import load_marker
 
-    worn, known = load_marker(marker, disk), read_frames(frames, poses)
+    worn, known = load_marker(marker), read_frames(frames, poses)
     with ProgressLine(FILM_AFTER_S) as line:
         report = partial(line.frames, "calibrating")
         made = calibrate_camera(known, worn, lens_height_cm=lens_height, on_progress=report)
     made.camera.save(out)
-    tell(json_output, {"camera": str(out), **made.to_dict()}, *_calibration_lines(made), f"saved {out}")
+    tell({"camera": str(out), **made.to_dict()}, *_calibration_lines(made), f"saved {out}")
     warn(made.warnings)
 
 
@@ -90,8 +87,7 @@ def calibrate(
     help="Write the page there (.pdf, .svg or .png).",
 )
 @options.marker
-@options.disk
-def print_sheet(out: Path, marker: str | None, disk: str | None) -> None:
+def print_sheet(out: Path, marker: str | None) -> None:
     """Write a page with a marker to print.
 
     Print it at 100 %, measure its ruler, cut the marker out along its rim and fix it on the robot, its line
@@ -104,7 +100,7 @@ def print_sheet(out: Path, marker: str | None, disk: str | None) -> None:
     from realitygap.film.printed import save_sheet
     from realitygap.film.tag import load_marker
 
-    save_sheet(out, load_marker(marker, disk))
+    save_sheet(out, load_marker(marker))
     click.echo(f"saved {out}")
 
 
@@ -126,19 +122,10 @@ def _calibration_lines(made: Calibration) -> tuple[str, str]:
 @click.argument("film", type=click.Path())
 @click.option("--camera", required=True, metavar="FILE", help="Calibration of the camera (camera.json).")
 @options.marker
-@options.disk
 @click.option("--out", type=options.OutFile(".csv"), required=True, help="Write the track there (.csv).")
 @click.option("--tails", type=options.OutFile(".png"), help="Draw tails over the last frame there (.png).")
 @options.as_json
-def track(
-    film: str,
-    camera: str,
-    marker: str | None,
-    disk: str | None,
-    out: Path,
-    tails: Path | None,
-    json_output: bool,
-) -> None:
+def track(film: str, camera: str, marker: str | None, out: Path, tails: Path | None) -> None:
     """Track the robot in FILM.
 
     FILM is any film from above (MP4, MOV, MKV, AVI …) of a robot that wears a marker. The track is a table:
@@ -154,7 +141,7 @@ def track(
     from realitygap.film.tag import load_marker
     from realitygap.film.tracker import track_film
 
-    model, worn = load_camera(camera), load_marker(marker, disk)
+    model, worn = load_camera(camera), load_marker(marker)
     begun = time.perf_counter()
     with ProgressLine(FILM_AFTER_S) as line:
         tracked = track_film(film, model, worn, partial(line.frames, "tracking"))
@@ -166,8 +153,8 @@ def track(
     facts = {"film": film, "camera": camera, "trouble": tracked.trouble, "seconds": seconds}
     rows = {"lost": tracked.track.lost, **tracked.track.to_dict(), "warnings": warnings}
     saved = (f"saved {made}" for made in (out, tails) if made is not None)
-    tell(json_output, {**facts, **rows}, *_track_lines(tracked, seconds), *saved)
-    if tracked.trouble is not None and not json_output:
+    tell({**facts, **rows}, *_track_lines(tracked, seconds), *saved)
+    if tracked.trouble is not None and not as_json():
         warn([f"{tracked.trouble}; what could be read is kept."])
     warn(warnings)
 
@@ -210,15 +197,14 @@ def _track_lines(tracked: Tracked, seconds: float) -> Iterator[str]:
     "--ceiling", metavar="PATH", help="Tracks of a different behaviour; they set the zero of the scale."
 )
 @options.as_json
-def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_output: bool) -> None:
+def score(a: str, b: str | None, task: str | None, ceiling: str | None) -> None:
     """Score how alike two sets of tracks are.
 
-    A (say, simulated) and B (situated) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
+    A (say, simulated) and B (on the robot) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
     a column start separates several trials and a column unit several robots; or what `realitygap camera
     track` or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
-    transfer` needs no B: its simulated trials are compared with its situated
-    ones. 10 means as alike as the same robot twice, 0 a different behaviour; the output says what these ends
-    were measured on.
+    transfer` needs no B: its simulated trials are compared with those on the robot. 10 means as alike as the
+    same robot twice, 0 a different behaviour; the output says what these ends were measured on.
 
     \b
     Examples:
@@ -237,7 +223,7 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None, json_out
     setting = setting_of(every, load_task(task)) if task else setting_of([] if whose else every, whose)
     made = compare(sets[0], sets[1], setting, ceiling=others)
     warnings = doubts_of(every)
-    tell(json_output, {"a": a, "b": b, **made.to_dict(), "warnings": warnings}, *_comparison_lines(made))
+    tell({"a": a, "b": b, **made.to_dict(), "warnings": warnings}, *_comparison_lines(made))
     warn(warnings)
 
 
@@ -266,8 +252,9 @@ def _comparison_lines(made: Comparison) -> Iterator[str]:
     response = "" if made.responsiveness is None else f", responsiveness {made.responsiveness:+z.2f}"
     yield f"  noisiness {made.noisiness:+z.2f}{response} (log2 of B to A), looping {made.looping:+z.2f}"
     if made.matched:
-        when = "never part" if made.parting_s is None else f"part by {made.parting_s:.1f} s"
-        yield f"trials are paired by start; half {when}; transferability {made.transferability:z.2f}"
+        when = "beyond the trial" if made.parting_s is None else f"{made.parting_s:.1f} s"
+        paired = f"trials are paired by start; median divergence time {when}"
+        yield f"{paired}; transferability {made.transferability:z.2f}"
     yield f"can they be told apart? nearest neighbours, p = {made.p:.3f} (a test, not a scale)"
     yield f"{made.trials[0]} and {made.trials[1]} trials; task: {made.setting}"
     yield f"10 is: {made.scale.floor_from}; 0 is: {made.scale.ceiling_from}"
@@ -279,7 +266,7 @@ def _comparison_lines(made: Comparison) -> Iterator[str]:
 @click.argument("tracks", type=click.Path())
 @options.task
 @options.as_json
-def classify(tracks: str, task: str | None, json_output: bool) -> None:
+def classify(tracks: str, task: str | None) -> None:
     """Name the behaviour in TRACKS.
 
     One name a trial: the paper's kinds (one way turner, two way turner, wall follower, one way looper;
@@ -303,7 +290,7 @@ def classify(tracks: str, task: str | None, json_output: bool) -> None:
     rows = [(n.start, n.name, f"{n.confidence:.2f}") for n in named]
     facts = {"task": setting.name, "name": common, "tracks": entries, "warnings": warnings}
     named_table = table(("start", "name", "confidence"), rows)
-    tell(json_output, facts, named_table, f"\n{common} (task: {setting.name})")
+    tell(facts, named_table, f"\n{common} (task: {setting.name})")
     warn(warnings)
 
 
@@ -328,8 +315,7 @@ def judge() -> None:
     required=True,
     help="Write the key there: which pair is which. Keep it from the judges.",
 )
-@click.option("--seed", type=click.IntRange(0), default=0, help="Random seed of order and sides.")
-def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
+def page(pairs: str, task: str | None, out: Path, key: Path) -> None:
     """Make a page of the pairs in a folder PAIRS.
 
     Each folder in PAIRS is a pair: it holds a (a.csv, or a folder a) and b. The page shows the two
@@ -346,7 +332,7 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
     from realitygap.report.player import judge_page
 
     found, setting = _pairs(Path(pairs), task)
-    data, rows = blind_pairs(found, setting, seed=seed)
+    data, rows = blind_pairs(found, setting)
     atomic_write(out, judge_page(data, setting.arena, found[0].a[0].radius_cm))
     atomic_write(key, json.dumps(rows, indent=1) + "\n")
     warn(doubts_of(trial for pair in found for trial in (*pair.a, *pair.b)))
@@ -359,7 +345,7 @@ def page(pairs: str, task: str | None, out: Path, key: Path, seed: int) -> None:
     "--key", required=True, type=click.Path(exists=True, dir_okay=False), help="The key file of the page."
 )
 @options.as_json
-def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
+def marks(files: tuple[str, ...], key: str) -> None:
     """Compare ratings with the score.
 
     FILES are the CSV files that the page saved (columns pair, judge, mark), or folders of them.
@@ -370,18 +356,8 @@ def marks(files: tuple[str, ...], key: str, json_output: bool) -> None:
     """
     from realitygap.correspondence.judging import agreement, read_marks
 
-    given: dict[int, dict[str, float]] = {}
-    for file in files:
-        for pair, of in read_marks(file).items():
-            there = given.setdefault(pair, {})
-            for judge, mark in of.items():
-                if there.setdefault(judge, mark) != mark:
-                    raise TrackError(
-                        f"{file}: pair {pair}: judge {judge!r} gave it {there[judge]:g} in another file, "
-                        f"{mark:g} here. Two judges need two names: change the column judge in one."
-                    )
-    made = agreement(given, _scores(Path(key)))
-    tell(json_output, made._asdict(), *_agreement_lines(made))
+    made = agreement(read_marks(*files), _scores(Path(key)))
+    tell(made._asdict(), *_agreement_lines(made))
 
 
 def _pairs(folder: Path, task: str | None) -> tuple[list[Pair], Setting]:

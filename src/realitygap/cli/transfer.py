@@ -7,12 +7,12 @@ import shlex
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import StoppedError, ask_trust, shown, table, tell
+from realitygap.cli.console import StoppedError, load_trusted, shown, table, tell
 from realitygap.cli.study import show_shard
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 from realitygap.work.progress import ProgressLine
@@ -39,6 +39,23 @@ SIDES = (
 """Headings in words, from 0° on in steps of 45°, as the arena is drawn."""
 
 
+class TransferSettings(TypedDict):
+    """Options that `Transfer` takes by the same names."""
+
+    runs: tuple[str, ...]
+    robots: tuple[str, ...]
+    starts: int
+    individual: str
+    controller: str | None
+    film: bool
+    view: str
+    camera: str | None
+    camera_device: str | None
+    twin_noise: float | None
+    seconds: float | None
+    baud: int | None
+
+
 @click.command()
 @click.argument("study", type=click.Path(path_type=Path))
 @click.argument("runs", metavar="[RUN]...", nargs=-1)
@@ -51,7 +68,7 @@ SIDES = (
     help="twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, "
     "thymio:PORT, or a body of your own, file.py:Class; may be repeated.",
 )
-@options.starts("Trials of each run, each from its own start.", default=1)
+@options.starts(type=click.IntRange(1), default=1, help="Trials of each run, each from its own start.")
 @click.option(
     "--individual",
     type=click.Choice(["champion", "fittest"]),
@@ -80,49 +97,45 @@ SIDES = (
     help="The live camera over a real robot: its number, a video file or a stream.",
 )
 @options.marker
-@options.disk
-@options.twin_noise()
-@options.seed(None, " [default: the study's]")
+@options.twin_noise
 @options.seconds
-@options.baud()
+@options.baud
 @options.workers
 @options.shard
-@options.trust
 @options.as_json
 def transfer(
     study: Path,
+    path_from: str,
+    marker: str | None,
     workers: Workers,
     shard: Shard | None,
-    trust: bool,
-    json_output: bool,
-    **settings: Any,
+    **settings: Unpack[TransferSettings],
 ) -> None:
     """Drive a robot with evolved individuals of STUDY.
 
     Each RUN (a number or a name; omitted: all finished runs) drives each robot from --starts poses and
     is simulated from the same poses. Recordings, paths, films and tails go to STUDY/transfer; finished
-    trials are kept. The twin is pseudo-reality: a
-    physics model behind the robot's own serial protocol.
+    trials are kept. The twin is a physics model of the robot behind its own serial protocol.
 
     With --controller a controller of your own drives in their place, at the task, the noise and the starts
     of each RUN (omitted: one of each task and noise); its trials go to STUDY/controllers, for
     `realitygap score`.
 
-    \b
     Examples: on two units of the twin, filmed; on a robot that you carry to its starts, under a camera; a
     controller of your own
+
+    \b
         realitygap transfer out/reproduce 9 24 --robot twin:1 --robot twin:2 --film
         realitygap transfer out/reproduce 9 --robot serial:/dev/ttyUSB0 --camera camera.json --camera-device 0
         realitygap transfer out/reproduce 9 --robot twin:1 --controller my.py:decide --starts 8
     """
-    from realitygap.study.load import load_study
     from realitygap.transfer.options import Transfer
     from realitygap.transfer.run import Operator, place_of, run_transfer, shard_folder
     from realitygap.transfer.spec import FOLDER
 
-    ask_trust(study, trust)
-    loaded = load_study(study)
-    asked = Transfer(**settings)
+    loaded = load_trusted(study)
+    disk, tag = (marker, None) if (marker or "").endswith(".toml") else (None, marker)
+    asked = Transfer(path_from=path_from, disk=disk, marker=tag, **settings)
     carry = partial(_carry, seen=asked.camera_device is not None)
     home = place_of(loaded.folder, asked) if shard is None else shard_folder(loaded.folder, shard)
     operator = Operator(carry, _found, partial(click.echo, err=True))
@@ -135,10 +148,10 @@ def transfer(
         raise StoppedError(_stopped(stop, home / FOLDER)) from None
     facts, lines = {"transfers": [one.to_dict() for one in made]}, transfer_lines(made)
     if shard is not None:
-        show_shard(home, facts, *lines, json_output=json_output)
+        show_shard(home, facts, *lines)
         return
     where = (f"\ntransfers {one.folder.parents[2]}" for one in made[:1])
-    tell(json_output, {"study": str(study), **facts}, *lines, *where)
+    tell({"study": str(study), **facts}, *lines, *where)
 
 
 def transfer_lines(made: list[TransferredTrial]) -> Iterator[str]:
@@ -147,7 +160,7 @@ def transfer_lines(made: list[TransferredTrial]) -> Iterator[str]:
     for one in made:
         fitness = map(shown, (one.fitness_simulated, one.fitness_situated))
         rows.append([one.robot, one.name, one.start, *fitness, one.situated_from, one.late_steps])
-    yield table(("robot", "run", "start", "simulated", "situated", "path from", "late steps"), rows)
+    yield table(("robot", "run", "start", "simulated", "on the robot", "path from", "late steps"), rows)
     for one in made:
         if one.missed_steps:
             missed = f"{one.missed_steps} steps had no answer in time; the last readings were used instead"
@@ -212,15 +225,15 @@ def _stopped(stop: BaseException, kept: Path) -> str:
     default="twin:1",
     help="It must place itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2) or FILE.py:CLASS.",
 )
-@options.pose(required=False)
-@options.starts("Trials, each from a start that the task draws.", default=1)
+@options.pose()
+@options.starts(type=click.IntRange(1), default=1, help="Trials, each from a start that the task draws.")
 @options.profile()
 @options.arena
 @options.noise()
-@options.twin_noise()
+@options.twin_noise
 @options.seed()
 @options.seconds
-@options.out(says="Keep the tracks there, for `realitygap score DIR`.")
+@options.out(help="Keep the tracks there, for `realitygap score DIR`.")
 @options.as_json
 def drive(
     task: str,
@@ -235,7 +248,6 @@ def drive(
     seed: int,
     seconds: float | None,
     out: Path | None,
-    json_output: bool,
 ) -> None:
     """Drive a robot with a controller of your own.
 
@@ -273,4 +285,4 @@ def drive(
         [one.start, shown(one.score_simulated), shown(one.score_situated), one.track.lost] for one in made
     ]
     kept = () if out is None else (f"\ntracks {out}",)
-    tell(json_output, facts, table(("start", "simulated", "situated", "steps lost"), rows), *kept)
+    tell(facts, table(("start", "simulated", "on the robot", "steps lost"), rows), *kept)

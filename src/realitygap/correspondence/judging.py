@@ -83,14 +83,14 @@ def blind_pairs(
     return {"size_cm": size, "rate": FRAMES_HZ, "pairs": shown}, key
 
 
-def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
-    """Ratings by pair and judge, from a CSV file with columns pair, judge, mark, or a folder of them.
+def read_marks(*paths: str | Path) -> dict[int, dict[str, float]]:
+    """Ratings by pair and judge, from CSV files with columns pair, judge, mark, or folders of them.
 
     Raises:
         TrackError: names file and line.
     """
-    place = Path(path)
-    files = sorted(place.glob("*.csv")) if place.is_dir() else [place]
+    places = [Path(path) for path in paths]
+    files = [one for place in places for one in (sorted(place.glob("*.csv")) if place.is_dir() else [place])]
     marks: dict[int, dict[str, float]] = defaultdict(dict)
     for file in files:
         table = read_table(file, TrackError, needs=MARKS)
@@ -100,10 +100,11 @@ def read_marks(path: str | Path) -> dict[int, dict[str, float]]:
         for pair, judge, mark in zip(pairs.tolist(), table.texts("judge"), given.tolist(), strict=True):
             if (earlier := marks[pair].setdefault(judge or "judge", mark)) != mark:
                 raise TrackError(
-                    f"{file}: pair {pair}: judge {judge!r} gives it {earlier:g} and {mark:g}. Leave one out."
+                    f"{file}: pair {pair}: judge {judge!r} gives it {earlier:g} and {mark:g}. Leave one out; "
+                    "two judges need two names."
                 )
     if not marks:
-        raise TrackError(f"{path}: expected ratings, columns {', '.join(MARKS)}; got none.")
+        raise TrackError(f"{places[0]}: expected ratings, columns {', '.join(MARKS)}; got none.")
     return dict(marks)
 
 

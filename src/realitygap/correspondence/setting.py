@@ -99,7 +99,7 @@ def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Float
         radius_cm: of the body, one or [n].
     """
     dx, dy, gap = _nearest_surface(arena, x, y)
-    clearance = gap - _told(radius_cm)
+    clearance = gap - _as_described(radius_cm)
     lamps = [(lamp.x_cm, lamp.y_cm) for lamp in arena.lamps]
     surface = _turned(np.arctan2(dy, dx) - heading)
     if not lamps:
@@ -114,10 +114,10 @@ def around(arena: Arena, x: Floats, y: Floats, heading: Floats, radius_cm: Float
 
 def fits(arena: Arena, x: Floats, y: Floats, radius_cm: float) -> bool:
     """Whether a robot could have been at all of these positions; arguments as of `around`."""
-    return bool((_nearest_surface(arena, x, y)[2] > _told(radius_cm) - OUTSIDE_CM).all())
+    return bool((_nearest_surface(arena, x, y)[2] > _as_described(radius_cm) - OUTSIDE_CM).all())
 
 
-def _told(radius_cm: Floats | float) -> Floats:
+def _as_described(radius_cm: Floats | float) -> Floats:
     return np.where(np.abs(np.asarray(radius_cm) - RADIUS_CM) <= NEARLY_CM, RADIUS_CM, radius_cm)
 
 

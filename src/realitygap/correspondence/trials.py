@@ -303,8 +303,11 @@ def _is_track(path: Path) -> bool:
     if path.suffix.lower() == ".json":
         found = _json(path)
         return found is None or (isinstance(found, dict) and all(name in found for name in COLUMNS))
-    head = _head(path)
-    return not head or sum(name in head for name in COLUMNS) >= 2
+    with suppress(OSError, UnicodeDecodeError), path.open(newline="", encoding="utf-8-sig") as file:
+        head = next((line for line in file if line.strip() and not line.startswith("#")), "")
+        cells = [cell.strip(' "\r\n').lower() for cell in re.split("[,;\t]", head)]
+        return not head or sum(name in cells for name in COLUMNS) >= 2
+    return True
 
 
 def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
@@ -337,15 +340,6 @@ def _json(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, ValueError, RecursionError):
         return None
-
-
-def _head(path: Path) -> list[str]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            head = next((line for line in file if line.strip() and not line.startswith("#")), "")
-        return [cell.strip(' "\r\n').lower() for cell in re.split("[,;\t]", head) if head]
-    except (OSError, UnicodeDecodeError):
-        return []
 
 
 def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:

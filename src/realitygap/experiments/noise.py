@@ -56,7 +56,7 @@ from realitygap.simulation.simulation import Simulation
 from realitygap.streams import named_stream
 from realitygap.study.config import LARGEST, Condition, StudyConfig, TaskSettings
 from realitygap.study.config import whole as whole_number
-from realitygap.study.folder import exists
+from realitygap.study.folder import exists, write_files
 from realitygap.study.load import Study, load_study
 from realitygap.study.plan import named
 from realitygap.study.provenance import versions
@@ -796,10 +796,8 @@ def _carry_out(
 
     def record(unit: int, report: Recorded) -> None:
         """Make a unit's profile with the experiment's twin noise, which belongs to the unit."""
-        place, seed = (
-            calibration_folder(made.folder, unit),
-            named_stream(config.seed, "calibration", unit) >> 1,
-        )
+        place = calibration_folder(made.folder, unit)
+        seed = named_stream(config.seed, "calibration", unit) >> 1
         if config.base is None:
             recorded.calibrated_unit(
                 place, unit=unit if config.robot is None else config.address(unit), noise=config.twin_noise,
@@ -870,8 +868,7 @@ class Bench:
         self._home = tempfile.TemporaryDirectory(prefix="realitygap-") if files else None
         if self._home is not None:
             folder = Path(self._home.name)
-            for name, content in files.items():
-                _write(folder / name, content)
+            write_files(folder, files)
             if ARENA in files:
                 config = replace(config, arena=str(folder / ARENA))
         self._experiment = kind(folder, config)
@@ -885,7 +882,7 @@ class Bench:
                 made, file = experiment.drive(one, tell), experiment.driven_file(one)
             else:
                 if self._home is not None:
-                    _write(experiment.driven_file(one), job.driven)
+                    write_files(Path(), {str(experiment.driven_file(one)): job.driven})
                 found, file = experiment.compare(one, tell), experiment.compared_file(one)
                 made = (json.dumps({**found, "check": _check_of(found)}, indent=1) + "\n").encode()
             tell(Made(str(file.relative_to(experiment.folder)), made))
@@ -895,11 +892,6 @@ class Bench:
         self._experiment.close()
         if self._home is not None:
             self._home.cleanup()
-
-
-def _write(file: Path, content: bytes) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(content)
 
 
 def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
@@ -939,8 +931,8 @@ def merge_noise(shards: Mapping[Shard, Path], out: Path) -> None:
                 raise StudyError(f"{first.folder}: {what}. Finish the shards first.")
             part.read_driven(one)  # a damaged file is reported while it can be made again
             part.read_compared(one)
-            for file in (part.driven_file(one), part.compared_file(one)):
-                _write(half / file.relative_to(part.folder), file.read_bytes())
+            files = (part.driven_file(one), part.compared_file(one))
+            write_files(half, {str(file.relative_to(part.folder)): file.read_bytes() for file in files})
         for part in parts.values():
             for phase, seconds in Seconds(part.folder).read().items():
                 Seconds(half).add(phase, seconds)

@@ -31,9 +31,8 @@ class RobotsConfig(Settings):
     """The settings, the same on each robot.
 
     Attributes:
-        robots: required addresses: "twin", "stranger", "enki:MODEL", or a robot of your own that places
-            itself, "file.py:Class".
-        only: try only `robots`; else all that are available.
+        robots: addresses: "twin", "stranger", "enki:MODEL", or a robot of your own that places itself,
+            "file.py:Class"; none: all of KNOWN that are available.
         base: the approximate profile of your own robots.
         levels: of noise: controllers evolve at each, and are compared with the simulation at each.
         runs: controllers of each level; starts: trials of each; evaluations: of each run.
@@ -47,7 +46,6 @@ class RobotsConfig(Settings):
     FILE, WHAT, COMMAND = "robots.toml", "experiment on several robots", "realitygap experiment robots"
 
     robots: tuple[str, ...] = ()
-    only: bool = False
     base: str = ""
     levels: tuple[float, ...] = (0.0, 1.0, 2.0)
     runs: int = 6
@@ -57,17 +55,11 @@ class RobotsConfig(Settings):
     seed: int = 1995
 
     def _check(self) -> None:
-        require(not self.only or bool(self.robots), "only", "robots named with --robot", self.only)
         whose = "a robot of your own, whose profile it is"
         require(bool(self.programs) or not self.base, "base", whose, self.base)
         named = (self.study(robot).robot or "twin" for robot in self.robots)
         object.__setattr__(self, "robots", tuple(dict.fromkeys(named)))
         self.study(KNOWN[0])  # checks all other settings
-
-    @property
-    def every(self) -> tuple[str, ...]:
-        """All robots to try, each once, available ones first."""
-        return tuple(dict.fromkeys((*(() if self.only else KNOWN), *self.robots)))
 
     @property
     def programs(self) -> tuple[str, ...]:
@@ -148,7 +140,7 @@ def robots_experiment(
 
 def _places(folder: Path, asked: RobotsConfig) -> Iterator[Place]:
     """Each robot; with a reason for those that are neither available nor named."""
-    for robot in asked.every:
+    for robot in asked.robots or KNOWN:
         config, why = asked.study(robot), ""
         try:
             check_robot(config)
@@ -170,7 +162,7 @@ def finished(folder: Path) -> list[Place]:
         StudyError: no such experiment there, or none of its robots has results.
     """
     asked = RobotsConfig.from_folder(folder)
-    places = [Place(robot, _folder(folder, asked.study(robot))) for robot in asked.every]
+    places = [Place(robot, _folder(folder, asked.study(robot))) for robot in asked.robots or KNOWN]
     file = Path(RESULTS, NoiseConfig.FACTS)
     places = [one if (one.folder / file).is_file() else one._replace(why="no results") for one in places]
     if all(one.why for one in places):

@@ -102,18 +102,19 @@ class CameraModel:
 
     def columns_rows(self, x: Floats, y: Floats, height_cm: float | None = None) -> tuple[Floats, Floats]:
         """The same for separate x and y, which are broadcast: faster for a grid."""
-        (x, y), h = self._moved((x, y), height_cm, self.plane_cm), self.homography
-        depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
+        (x, y), half = self._moved((x, y), height_cm, self.plane_cm), self.half_diagonal
+        (k1, k2), (middle_x, middle_y) = self.radial, self.middle
+        ideal = np.array([(1 / half, 0, -middle_x / half), (0, 1 / half, -middle_y / half), (0, 0, 1)])
+        x, y, depth = (a * x + (b * y + c) for a, b, c in (ideal @ self.homography).tolist())
         seen = depth > 1e-12
         depth = np.where(seen, depth, 1.0)
-        columns = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / depth
-        rows = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / depth
-        (k1, k2), (middle_x, middle_y), half = self.radial, self.middle, self.half_diagonal
-        x, y = (columns - middle_x) / half, (rows - middle_y) / half
+        x, y = x / depth, y / depth
         square = x * x + y * y
         seen &= square < _turning_point(k1, k2)
-        bend = half * (1 + k1 * square + k2 * square * square)
-        columns, rows = middle_x + bend * x, middle_y + bend * y
+        bend = square * (half * k1 + half * k2 * square) + half
+        columns, rows = bend * x + middle_x, bend * y + middle_y
+        if seen.all():
+            return columns, rows
         return np.where(seen, columns, OUTSIDE), np.where(seen, rows, OUTSIDE)
 
     def to_floor(self, pixels: ArrayLike, height_cm: float | None = None) -> Floats:

@@ -28,7 +28,7 @@ from realitygap.files import read_toml, refuse_unknown
 from realitygap.film.camera import CameraModel
 from realitygap.values import Floats, Pose
 
-__all__ = ["REACH_CM", "Disk", "DiskFinder", "Grey", "Sighting", "first_look", "load_disk"]
+__all__ = ["CLOSE_CM", "REACH_CM", "Disk", "DiskFinder", "Grey", "Sighting", "first_look", "load_disk"]
 
 Grey = NDArray[np.uint8]
 Response = NDArray[np.float32]
@@ -40,8 +40,12 @@ INNER, OUTER = 0.56, 0.90
 """Widths (standard deviations) of the two Gaussian curves in radii of the patch: their difference
 responds most to a disc of just that radius (a Laplacian of width r / √2 does)."""
 
-REACH_CM, _CLOSE_CM = 1.5, 0.7
-"""How far from the expected place the disk's centre is looked for, and from one that the masks found."""
+_TAIL = 3.0
+"""Widths from its middle at which a curve is cut off."""
+
+REACH_CM, CLOSE_CM = 1.5, 0.7
+"""How far from its last place the disk's centre is looked for, and from one that the masks found or that its
+last two places foretell."""
 
 _RING_SLACK, _LOOSE = 0.35, 0.6
 """How far off its ring about the centre the front patch may seem, in its radii; and while the scale is known
@@ -64,7 +68,7 @@ _CANDIDATES, _CLOSER_LOOKS, _PEAKS, _GOOD = 40, 6, 5, 0.95
 _SCALES, _LEAST_FRONT_PX = 1.1, 1.4
 """Step between the scales that a first look tries, and the smallest front patch's radius worth trying."""
 
-_RIM, _GRAIN = 1.0, 0.25
+_RIM, _GRAIN = 1.0, 0.35
 """In radii of the front patch: how much of the disk's rim, into which the floor blurs, is not compared,
 and how far apart compared places are."""
 
@@ -184,37 +188,40 @@ class DiskFinder:
     def near(self, picture: Grey, place: Floats, reach_cm: float = REACH_CM) -> Sighting | None:
         """The disk whose centre lies within `reach_cm` of a place (cm), or None."""
         disk, step = self.disk, self._step
-        half = math.ceil((reach_cm + disk.front_distance_cm + 3 * OUTER * disk.front_radius_cm) / step)
+        half = math.ceil((reach_cm + disk.front_distance_cm + 2 * OUTER * disk.front_radius_cm) / step)
         side = np.arange(-half, half + 1.0)
         columns, rows = self.camera.columns_rows(
             place[0] + step * side, (place[1] + step * side)[:, None], disk.height_cm
         )
         window = _sampled(picture, columns, rows).astype(np.float32)
         for_centre, for_front, fine = _responses(window, disk, 1 / step)
-        ring, slack = disk.front_distance_cm / step, self._slack * disk.front_radius_cm / step
+        squares, ring, slack = side * side, disk.front_distance_cm, self._slack * disk.front_radius_cm
+        nearest, farthest = (max(ring - slack, 0.0) / step) ** 2, ((ring + slack) / step) ** 2
         best: Sighting | None = None
-        tops = _maxima(for_centre, 1, np.hypot(side, side[:, None]) <= reach_cm / step)
-        for top in tops[:_PEAKS]:
-            if (centre := _peak(for_centre, top)) is None:
+        first = half - math.ceil(reach_cm / step) - 1  # of what is compared with its neighbours
+        middle, inside = slice(first, len(side) - first), squares[first : len(side) - first]
+        tops = _maxima(for_centre[middle, middle], 1, inside + inside[:, None] <= (reach_cm / step) ** 2)
+        for row, column in tops[:_PEAKS]:
+            if (centre := _peak(for_centre, (first + row, first + column))) is None:
                 continue
-            off = np.abs(np.hypot(side + half - centre[0], side[:, None] + half - centre[1]) - ring)
-            highest = int(np.where(off <= slack, for_front, -np.inf).argmax())
-            if (front := _peak(for_front, np.unravel_index(highest, off.shape))) is None:
+            away = (side - centre[0] + half) ** 2 + ((side - centre[1] + half) ** 2)[:, None]
+            on_ring = (nearest <= away) & (away <= farthest)
+            highest = int(np.where(on_ring, for_front, -np.inf).argmax())
+            if (front := _peak(for_front, divmod(highest, len(side)))) is None:
                 continue
             found = np.array([centre, front])
             quality = _correlation(self._seen(fine, found), self._pattern)
             if best is None or quality > best.quality:
-                points = place + step * (found - half)
+                points, (column, row) = place + step * (found - half), np.rint(found).astype(int).T
                 best = Sighting(points, disk.pose_of(points), quality)
-        if best is None or self.camera.shows(self.camera.to_pixels(best.points, disk.height_cm), 1.0).all():
-            return best
-        return None
+                pixels = np.stack([columns[row, column], rows[row, column]], 1)
+        return best if best is not None and self.camera.shows(pixels, 1.0).all() else None
 
     def anywhere(self, picture: Grey) -> Sighting | None:
         """The likeliest disk in the whole picture, or None."""
         best: Sighting | None = None
         for place in self._candidates(picture):
-            seen = self.near(picture, place, _CLOSE_CM)
+            seen = self.near(picture, place, CLOSE_CM)
             if seen is not None and (best is None or seen.quality > best.quality):
                 best = seen
                 if best.quality > _GOOD:
@@ -239,7 +246,8 @@ class DiskFinder:
         if shrink > 1:
             small = np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA), np.float32)
         for_centre, for_front, _ = _responses(small, disk, scale)
-        tops = _maxima(for_centre, max(1, round(0.6 * disk.centre_radius_cm * scale)))[:_CANDIDATES]
+        reach = max(1, round(0.6 * disk.centre_radius_cm * scale))
+        tops = np.array(_maxima(for_centre, reach)[:_CANDIDATES]).reshape(-1, 2)
         places = self.camera.to_floor((tops[:, ::-1] + 0.5) * shrink - 0.5, disk.height_cm)
         ring = places[:, None] + disk.front_distance_cm * _RING
         around = np.rint((self.camera.to_pixels(ring, disk.height_cm) + 0.5) / shrink - 0.5).astype(int)
@@ -295,48 +303,56 @@ def _responses(picture: Response, disk: Disk, px_per_cm: float) -> tuple[Respons
     """Both masks' responses, to the centre patch and to the front patch, and the picture under the front
     mask's inner curve."""
 
-    def blurred(radius_cm: float, share: float) -> Response:
-        sigma = share * radius_cm * px_per_cm
-        return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE))
+    def blurred(picture: Response, sigma_cm: float) -> Response:
+        sigma = sigma_cm * px_per_cm
+        size = 2 * math.ceil(_TAIL * sigma) + 1
+        return np.asarray(cv2.GaussianBlur(picture, (size, size), sigma, borderType=cv2.BORDER_REPLICATE))
 
-    centre, front = disk.centre_radius_cm, disk.front_radius_cm
-    fine = blurred(front, INNER)
-    return blurred(centre, INNER) - blurred(centre, OUTER), fine - blurred(front, OUTER), fine
+    # Gaussian curves of Gaussian curves: the squares of their widths add up
+    centre, front, further = disk.centre_radius_cm, disk.front_radius_cm, math.sqrt(OUTER**2 - INNER**2)
+    fine = blurred(picture, INNER * front)
+    inner = blurred(picture, INNER * centre)
+    return inner - blurred(inner, further * centre), fine - blurred(fine, further * front), fine
 
 
-def _maxima(response: Response, reach: int, where: NDArray[np.bool_] | bool = True) -> NDArray[np.int64]:
-    """The places (row, column) that nothing within `reach` pixels surpasses, the highest first, [n, 2]."""
+def _maxima(response: Response, reach: int, where: NDArray[np.bool_] | bool = True) -> list[tuple[int, int]]:
+    """The places (row, column) that nothing within `reach` pixels surpasses, the highest first."""
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     top = (response >= cv2.dilate(response, kernel)) & (response > _LEAST_RESPONSE) & where
-    return np.argwhere(top)[np.argsort(-response[top], kind="stable")]
+    rows, columns = np.nonzero(top)
+    order = np.argsort(-response[rows, columns], kind="stable")
+    return list(zip(rows[order].tolist(), columns[order].tolist(), strict=True))
 
 
-def _peak(response: Response, top: Any) -> Floats | None:
+def _peak(response: Response, top: tuple[int, int]) -> tuple[float, float] | None:
     """The top (column, row) of the quadratic through the 3 × 3 values about a place (row, column), or None.
 
     Least squares over the nine values, so that it is exact for any quadratic.
     """
-    row, column = (int(place) for place in top)
+    row, column = top
     if not (0 < row < response.shape[0] - 1 and 0 < column < response.shape[1] - 1):
         return None
-    v = response[row - 1 : row + 2, column - 1 : column + 2].astype(np.float64)
-    slope = np.array([(v[:, 2] - v[:, 0]).sum(), (v[2] - v[0]).sum()]) / 6
-    dxx, dyy = (v[:, 2] - 2 * v[:, 1] + v[:, 0]).sum() / 3, (v[2] - 2 * v[1] + v[0]).sum() / 3
-    dxy = (v[2, 2] - v[2, 0] - v[0, 2] + v[0, 0]) / 4
-    if dxx >= 0 or dxx * dyy <= dxy * dxy:
+    (a, b, c), (d, e, f), (g, h, i) = response[row - 1 : row + 2, column - 1 : column + 2].tolist()
+    dx, dy = (c + f + i - a - d - g) / 6, (g + h + i - a - b - c) / 6
+    dxx, dyy = (a + c + d + f + g + i - 2 * (b + e + h)) / 3, (a + b + c + g + h + i - 2 * (d + e + f)) / 3
+    dxy = (a + i - c - g) / 4
+    bend = dxx * dyy - dxy * dxy
+    if dxx >= 0 or bend <= 0:
         return None
-    off = -np.linalg.solve([(dxx, dxy), (dxy, dyy)], slope)
-    return np.array([column, row]) + off if np.abs(off).max() <= 1 else None
+    x, y = (dxy * dy - dyy * dx) / bend, (dxy * dx - dxx * dy) / bend
+    return (column + x, row + y) if max(abs(x), abs(y)) <= 1 else None
 
 
 class _Pattern(NamedTuple):
-    """The disk as a correlation judges it: places on it [n, 2] (disk's axes, cm) and how white they are;
-    which of them are nearer to the centre patch than to the front one, and which are black."""
+    """The disk as a correlation judges it: places on it [n, 2] (disk's axes, cm) and how white they are [n];
+    which of them are nearer to the centre patch than to the front one, and which are black; the terms of
+    light that grows evenly, [n, 4]: 1, how white, the place."""
 
     places: Floats
     white: Floats
     inner: NDArray[np.bool_]
     black: NDArray[np.bool_]
+    terms: Floats
 
 
 def _pattern_of(disk: Disk) -> _Pattern:
@@ -350,8 +366,9 @@ def _pattern_of(disk: Disk) -> _Pattern:
     white = cv2.GaussianBlur(sharp, (0, 0), INNER * front / (step / parts))[::parts, ::parts]
     away, (y, x) = away[::parts, ::parts], np.meshgrid(side[::parts], side[::parts], indexing="ij")
     keep, between = away <= reach, (disk.centre_radius_cm + disk.front_distance_cm - front) / 2
-    white = white[keep].astype(np.float64)
-    return _Pattern(np.stack([x[keep], y[keep]], 1), white, away[keep] < between, white < 0.15)
+    white, places = white[keep].astype(np.float64), np.stack([x[keep], y[keep]], 1)
+    terms = np.column_stack([np.ones(len(white)), white, places])
+    return _Pattern(places, white, away[keep] < between, white < 0.15, terms)
 
 
 def _correlation(seen: Floats, pattern: _Pattern) -> float:
@@ -364,15 +381,18 @@ def _correlation(seen: Floats, pattern: _Pattern) -> float:
     """
 
     def unhidden() -> NDArray[np.bool_]:
-        return ~pattern.black | (seen <= np.quantile(seen[pattern.black], 1 - _HIDDEN))
+        black = seen[pattern.black]
+        last = int((1 - _HIDDEN) * (len(black) - 1))
+        return np.asarray(~pattern.black | (seen <= np.partition(black, last)[last]))
 
     use = unhidden()
-    terms = np.column_stack([np.ones(use.sum()), pattern.white[use], pattern.places[use]])
+    terms = pattern.terms[use]
     slope = np.linalg.solve(terms.T @ terms, terms.T @ seen[use])[2:]
     seen = seen - pattern.places @ slope
     use, worst = unhidden(), 1.0
     for part in (pattern.inner & use, ~pattern.inner & use):
-        a, b = seen[part] - seen[part].mean(), pattern.white[part] - pattern.white[part].mean()
+        a, b = seen[part], pattern.white[part]
+        a, b = a - a.sum() / len(a), b - b.sum() / len(b)
         strength = math.sqrt((a @ a) * (b @ b))
         worst = min(worst, float(a @ b) / strength if strength > 0 else 0.0)
     return max(worst, 0.0)

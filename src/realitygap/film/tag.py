@@ -153,13 +153,15 @@ Marker = Disk | Tag
 
 
 def load_marker(marker: str | None = None, disk: str | Path | None = None) -> Marker:
-    """The marker that a person names: "disk", or a tag as `Tag.parse` reads it; `disk` is a disk's own file.
+    """The marker that a person names: "disk", a disk's own FILE.toml (or `disk`), or a tag (`Tag.parse`).
 
     Raises:
         FilmError: no such marker, an invalid file, or a disk's file with a tag.
     """
     if marker is None or marker == "disk":
         return load_disk(disk)
+    if marker.endswith(".toml"):
+        return load_disk(marker)
     if disk is not None:
         raise FilmError(f"disk: expected no disk with --marker {marker}. Leave one of them out.")
     return Tag.parse(marker)

@@ -1,9 +1,9 @@
 """The tracker: the robot's pose in every frame of a film (§6).
 
-The whole first frame is searched; then a window round the last place; and the whole frame again
-whenever the robot was lost, or what the window shows is less like it than what would be believed
-anywhere. Only where to look is carried over from frame to frame: a frame in which its marker is not seen
-is reported as lost, never guessed.
+The whole first frame is searched; then a window round where its last two places say that it goes; and the
+whole frame again whenever the robot was lost, or what the window shows is less like it than what would be
+believed anywhere. Only where to look is carried over from frame to frame: a frame in which its marker is not
+seen is reported as lost, never guessed.
 """
 
 import math
@@ -16,11 +16,11 @@ import numpy as np
 
 from realitygap.errors import FilmError
 from realitygap.film.camera import CameraModel
-from realitygap.film.disk import Sighting
+from realitygap.film.disk import CLOSE_CM, REACH_CM, Sighting
 from realitygap.film.tag import Marker, finder_of
 from realitygap.film.video import FilmReader, Image
 from realitygap.track import COLUMNS, Track
-from realitygap.values import Pose
+from realitygap.values import Floats, Pose
 
 __all__ = ["Tracked", "Tracker", "track_film"]
 
@@ -44,19 +44,22 @@ class Tracker:
 
     def __init__(self, camera: CameraModel, marker: Marker) -> None:
         self._finder, self._marker = finder_of(camera, marker), marker
-        self._last: Pose | None = None
+        self._last: Floats | None = None
+        self._step: Floats | None = None
         self.best_quality, self.doubt = 0.0, ""
 
     def see(self, picture: Image) -> tuple[Pose, float] | None:
         """The robot's pose in a picture [height, width], and its quality, or None."""
-        finder, last, seen = self._finder, self._last, None
+        finder, last, step, seen = self._finder, self._last, self._step, None
         if last is not None:
-            seen = self._believed(finder.near(picture, np.array([last.x, last.y])), finder.known_again)
+            place, reach_cm = (last, REACH_CM) if step is None else (last + step, CLOSE_CM)
+            seen = self._believed(finder.near(picture, place, reach_cm), finder.known_again)
         if seen is None or seen.quality < finder.found_anew:  # a likeness, of a robot that has gone far?
             seen = self._believed(finder.anywhere(picture), finder.found_anew) or seen
             if seen is None and not self.doubt:
                 self.doubt = finder.why_not(picture)
-        self._last = None if seen is None else seen.pose
+        self._last = None if seen is None else np.array([seen.pose.x, seen.pose.y])
+        self._step = None if last is None or self._last is None else self._last - last
         return None if seen is None else (seen.pose, seen.quality)
 
     def look_about(self, whole: Image, pose: Pose) -> None:

@@ -17,6 +17,7 @@ from realitygap.report.calibration import TITLES, calibrated_part
 from realitygap.report.drawing import Scene, arena_figure, paths_figure, robot_figure, shown_sensors
 from realitygap.report.evolution import (
     PER_CONDITION,
+    WHO,
     Mean,
     NoiseClass,
     Paths,
@@ -226,7 +227,7 @@ class StudyPictures:
 def differences(
     part: TaskPart, scores: Sequence[ScoreTable], groups: Sequence[Group]
 ) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """A table of what the runs tell apart: heads, and a row of differences for each noise level.
+    """A table of what the runs distinguish: heads, and a row of differences for each noise level.
 
     Each is a mean over runs ± its 95 % interval, with a star where that excludes zero. Levels are compared
     with the observed one (else the lowest): tested at the same noise, by Welch's interval.
@@ -250,7 +251,9 @@ def differences(
             if len(table.classes) < 2 or not ours.values(of):
                 continue
             where = f" on the {table.kind}" if of == "correspondence" else ""
-            whose = f" of the {table.individual}" if len({one.individual for one in scores}) > 1 else ""
+            whose = (
+                f" of the {WHO.get(table.individual)}" if len({one.individual for one in scores}) > 1 else ""
+            )
             heads.append(f"{of} score{where}{whose}, {less}")
             for (_, cells), one in zip(rows, table.classes, strict=True):
                 cells.append(_starred(None if one is ours else difference(one.values(of), ours.values(of))))

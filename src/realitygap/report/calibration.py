@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from itertools import cycle, product
 from pathlib import Path
@@ -41,6 +42,12 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 MARKS = ("o", "s", "^", "D")
 LINES = ("-", "--", ":")
 """For the curves of the first recording, the second, the third."""
+AXES = {
+    "bearing": ("bearing of the object off the one that the sensor answers most to, degrees", "counts"),
+    "distance": ("distance, cm", "counts"),
+    "poses": ("measured, counts", "model, counts"),
+}
+"""What readings are drawn over (`look_of`)."""
 SHOWN = 4
 """Distances whose curves are shown."""
 BINS = 12
@@ -50,11 +57,7 @@ FEWEST = 20
 
 
 def write_calibration_page(made: Calibration, target: Path, on_progress: OnProgress | None = None) -> Path:
-    """Write the page of a calibration, which stands alone, and return its path.
-
-    Raises:
-        OSError: it cannot be written.
-    """
+    """Write the page of a calibration, which stands alone, and return its path."""
     facts = {
         "profile": made.profile, "where": made.profile.provenance, "warnings": made.warnings,
         "channels": made.channels, "wheels": made.wheels, "titles": TITLES, "limits": LIMITS, "real": REAL,
@@ -89,27 +92,17 @@ def calibrated_part(study: Study, figures: Figures) -> dict[str, Any] | None:
     """
     if not study.profile.provenance.fits:
         return None
-    judged = _judged(study)
-    figure = None
+    own, judged, figure = (study.folder / "profile.toml").read_bytes(), list[Judgement](), None
+    units = sorted((study.folder / "calibration").glob("*/robot.toml"))
+    unit = next((unit.parent for unit in units if unit.read_bytes() == own), study.folder)
+    with suppress(UsageError):
+        folders = sorted(path for path in unit.glob("recordings/*") if path.is_dir())
+        judged = [judge(load_recording(folder), study.profile) for folder in folders]
     if judged:
         draw = partial(errors_figure, judged)
         figure = figures.add("calibration", draw, "Model error over noise, by channel.")
     sensors = [(Path(one.source).name, one) for one in judged if one.kind in LIMITS]
     return {"figure": figure, "sensors": sensors, "titles": TITLES, "limits": LIMITS, "real": REAL}
-
-
-def _judged(study: Study) -> list[Judgement]:
-    """The study's profile judged by its own recordings, if it has them."""
-    own = (study.folder / "profile.toml").read_bytes()
-    for unit in sorted((study.folder / "calibration").glob("*/robot.toml")):
-        if unit.read_bytes() != own:
-            continue
-        folders = sorted(path for path in unit.parent.glob("recordings/*") if path.is_dir())
-        try:
-            return [judge(load_recording(folder), study.profile) for folder in folders]
-        except UsageError:
-            return []
-    return []
 
 
 # Figures
@@ -121,27 +114,23 @@ def errors_figure(found: Sequence[Judgement]) -> Figure:
     figure = new_figure(PAGE, 2.4, layout="constrained")
     for kind, ax in zip(kinds, figure.subplots(1, len(kinds), squeeze=False)[0], strict=True):
         here = [one for one in found if one.kind == kind]
-        if kind in LIMITS:
-            _sensors(ax, here, LIMITS[kind])
+        if kind in LIMITS:  # a dot for each sensor and recording, with the line that it should be below
+            for one, look in zip(here, cycle("osD^"), strict=False):
+                shown = [(m.sensor, m.lit_ratio) for m in one.per_sensor if np.isfinite(m.lit_ratio)]
+                name = Path(one.source).name.rpartition("-")[2]
+                ax.plot(*np.array(shown).reshape(-1, 2).T, look, ms=4, color=INK, mfc="none", label=name)
+            ax.axhline(LIMITS[kind], color=MUTED, lw=1.0, ls=(0, (4, 2)))
+            ratios = [m.lit_ratio for one in here for m in one.per_sensor if np.isfinite(m.lit_ratio)]
+            top = 1.12 * max([LIMITS[kind], *ratios])
+            ax.set(ylim=(0, top), xlabel="sensor", ylabel="model error over noise")
+            ax.set_xticks(range(len(here[0].per_sensor)))
         else:
             _wheels(ax, here[0])
+        if kind not in LIMITS or len(here) > 1:
+            ax.legend(fontsize=6.5)
         ax.set_title(TITLES[kind])
         ax.grid(True, color=GRID, lw=0.5)
     return figure
-
-
-def _sensors(ax: Axes, here: Sequence[Judgement], limit: float) -> None:
-    """A dot for each sensor and recording, with the line that it should be below."""
-    for one, look in zip(here, cycle("osD^"), strict=False):
-        shown = [(m.sensor, m.lit_ratio) for m in one.per_sensor if np.isfinite(m.lit_ratio)]
-        name = Path(one.source).name.rpartition("-")[2]
-        ax.plot(*np.array(shown).reshape(-1, 2).T, look, ms=4, color=INK, mfc="none", label=name)
-    ax.axhline(limit, color=MUTED, lw=1.0, ls=(0, (4, 2)))
-    top = max([limit, *(m.lit_ratio for one in here for m in one.per_sensor if np.isfinite(m.lit_ratio))])
-    ax.set(ylim=(0, 1.12 * top), xlabel="sensor", ylabel="model error over noise")
-    ax.set_xticks(range(len(here[0].per_sensor)))
-    if len(here) > 1:
-        ax.legend(fontsize=6.5)
 
 
 def _wheels(ax: Axes, one: Judgement) -> None:
@@ -156,14 +145,12 @@ def _wheels(ax: Axes, one: Judgement) -> None:
         x, y = np.array(means).reshape(-1, 2).T
         ax.plot(x, y, look, ls="-", lw=0.8, ms=3, color=INK, mfc="none", label=name)
     ax.set(xlabel="speed, cm/s", ylabel="model − measured, cm/s")
-    ax.legend(fontsize=6.5)
 
 
 def curves_figure(fit: ChannelFit) -> Figure:
     """Measured dots and fitted curves over bearing or distance, or model against measured, by sensor."""
-    live = _live(fit)
-    figure, panels = _panels(len(live))
-    look = look_of(fit)
+    live, look = _live(fit), look_of(fit)
+    figure, panels = _panels(len(live), *AXES[look])
     for k, axes in zip(live, panels, strict=True):
         if look == "bearing":
             _curves_over_bearing(fit, k, axes)
@@ -184,11 +171,6 @@ def curves_figure(fit: ChannelFit) -> Figure:
             panels[0].plot([], [], line, color=INK, lw=1.0, label=_named(name))
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=SHOWN + 2, markerscale=2.5)
-        _label(figure, "bearing of the object off the one that the sensor answers most to, degrees", "counts")
-    elif look == "distance":
-        _label(figure, "distance, cm", "counts")
-    else:
-        _label(figure, "measured, counts", "model, counts")
     return figure
 
 
@@ -198,7 +180,11 @@ def maps_figure(fit: ChannelFit) -> Figure:
     recordings = _by_recording(fit) if look == "bearing" else {"": np.ones(len(off), bool)}
     pairs = product(recordings, live)
     shown = [(name, k) for name, k in pairs if np.isfinite(off[recordings[name], k]).any()]
-    figure, panels = _panels(len(shown))
+    off_by = "model minus measured, counts"
+    over = (
+        ("distance, cm", off_by) if look == "distance" else ("bearing of the object, degrees", "distance, cm")
+    )
+    figure, panels = _panels(len(shown), *over)
     scale = max(float(np.nanpercentile(np.abs(off), 99)), 1.0)
     drawn: list[Collection] = []
     for axes, (name, k) in zip(panels, shown, strict=True):
@@ -213,12 +199,8 @@ def maps_figure(fit: ChannelFit) -> Figure:
             drawn.append(axes.scatter(fit.bearing_deg, fit.distance_cm, c=off[:, k], s=5, lw=0))
         drawn[-1].set(cmap="PuOr", clim=(-scale, scale), rasterized=True)
         axes.set_xticks([-180, -90, 0, 90, 180])
-    if look == "distance":
-        _label(figure, "distance, cm", "model minus measured, counts")
-        return figure
-    bar = figure.colorbar(drawn[-1], ax=panels, shrink=0.8, aspect=30, pad=0.02)
-    bar.set_label("model minus measured, counts")
-    _label(figure, "bearing of the object, degrees", "distance, cm")
+    if drawn:
+        figure.colorbar(drawn[-1], ax=panels, shrink=0.8, aspect=30, pad=0.02).set_label(off_by)
     return figure
 
 
@@ -242,7 +224,7 @@ def noise_figure(fit: ChannelFit) -> Figure:
     left.legend(loc="lower center", fontsize=6.5)
     right.set(xlabel="reading, counts", ylabel="deviation, counts")
     if not any(estimate.bins for estimate in shown):
-        right.set(xlabel="too few readings to tell it by the reading", xticks=[])
+        right.set(xlabel="too few readings to show it by the reading", xticks=[])
     right.set_ylim(0, 1.25 * max([e.high for e in shown] + [s for e in shown for _, s in e.bins]))
     for axes in (left, right):
         axes.grid(True, color=GRID, lw=0.5)
@@ -252,7 +234,7 @@ def noise_figure(fit: ChannelFit) -> Figure:
 def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
     """Step responses of the left wheel: measured dots over the model."""
     trials = [rows for rows in recording.trials("step") if len(rows) > 8][:8] or recording.trials()[:8]
-    figure, panels = _panels(len(trials))
+    figure, panels = _panels(len(trials), "time, s", "speed of the left wheel, cm/s")
     for rows, axes in zip(trials, panels, strict=True):
         t = recording.t_s[rows] + recording.period_s
         asked = recording.commands[rows, 0] * fit.profile.wheels.speed_per_unit_cm_s[0]
@@ -263,7 +245,6 @@ def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
         axes.set_title(f"trial {int(recording.trial[rows[0]])}")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3)
-    _label(figure, "time, s", "speed of the left wheel, cm/s")
     return figure
 
 
@@ -284,20 +265,17 @@ def slip_figure(fit: WheelFit) -> Figure:
     return figure
 
 
-def _panels(count: int) -> tuple[Figure, list[Axes]]:
-    """`count` panels, four a row."""
+def _panels(count: int, x: str, y: str) -> tuple[Figure, list[Axes]]:
+    """`count` panels, four a row, and the names of their axes."""
     rows = max(1, -(-count // 4))
     figure = new_figure(PAGE, 0.6 + 1.55 * rows, layout="constrained")
     grid = figure.subplots(rows, 4, sharex="all", sharey="all", squeeze=False)
     panels = list(grid.ravel())
     for spare in panels[count:]:
         spare.set_visible(False)
-    return figure, panels[:count]
-
-
-def _label(figure: Figure, x: str, y: str) -> None:
     figure.supxlabel(x, fontsize=8)
     figure.supylabel(y, fontsize=8)
+    return figure, panels[:count]
 
 
 def _live(fit: ChannelFit) -> list[int]:

@@ -96,26 +96,20 @@ def robot_figure(profile: Profile) -> Figure:
     ax = figure.add_subplot()
     span = robot.radius * 1.75
     draw_robot(ax, robot, (0.0, 0.0, math.pi / 2))
-    for place, ahead, name in shown_sensors(robot):
-        _draw_sensor(ax, place, ahead, name)
+    arrow = {"arrowstyle": "-|>", "color": style.RAY, "lw": 0.8, "mutation_scale": 6}
+    for place, ahead, name in shown_sensors(robot):  # a half disc in its direction, an arrow and a number
+        spot, facing = np.array([-place[1], place[0]]), math.atan2(ahead[1], ahead[0]) + math.pi / 2
+        out, turn = np.array([math.cos(facing), math.sin(facing)]), math.degrees(facing)
+        disc = Wedge(tuple(spot), DISC_CM, turn - 90, turn + 90, facecolor=style.RAY, edgecolor="none")
+        ax.add_artist(disc).set(zorder=6)
+        ax.annotate("", tuple(spot + 1.35 * out), tuple(spot + DISC_CM * out), zorder=6, arrowprops=arrow)
+        x, y = spot + 1.75 * out
+        ax.text(x, y, name, ha="center", va="center", fontsize=8, zorder=7)
     ax.plot([-robot.radius, robot.radius], [-span * 0.93] * 2, color=style.INK, linewidth=0.9, marker="|")
     ax.text(0, -span * 0.98, f"{2 * robot.radius:.3g} cm", ha="center", va="top", fontsize=7.5)
     ax.set(xlim=(-span, span), ylim=(-span * 1.12, span), aspect="equal")
     ax.axis("off")
     return figure
-
-
-def _draw_sensor(ax: Axes, place: Floats, ahead: Floats, name: str) -> None:
-    """A half disc in the sensor's direction, an arrow and a number."""
-    spot = np.array([-place[1], place[0]])
-    facing = math.atan2(ahead[1], ahead[0]) + math.pi / 2
-    out, turn = np.array([math.cos(facing), math.sin(facing)]), math.degrees(facing)
-    half = Wedge(tuple(spot), DISC_CM, turn - 90, turn + 90, facecolor=style.RAY, edgecolor="none", zorder=6)
-    ax.add_artist(half)
-    arrow = {"arrowstyle": "-|>", "color": style.RAY, "lw": 0.8, "mutation_scale": 6}
-    ax.annotate("", tuple(spot + 1.35 * out), tuple(spot + DISC_CM * out), zorder=6, arrowprops=arrow)
-    x, y = spot + 1.75 * out
-    ax.text(x, y, name, ha="center", va="center", fontsize=8, zorder=7)
 
 
 def shown_sensors(robot: Robot) -> Iterator[tuple[Floats, Floats, str]]:
@@ -142,7 +136,11 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
     for x, y, radius in arena.cylinders.reshape(-1, 3):
         post = Circle((x, y), radius, facecolor=style.CYLINDER, edgecolor=style.WALL, linewidth=0.8, zorder=1)
         ax.add_artist(post)
-    _name_surfaces(ax, arena)
+    words: dict[str, Any] = {"color": style.INK, "fontsize": 6, "zorder": 1.5}
+    for (x, y, _), value in zip(arena.cylinders, arena.reflectance[1:], strict=False):
+        ax.text(x, y, f"×{value:g}", ha="center", va="center", **words)
+    for value in arena.reflectance[:1]:  # of surfaces that state one, relative to usual ones
+        ax.text(0.02 * width, 0.02 * depth, f"walls ×{value:g}", ha="left", va="bottom", **words)
     segments = arena.segments.reshape(-1, 2, 2)
     if len(segments):
         ax.add_collection(LineCollection(list(segments), colors=style.WALL, linewidths=1.6, zorder=1))
@@ -156,17 +154,6 @@ def draw_arena(ax: Axes, arena: Arena, *, labels: bool = True, names: bool = Fal
             axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     else:
         ax.set(xticks=[], yticks=[])
-
-
-def _name_surfaces(ax: Axes, arena: Arena) -> None:
-    """Write the reflectance on surfaces that state one, relative to usual ones."""
-    words: dict[str, Any] = {"color": style.INK, "fontsize": 6, "zorder": 1.5}
-    walls, posts = arena.reflectance[:1], zip(arena.cylinders, arena.reflectance[1:], strict=False)
-    for (x, y, _), value in posts:
-        ax.text(x, y, f"×{value:g}", ha="center", va="center", **words)
-    x, y = (0.02 * arena.size).tolist()
-    for value in walls:
-        ax.text(x, y, f"walls ×{value:g}", ha="left", va="bottom", **words)
 
 
 def _draw_lamps(ax: Axes, arena: Arena, *, names: bool) -> None:
@@ -405,11 +392,7 @@ def paths_figure(
 
 
 def checked_ending(path: str | Path, allowed: tuple[str, ...]) -> Path:
-    """The path, if its file ending is among the allowed ones.
-
-    Raises:
-        UsageError: it is not.
-    """
+    """The path, if its file ending is among the allowed ones."""
     path = Path(path)
     if path.suffix.lower() not in allowed:
         raise UsageError(
@@ -486,7 +469,7 @@ def frames(task: Task, profile: Profile, trajectory: Trajectory, title: str = ""
     with styled():
         figure, axes, bars, text = _stage(task, profile, trajectory, title)
         canvas = FigureCanvasAgg(figure)
-        strokes = tail(trajectory, front(robot)).reshape(-1, 3, 2)
+        strokes, readings = tail(trajectory, front(robot)).reshape(-1, 3, 2), fed(trajectory, task.feeds)
         draw_arena(axes, arena)
         canvas.draw()
         stroke = axes.plot([], [], color=style.INK, linewidth=0.9, animated=True, zorder=3)[0]
@@ -500,7 +483,9 @@ def frames(task: Task, profile: Profile, trajectory: Trajectory, title: str = ""
             for artist in draw_robot(axes, robot, pose):
                 axes.draw_artist(artist)
                 artist.remove()
-            _draw_bars(bars, trajectory, task.feeds, step)
+            for bar, value in zip(bars, (*readings[step], *trajectory.commands[step]), strict=True):
+                bar.set_height(float(value))
+                figure.draw_artist(bar)
             text.set_text(f"{trajectory.t[step]:5.1f} s" + ("   touches" if trajectory.contact[step] else ""))
             axes.draw_artist(text)
             yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
@@ -537,13 +522,6 @@ def _stage(
     ]
     text = axes.text(1.0, 1.03, "", ha="right", va="bottom", transform=axes.transAxes, animated=True)
     return figure, axes, bars, text
-
-
-def _draw_bars(bars: list[Rectangle], trajectory: Trajectory, feeds: str, step: int) -> None:
-    for bar, value in zip(bars, [*fed(trajectory, feeds)[step], *trajectory.commands[step]], strict=True):
-        bar.set_height(float(value))
-        assert bar.axes is not None
-        bar.axes.draw_artist(bar)
 
 
 def _save_gif(path: Path, pictures: Iterator[np.ndarray], seconds: float) -> None:

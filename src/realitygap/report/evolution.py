@@ -30,15 +30,15 @@ from realitygap.transfer.spec import median_run
 from realitygap.world.robot import NOISE_LEVELS, noise_level, noise_name
 
 __all__ = [
-    "PER_CONDITION", "WHO", "Mean", "NoiseClass", "Paths", "Row", "TaskPart", "best_so_far", "counted",
+    "PER_CONDITION", "WHO", "Mean", "NoiseClass", "Paths", "Row", "TaskPart", "best_so_far",
     "curves_figure", "decimals", "difference", "ends_of_paths", "individual", "mean_curve", "mean_of",
     "parts_of", "running_best", "table_csv",
 ]  # fmt: skip
 
 PER_CONDITION = 5
 """Runs of a condition whose paths, networks and table rows a page shows at most."""
-WHO = ("fittest", "champion")
-"""The best individual during evolution, as in the paper, and the retested champion."""
+WHO = {"fittest": "best during evolution", "champion": "champion"}
+"""The individuals of a run, and what a page calls them; the paper's is the first."""
 
 
 # Means and their uncertainty
@@ -193,11 +193,6 @@ def decimals(largest: float) -> int:
     return int(min(6, max(0, 2 - math.floor(math.log10(largest)))))
 
 
-def counted(count: int, thing: str) -> str:
-    """ "1 run", "5 runs"."""
-    return f"{count} {thing}{'s' * (count != 1)}"
-
-
 def table_csv(table: TaskPart) -> str:
     """The table as CSV: a row a run and an average a noise class, fitness unscaled.
 
@@ -205,33 +200,24 @@ def table_csv(table: TaskPart) -> str:
     means.
     """
     head = ["task", "noise", "row", "run", "name", "evaluations", "finished", "stored_fitness"]
-    head += [
-        f"{who}_{table.levels[level]}_{part}" for who, level in table.tests for part in ("mean", "sd", "n")
-    ]
+    head += [f"{who}_{table.levels[level]}_{of}" for who, level in table.tests for of in ("mean", "sd", "n")]
     lines: list[list[object]] = [[*head]]
+
+    def exact(value: float | None) -> str:
+        return "" if value is None or math.isnan(value) else repr(float(value))
+
+    def add(one: NoiseClass, of: Row | NoiseClass, facts: Sequence[object], best: float | None) -> None:
+        means = [of.mean(*test) or Mean(value=math.nan, half=math.nan, count=0) for test in table.tests]
+        cells = [cell for mean in means for cell in (exact(mean.value), exact(mean.deviation), mean.count)]
+        lines.append([table.task.name, one.name, *facts, exact(best), *cells])
+
     for one in table.conditions:
         for row in one.rows:
             run = row.run
-            facts = [run.index, run.id, run.name, run.evaluations, int(run.finished), _exact(row.best)]
-            lines.append([table.task.name, one.name, *facts, *_cells(table, row)])
+            add(one, row, [run.index, run.id, run.name, run.evaluations, int(run.finished)], row.best)
         best = mean_of(one.best())
-        average = _exact(None if best is None else best.value)
-        lines.append([table.task.name, one.name, "average", "", "", "", "", average, *_cells(table, one)])
+        add(one, one, ["average", "", "", "", ""], None if best is None else best.value)
     return to_csv(lines, end="\r\n")
-
-
-def _exact(value: float | None) -> str:
-    """All digits of a number; "" for None."""
-    return "" if value is None or math.isnan(value) else repr(float(value))
-
-
-def _cells(table: TaskPart, of: Row | NoiseClass) -> list[str]:
-    """Mean, deviation and count of each test, empty if there is none."""
-    cells: list[str] = []
-    for mean in (of.mean(*test) for test in table.tests):
-        known = (None, None) if mean is None else (mean.value, mean.deviation)
-        cells += [*map(_exact, known), str(0 if mean is None else mean.count)]
-    return cells
 
 
 # Of a study

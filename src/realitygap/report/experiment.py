@@ -1,7 +1,7 @@
 """The page of a noise experiment, and the one that puts several robots side by side: figures and a table."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -32,7 +32,10 @@ from realitygap.tasks import load_task
 from realitygap.values import Floats
 from realitygap.world.robot import load_profile, noise_name
 
-__all__ = ["NoiseData", "build_noise_page", "build_robots_page", "matrix", "noise_summary", "noise_table"]
+__all__ = [
+    "NoiseData", "build_noise_page", "build_robots_page", "matrix", "noise_summary", "noise_table",
+    "read_robots",
+]  # fmt: skip
 
 FEWEST = 3
 """Runs for an interval."""
@@ -205,17 +208,8 @@ class NoiseData:
         return "–"
 
 
-class PageTable(NamedTuple):
-    """A table of the page, of texts; `name` is its file's."""
-
-    name: str
-    title: str
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-    def csv(self) -> str:
-        """As a file."""
-        return to_csv([self.head, *self.rows])
+Table = tuple[Sequence[str], Sequence[Sequence[str]]]
+"""A table's head and rows, of texts."""
 
 
 def _spans(part: NoiseData, level: float) -> tuple[dict[str, Span], int]:
@@ -228,7 +222,7 @@ def _spans(part: NoiseData, level: float) -> tuple[dict[str, Span], int]:
     return spans | {key: Span.of(values[at]) for key, values in fitness.items()}, int(at.sum())
 
 
-def noise_table(data: NoiseData) -> PageTable:
+def noise_table(data: NoiseData) -> Table:
     """A row for each task and evolved level."""
     level, rows = f"{data.levels[data.robot]:g}", []
     for task in data.tasks:
@@ -245,12 +239,7 @@ def noise_table(data: NoiseData) -> PageTable:
         "task", "evolved at", "runs", f"score at {level}", "score at own level", "failures, %",
         "fitness, simulated", "fitness on the robot", "drop",
     )  # fmt: skip
-    title = (
-        "By evolved level: means with 95 % intervals over runs. Score: correspondence, 0 to 10, with the "
-        f"simulation at level {level}, and at the level evolved under. Failures: scores below {FAILED:g}. "
-        "Drop: fitness in simulation less that on the robot."
-    )
-    return PageTable("levels", title, head, rows)
+    return head, rows
 
 
 # Figures
@@ -422,16 +411,11 @@ def _legend(figure: Figure) -> None:
 def build_noise_page(out: str | Path, *, on_progress: OnProgress | None = None) -> Path:
     """Write the page of a finished noise experiment into its folder `report/`; return its path.
 
-    Args:
-        out: the experiment's folder, with `results/`.
-        on_progress: called with parts done, parts in all, and the name of the next one.
-
     Raises:
         StudyError: results are missing or broken: names the file and the line.
-        OSError: the page cannot be written.
     """
     data, figures = NoiseData.read(out), Figures()
-    who, table = "robot" if "robot" in data.settings else "twin", noise_table(data)
+    who, (head, rows) = "robot" if "robot" in data.settings else "twin", noise_table(data)
     for name, draw, alt in (
         ("noise-map", partial(map_figure, data), "Mean correspondence by evolved and compared level"),
         ("noise-scores", partial(scores_figure, data), "Correspondence score by level"),
@@ -440,13 +424,15 @@ def build_noise_page(out: str | Path, *, on_progress: OnProgress | None = None) 
     ):
         figures.add(name, draw, f"{alt}. The table has the figures.")
     facts = {
-        "data": data, "settings": data.settings, "cards": figures, "key": _key(data), "table": table,
+        "data": data, "settings": data.settings, "cards": figures, "key": _key(data), "head": head,
+        "rows": rows, "failed": FAILED,
         "matched": [(_titled(task), data.part(task).matched_text) for task in data.tasks],
-        "misfits": list(_misfits(data)), "real": REAL, "who": who,
+        "misfits": _misfits(data), "real": REAL, "who": who,
         "text": (Path(out) / RESULTS / "study.toml").read_text("utf-8"),
     }  # fmt: skip
+    tables = {"levels": to_csv([head, *rows])}
     target = report_folder(Path(out)) / "index.html"
-    return write_page(target, "noise.html.j2", figures, facts, on_progress, tables={table.name: table.csv()})
+    return write_page(target, "noise.html.j2", figures, facts, on_progress, tables=tables)
 
 
 def _key(data: NoiseData) -> list[tuple[str, str, str]]:
@@ -454,13 +440,16 @@ def _key(data: NoiseData) -> list[tuple[str, str, str]]:
     return noise_key({v: n if n == f"{v:g}" else f"{n} ({v:g})" for v, n in names.items()})
 
 
-def _misfits(data: NoiseData) -> Iterable[tuple[str, float, int, int, float]]:
-    """Of each channel: its name, median of model error over noise, units beyond the limit, units, limit."""
-    for channel, ratios in data.ratios.items():
-        if len(ratios):
-            limit = LIMITS[channel]
-            beyond = int((ratios > limit).sum())
-            yield CHANNELS[channel], float(np.median(ratios)), beyond, len(ratios), limit
+def _misfits(data: NoiseData) -> list[dict[str, Any]]:
+    """Of each channel the median of model error over noise, and how many units are beyond the limit."""
+    return [
+        {
+            "channel": CHANNELS[channel], "median": float(np.median(ratios)),
+            "units_beyond_limit": int((ratios > LIMITS[channel]).sum()), "units": len(ratios),
+            "limit": LIMITS[channel],
+        }
+        for channel, ratios in data.ratios.items() if len(ratios)
+    ]  # fmt: skip
 
 
 def noise_summary(data: NoiseData) -> dict[str, Any]:
@@ -476,12 +465,8 @@ def noise_summary(data: NoiseData) -> dict[str, Any]:
             known = {key: span._asdict() for key, span in spans.items()}
             rows.append({"evolved_level": level, "runs": count, **known, "score_by_level": by_level})
         found[task] = {"levels": rows, "noise_matched_level": part.matched}
-    misfits = [
-        {"channel": name, "median": median, "units_beyond_limit": beyond, "units": units, "limit": limit}
-        for name, median, beyond, units, limit in _misfits(data)
-    ]
     return {"robot_level": float(data.levels[data.robot]), "settings": dict(data.settings), "tasks": found,
-            "model_error_over_noise": misfits}  # fmt: skip
+            "model_error_over_noise": _misfits(data)}  # fmt: skip
 
 
 # Several robots
@@ -516,9 +501,8 @@ def _share(place: Place, channel: str) -> float:
     return errors[0] / profile.channel(channel).top if errors else math.nan
 
 
-def matrix(places: Sequence[Place], *, few: bool) -> PageTable:
+def matrix(places: Sequence[Place], robots: Mapping[str, NoiseData], *, few: bool) -> Table:
     """All robots side by side, and the real tables beside them; means of scores unless runs are too `few`."""
-    robots = read_robots(places)
     tried = [place for place in places if not place.why]
     levels = [f"{level:g}" for level in next(iter(robots.values())).levels]
     beside = ["–"] * len(READINGS)
@@ -545,37 +529,32 @@ def matrix(places: Sequence[Place], *, few: bool) -> PageTable:
             means = [Span.of(data.own[data.at(float(level))]).value for data in robots.values()]
             rows[f"as evolved at {level}"] = [*(_number(v, 1) for v in means), *beside]
     rows["noise-matched level"] = [*(data.matched_text for data in robots.values()), *beside]
-    head = ["", *robots, *READINGS]
-    title = "Model error, noise and correspondence on each robot."
-    return PageTable("robots", title, head, [[name, *row] for name, row in rows.items()])
+    return ["", *robots, *READINGS], [[name, *row] for name, row in rows.items()]
 
 
 def build_robots_page(
-    folder: str | Path, places: Sequence[Place], *, few: bool, on_progress: OnProgress | None = None
-) -> Path:
-    """Write the page of an experiment on several robots into its folder `report/`, and each one's own.
-
-    Args:
-        folder: the experiment's.
-        places: robots that were tried, and those left out.
-        few: as of `matrix`.
-        on_progress: called with parts done, parts in all, and the name of the next one.
+    folder: str | Path, places: Sequence[Place], robots: Mapping[str, NoiseData], *, few: bool,
+    on_progress: OnProgress | None = None,
+) -> Path:  # fmt: skip
+    """Write the page of an experiment on several robots into its folder `report/`, and each one's own; `few`
+    is as of `matrix`.
 
     Raises:
         StudyError: results are missing or broken.
-        OSError: a page cannot be written.
     """
-    robots, figures, table = read_robots(places), Figures(), matrix(places, few=few)
+    figures, (head, rows) = Figures(), matrix(places, robots, few=few)
     for place in places:
         if not place.why:
             build_noise_page(place.folder)
     alt = "Correspondence and noisiness on each robot, by compared level. The table has the means."
     figures.add("levels", partial(robots_figure, robots), alt)
     facts = {
-        "table": table, "robots": {_named(one): one.folder.name for one in places if not one.why}, "few": few,
+        "head": head, "rows": rows, "few": few,
+        "robots": {_named(one): one.folder.name for one in places if not one.why},
         "left_out": [place for place in places if place.why], "cards": figures,
         "key": _key(next(iter(robots.values()))),
         "text": (Path(folder) / RobotsConfig.FILE).read_text("utf-8"),
     }  # fmt: skip
     target = report_folder(Path(folder)) / "index.html"
-    return write_page(target, "robots.html.j2", figures, facts, on_progress, tables={table.name: table.csv()})
+    tables = {"robots": to_csv([head, *rows])}
+    return write_page(target, "robots.html.j2", figures, facts, on_progress, tables=tables)

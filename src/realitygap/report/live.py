@@ -34,15 +34,10 @@ POINTS = 400
 
 
 class LivePage:
-    """Keeps FOLDER/watch.html up to date within its context; results do not depend on it.
+    """Keeps FOLDER/watch.html up to date within its context; `report` is called with each event too."""
 
-    Args:
-        folder: the study's.
-        tell: also called with each progress event.
-    """
-
-    def __init__(self, folder: Path, tell: Callable[[Progress], None]) -> None:
-        self.page, self._folder, self._tell = folder / PAGE, folder, tell
+    def __init__(self, folder: Path, report: Callable[[Progress], None]) -> None:
+        self.page, self._folder, self._report = folder / PAGE, folder, report
         self._next, self._simulations = 0.0, dict[str, Simulation]()
 
     def __enter__(self) -> Self:
@@ -56,7 +51,7 @@ class LivePage:
 
     def show(self, event: Progress) -> None:
         """Pass an event on; write the page when it is due."""
-        self._tell(event)
+        self._report(event)
         begun = time.monotonic()
         if begun >= self._next:
             left = "" if event.seconds_left is None else f", about {event.seconds_left:.0f} s left"

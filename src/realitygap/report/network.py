@@ -92,19 +92,23 @@ def read_wiring(genotype: Genotype) -> Wiring:
 class Layout(NamedTuple):
     """A network's picture: positions and sizes (radius or half side) of neurons, curves of links; cm."""
 
+    wiring: Wiring
     places: dict[int, Floats]
     sizes: dict[int, float]
     curves: list[Floats]
 
 
-def lay_out(
-    wiring: Wiring, robot: Robot, sensor_places: Floats, sensors: Sequence[int], unit: float
-) -> Layout:
-    """Where a network's parts stand on a robot: `sensor_places` [S, 2] cm in its frame are those of the fed
-    sensors, `sensors` the one of each input, and a unit of drawing is so many cm of robot."""
-    places = place_neurons(wiring, robot, sensor_places, sensors, unit)
+def lay_out(genotype: Genotype, robot: Robot, feeds: str, sensors: Sequence[int], unit: float) -> Layout:
+    """Where a network's parts stand on a robot: `sensors` are those of the inputs, and a unit of drawing is
+    so many cm of robot. Of two fed sensors at one position, proximity is inside."""
+    spots = {"proximity": robot.proximity.place, "ambient": robot.ambient.place}
+    if "+" in feeds:
+        spots["proximity"] = INSIDE * robot.proximity.place
+    wiring = read_wiring(genotype)
+    fed = np.concatenate([spots[kind] for kind in feeds.split("+")])
+    places = place_neurons(wiring, robot, fed, sensors, unit)
     sizes = {n: unit * SIZES[wiring.kind(n)] for n in places}
-    return Layout(places, sizes, bend_links(wiring, places, sizes, unit))
+    return Layout(wiring, places, sizes, bend_links(wiring, places, sizes, unit))
 
 
 def width_inches(hidden: int) -> float:
@@ -116,7 +120,7 @@ def place_neurons(
     wiring: Wiring, robot: Robot, sensor_places: Floats, sensors: Sequence[int], unit: float
 ) -> dict[int, Floats]:
     """Inputs at their sensors, outputs beside their wheels but clear of sensors, hidden neurons near their
-    neighbours; arguments as of `lay_out`."""
+    neighbours; `sensor_places` [S, 2] cm are in the robot's frame."""
     places: dict[int, Floats] = {}
     for i in range(wiring.inputs):
         sensor = sensors[i] if i < len(sensors) else -1
@@ -130,39 +134,32 @@ def place_neurons(
         while any(np.hypot(*(wheel - p)) < 0.95 * unit for p in places.values()) and abs(wheel[0]) > unit:
             wheel[0] *= 0.95
         places[wiring.inputs + k] = wheel
-    _place_hidden(wiring, robot.radius, places, unit)
-    return places
+    count, radius = len(wiring.hidden), robot.radius
+    reach = range(-16, 17)
 
+    def free_places(gap: float) -> list[Floats]:
+        """A hexagonal grid of positions `gap` apart inside the body, clear of placed neurons."""
+        comb = [np.array([(i + 0.5 * (j % 2)) * gap, (j - 0.3) * gap * 0.87]) for i in reach for j in reach]
+        return [
+            spot
+            for spot in comb
+            if np.hypot(*spot) < 0.8 * radius
+            and all(np.hypot(*(spot - p)) > min(1.1 * unit, 1.2 * gap) for p in places.values())
+        ]
 
-def _place_hidden(wiring: Wiring, radius: float, places: dict[int, Floats], unit: float) -> None:
-    """Put each hidden neuron at the free position nearest to its neighbours, the best connected first."""
-    count = len(wiring.hidden)
     gap = min(1.9 * unit, 1.5 * radius / (0.5 + count) ** 0.5)
-    free = _free_places(gap, radius, places, unit)
-    while len(free) < count and gap > 0.3 * unit:
+    while len(free := free_places(gap)) < count and gap > 0.3 * unit:
         gap *= 0.93
-        free = _free_places(gap, radius, places, unit)
     joined = {
         h: [k.source if k.target == h else k.target for k in wiring.links if h in (k.source, k.target)]
         for h in wiring.hidden
     }
-    for h in sorted(wiring.hidden, key=lambda h: (-len(joined[h]), h)):
+    for h in sorted(wiring.hidden, key=lambda h: (-len(joined[h]), h)):  # the best connected first
         near = [places[n] for n in joined[h] if n in places] or [np.zeros(2)]
         aim = np.mean(near, axis=0) * 0.8
         best = min(range(len(free)), key=lambda i: float(np.hypot(*(free[i] - aim))))
         places[h] = free.pop(best)
-
-
-def _free_places(gap: float, radius: float, places: dict[int, Floats], unit: float) -> list[Floats]:
-    """A hexagonal grid of positions `gap` apart inside the body, clear of placed neurons."""
-    reach = range(-16, 17)
-    honeycomb = [np.array([(i + 0.5 * (j % 2)) * gap, (j - 0.3) * gap * 0.87]) for i in reach for j in reach]
-    return [
-        spot
-        for spot in honeycomb
-        if np.hypot(*spot) < 0.8 * radius
-        and all(np.hypot(*(spot - p)) > min(1.1 * unit, 1.2 * gap) for p in places.values())
-    ]
+    return places
 
 
 def bend_links(
@@ -281,15 +278,15 @@ def draw_network(
         feeds: "proximity", "ambient" or "proximity+ambient".
         sensors: which of their readings feeds each input.
     """
-    robot = profile.to_kernel()
-    spots = _spots(robot, feeds)
-    wiring = read_wiring(genotype)
-    unit = _unit(ax, robot.radius)
-    laid = lay_out(wiring, robot, spots, sensors, unit)
+    robot, place = profile.to_kernel(), ax.get_position()
+    width, height = ax.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
+    inches = float(min(place.width * width, place.height * height))
+    unit = UNIT_INCHES * (2 * robot.radius + 0.24) / inches
+    laid = lay_out(genotype, robot, feeds, sensors, unit)
+    wiring, where = laid.wiring, np.array(list(laid.places.values()))
     draw_robot(ax, robot, (0.0, 0.0, math.pi / 2), edge=style.CYLINDER)
     _draw_links(ax, wiring, laid.curves, unit)
-    _draw_neurons(ax, wiring, laid, sensors, unit)
-    where = np.array(list(laid.places.values()))
+    _draw_neurons(ax, laid, sensors, unit)
     working = [(k, c) for k, c in zip(wiring.links, laid.curves, strict=True) if wiring.works(k)]
     labels = label_places([c for _, c in working], where, np.array(list(laid.sizes.values())), unit)
     for (link, _), spot in zip(working, labels, strict=True):
@@ -299,22 +296,6 @@ def draw_network(
     low = min(-robot.radius, float(where[:, 1].min()) - 0.4 * unit) - 0.12
     ax.set(xlim=(-wide, wide), ylim=(low, high), aspect="equal")
     ax.axis("off")
-
-
-def _spots(robot: Robot, feeds: str) -> Floats:
-    """Positions [S, 2] of the fed sensors; of two kinds at one position, proximity is inside."""
-    both = {"proximity": robot.proximity.place, "ambient": robot.ambient.place}
-    if "+" in feeds:
-        both["proximity"] = INSIDE * robot.proximity.place
-    return np.concatenate([both[kind] for kind in feeds.split("+")])
-
-
-def _unit(ax: Axes, radius: float) -> float:
-    """Size of a unit of drawing in these axes, cm of robot."""
-    place = ax.get_position()
-    width, height = ax.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
-    inches = min(place.width * width, place.height * height)
-    return UNIT_INCHES * (2 * radius + 0.24) / float(inches)
 
 
 def _draw_links(ax: Axes, wiring: Wiring, curves: list[Floats], unit: float) -> None:
@@ -351,8 +332,9 @@ def _dot(place: Floats, size: float) -> Floats:
     return np.asarray(place + size * np.stack([np.cos(t), np.sin(t)], axis=1))
 
 
-def _draw_neurons(ax: Axes, wiring: Wiring, laid: Layout, sensors: Sequence[int], unit: float) -> None:
+def _draw_neurons(ax: Axes, laid: Layout, sensors: Sequence[int], unit: float) -> None:
     """Inputs round and tinted, outputs square, hidden neurons round; number and threshold inside."""
+    wiring = laid.wiring
     for n, (x, y) in laid.places.items():
         pale, size = 1.0 if n in wiring.useful else 0.4, laid.sizes[n]
         shape: Patch
@@ -421,12 +403,10 @@ def network_drawing(genotype: Genotype, task: Task, profile: Profile) -> tuple[d
 
     Also the slots of the neurons, in the order of a track's outputs.
     """
-    robot = profile.to_kernel()
-    spots = _spots(robot, task.feeds)
-    wiring = read_wiring(genotype)
-    unit = UNIT_INCHES * (2 * float(robot.radius) + 0.24) / width_inches(len(wiring.hidden))
-    laid = lay_out(wiring, robot, spots, task.sensors, unit)
-    slots = sorted(laid.places)
+    robot, wide = profile.to_kernel(), width_inches(len(genotype.neurons) - OUTPUTS)
+    unit = UNIT_INCHES * (2 * float(robot.radius) + 0.24) / wide
+    laid = lay_out(genotype, robot, task.feeds, task.sensors, unit)
+    wiring, slots = laid.wiring, sorted(laid.places)
     neurons = [
         {
             "x": _short(laid.places[n][0]), "y": _short(-laid.places[n][1]), "r": _short(laid.sizes[n]),

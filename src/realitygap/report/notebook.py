@@ -20,7 +20,7 @@ from realitygap.files import atomic_write
 from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
 from realitygap.report.drawing import draw_arena, robot_figure, steepness
-from realitygap.report.evolution import Paths, counted, parts_of
+from realitygap.report.evolution import WHO, Paths, parts_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, rendered
 from realitygap.report.player import player_data, player_json, replay_data
@@ -44,22 +44,13 @@ MOST_ROWS = 30
 
 
 class Shown:
-    """A page in a notebook's cell, in an isolated frame.
-
-    Attributes:
-        html: the self-contained page.
-        height: of the frame, in pixels; its corner can be dragged.
-    """
+    """A self-contained page in a notebook's cell, in an isolated frame so many pixels high."""
 
     def __init__(self, page: str, height: int) -> None:
         self.html, self.height = page, height
 
     def save(self, path: str | Path) -> None:
-        """Write the page to a file.
-
-        Raises:
-            OSError: it cannot be written.
-        """
+        """Write the page to a file."""
         atomic_write(path, self.html)
 
     def _repr_html_(self) -> str:
@@ -100,11 +91,7 @@ def of_calibration(made: Calibration) -> Gallery:
 
 
 def shown_study(study: Study, height: int) -> Shown:
-    """The page's player: each run's simulated robot, and the situated one if it drove a robot.
-
-    Raises:
-        StudyError: no run has started.
-    """
+    """The page's player: each run's simulated robot, and the one that it drove."""
     parts = parts_of(study)
     pairs = pairs_of(study, parts)
     data = player_data(study, parts, pairs, Paths(study))
@@ -147,7 +134,7 @@ def study_html(study: Study) -> str:
         for run in study.runs[:MOST_ROWS]
     ]  # fmt: skip
     title = study.config.title or study.folder.name
-    runs = counted(len(study.runs), "run")
+    runs = f"{len(study.runs)} run{'s' * (len(study.runs) != 1)}"
     said = f"{title}: {runs}, seed {study.config.seed}, profile {study.profile.name}"
     head = ("run", "evaluations", "best fitness", "champion, retested", "")
     return _face(said, rows, head=head, more=len(study.runs) - len(rows))
@@ -159,7 +146,7 @@ def run_html(run: Run) -> str:
     facts = [
         ("task", run.task), ("noise", run.noise_name), ("evaluations", run.evaluations),
         ("best fitness", _short(run.best_fitness)), ("champion, retested", _short(run.champion_fitness)),
-        *((f"{'best' if who == 'fittest' else who}, test trials at noise {noise:g}", _short(scores.mean()))
+        *((f"{WHO[who]}, test trials at noise {noise:g}", _short(scores.mean()))
           for (who, noise), scores in run.tests.items()),
     ]  # fmt: skip
     if genes is None:

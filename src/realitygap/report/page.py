@@ -58,11 +58,7 @@ class Figures(dict[str, Picture]):
 
 
 def report_folder(study: Path) -> Path:
-    """The folder of a study's report, with folders for figures and tables.
-
-    Raises:
-        StudyError: a link is in its place.
-    """
+    """The folder of a study's report, with folders for figures and tables; a link in its place is refused."""
     folder = study / "report"
     refuse_links(folder)
     for name in ("figures", "tables"):
@@ -79,29 +75,20 @@ def write_page(
     *,
     tables: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a page: draw its figures, write its tables, then the page, as a whole.
+    """Write a page from a template: draw its figures, write its tables, then the page, as a whole.
 
-    Args:
-        target: the page's path.
-        template: from the folder `templates`.
-        figures: all its figures.
-        facts: the template's values by name.
-        on_progress: called before each figure and before the page.
-        tables: CSV texts by name; None for a page that stands alone, with no files beside it.
-
-    Raises:
-        OSError: something cannot be written.
+    `tables` are CSV texts by name; None for a page that stands alone, with no files beside it.
     """
-    tell = on_progress or (lambda done, total, name: None)
+    report = on_progress or (lambda done, total, name: None)
     for name, text in (tables or {}).items():
         atomic_write(target.parent / "tables" / f"{name}.csv", text)
     folder, svgs = None if tables is None else target.parent / "figures", {}
     for done, (name, picture) in enumerate(figures.items()):
-        tell(done, len(figures) + 1, name)
+        report(done, len(figures) + 1, name)
         svgs[name] = Markup(inline_svg(picture.save(folder), name, picture.alt))
-    tell(len(figures), len(figures) + 1, target.name)
+    report(len(figures), len(figures) + 1, target.name)
     atomic_write(target, rendered(template, {**facts, "svgs": svgs}))
-    tell(len(figures) + 1, len(figures) + 1, "")
+    report(len(figures) + 1, len(figures) + 1, "")
     return target
 
 

@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -28,14 +29,14 @@ from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
 from realitygap.transfer.replay import Replays
-from realitygap.values import Floats, fed
+from realitygap.values import fed
 from realitygap.world.arena import Arena
 from realitygap.world.robot import TOP_INPUT, Profile, noise_name
 from realitygap.world.sensors import RAY_ANGLES_DEG, AmbientSensor, ProximitySensor
 
 __all__ = [
-    "LOST", "MOST_TRIALS", "activity", "decided", "judge_page", "pack",
-    "player_data", "player_json", "replay_data", "track",
+    "LOST", "MOST_TRIALS", "activity", "decided", "judge_page", "pack", "player_data", "player_json",
+    "replay_data",
 ]  # fmt: skip
 
 Json = dict[str, object]
@@ -125,15 +126,26 @@ class _Side:
     def drive(
         self, who: str, score: str, path: Track, kept: Trajectory | Recording | None, drove: Genotype | None
     ) -> Json:
-        """A drive along a path, with its recorded data `kept`; `drove` is the driving genotype, if known."""
-        unit = _unit_cm(self.task)
-        if kept is None:
-            return track(who, score, poses_of(path), unit)
-        readings, commands, outputs = fed(kept, self.task.feeds), decided(kept, self.profile), None
-        known = kept.inputs.shape[1] == len(self.task.sensors)
-        if known and self.genotype == drove:  # the drawn network is the one that drove
-            outputs = activity(self.genotype, kept.inputs, commands, self.slots)
-        return track(who, score, poses_of(path), unit, readings=readings, commands=commands, outputs=outputs)
+        """A drive along a path: n + 1 poses, and of the first n the readings (counts), commands and outputs
+        (−10 to 10), as far as its record `kept` has them; `drove` is the driving genotype, if known."""
+        steps, unit = len(path) - 1, _unit_cm(self.task)
+        poses = np.stack([path.x, path.y, path.heading_deg.round(DIGITS)], axis=1)
+        inside: dict[str, tuple[NDArray[Any] | None, str]] = {}
+        if kept is not None:
+            readings, commands, outputs = fed(kept, self.task.feeds), decided(kept, self.profile), None
+            known = kept.inputs.shape[1] == len(self.task.sensors)
+            if known and self.genotype == drove:  # the drawn network is the one that drove
+                outputs = activity(self.genotype, kept.inputs, commands, self.slots)
+            inside = {"readings": (readings, "<i2"), "commands": (commands, "i1"), "outputs": (outputs, "i1")}
+        packed = {
+            key: pack(of, kind) if of is not None and len(of) == steps > 0 else None
+            for key, (of, kind) in inside.items()
+        }
+        return {
+            "who": who, "score": score, "steps": steps,
+            "poses": pack(poses * np.array([1 / unit, 1 / unit, TURN]), "<i2"),
+            **dict.fromkeys(("readings", "commands", "outputs")), **packed,
+        }  # fmt: skip
 
 
 def _run(
@@ -237,11 +249,6 @@ def pack(values: ArrayLike, kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(whole).astype(kind).tobytes()).decode("ascii")
 
 
-def poses_of(track: Track) -> Floats:
-    """Poses [n, 3] in cm, cm, degrees, with exactly a file's digits; NaN where the robot was lost."""
-    return np.stack([track.x, track.y, track.heading_deg.round(DIGITS)], axis=1)
-
-
 def decided(drive: Trajectory | Recording, profile: Profile) -> NDArray[np.int64]:
     """A drive's commands [n, 2] from −10 to 10: a recording has them in the robot's own units."""
     if isinstance(drive, Trajectory):
@@ -266,25 +273,3 @@ def activity(
         outputs = controller.outputs
         shown[k] = [outputs[slot] for slot in slots]
     return shown
-
-
-def track(
-    who: str,
-    score: str,
-    poses: Floats,
-    unit_cm: float,
-    *,
-    readings: Floats | None = None,
-    commands: NDArray[np.int64] | None = None,
-    outputs: NDArray[np.int64] | None = None,
-) -> dict[str, object]:
-    """One drive for the page: poses [n + 1, 3] in cm, cm, degrees; readings (counts), commands and outputs
-    (−10 to 10) [n, …] of the first n poses, as far as they are known."""
-    steps = len(poses) - 1
-    packed = {"poses": pack(poses * np.array([1 / unit_cm, 1 / unit_cm, TURN]), "<i2")}
-    inside = {"readings": (readings, "<i2"), "commands": (commands, "i1"), "outputs": (outputs, "i1")}
-    rows = {
-        name: pack(values, kind) if values is not None and len(values) == steps > 0 else None
-        for name, (values, kind) in inside.items()
-    }
-    return {"who": who, "score": score, "steps": steps, **packed, **rows}

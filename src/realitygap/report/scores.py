@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from realitygap.files import to_csv
-from realitygap.report.evolution import Mean, mean_of
+from realitygap.report.evolution import PER_CONDITION, Mean, mean_of
 from realitygap.study.load import Study
 from realitygap.tasks.task import Task
 from realitygap.transfer.scores import ScoreRow, marks_of
@@ -43,8 +43,6 @@ PAPER_ROWS: Mapping[str, Mapping[float, tuple[PaperRow, ...]]] = _paper_rows()
 """By task and noise level."""
 
 SCORES = ("behaviour", "correspondence")
-SHOWN = 10
-"""Rows of a noise level shown on a page."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,9 +72,14 @@ class ScoreClass:
         """Each run's score, if it has one."""
         return [value for mark in self.marks if (value := getattr(mark, of)) is not None]
 
+    @property
+    def averages(self) -> dict[str, float]:
+        """The means that there are."""
+        return {of: mean.value for of in SCORES if (mean := self.mean(of)) is not None}
+
     def rows(self) -> list[tuple[ScoreRow | None, PaperRow | None]]:
         """Our rows and the paper's, side by side."""
-        return list(zip_longest(self.marks[:SHOWN], self.paper))
+        return list(zip_longest(self.marks[: 2 * PER_CONDITION], self.paper))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,24 +98,9 @@ class ScoreTable:
         return "-".join([self.task, "scores", *(w.replace(" ", "-") for w in words if w not in ("", "twin"))])
 
     @property
-    def printed(self) -> bool:
-        """Whether the paper has rows for comparison."""
-        return any(one.paper for one in self.classes)
-
-    @property
-    def cut(self) -> bool:
-        """Whether some rows are only in the CSV."""
-        return any(len(one.marks) > SHOWN for one in self.classes)
-
-    @property
-    def starts(self) -> list[int]:
-        """Numbers of starts behind the correspondence scores, each once."""
-        return sorted({mark.starts for one in self.classes for mark in one.marks if mark.starts})
-
-    @property
-    def unscored(self) -> bool:
-        """Whether some individual has no behaviour score."""
-        return any(mark.behaviour is None for one in self.classes for mark in one.marks)
+    def marks(self) -> list[ScoreRow]:
+        """The score rows of all levels."""
+        return [mark for one in self.classes for mark in one.marks]
 
     @property
     def missing(self) -> list[str]:
@@ -122,9 +110,8 @@ class ScoreTable:
             for mark in one.marks:
                 if mark.why:
                     found.setdefault(mark.why, []).append(f"{one.name} #{mark.index}")
-        every = sum(len(one.marks) for one in self.classes)
         return [
-            f"{'All runs' if len(runs) == every else ', '.join(runs)}: {why.rstrip('.')}."
+            f"{'All runs' if len(runs) == len(self.marks) else ', '.join(runs)}: {why.rstrip('.')}."
             for why, runs in found.items()
         ]
 
@@ -134,10 +121,14 @@ class ScoreTable:
             "task": self.task,
             "robot": self.kind or None,
             "individual": self.individual,
-            "rows": [mark.to_dict() for one in self.classes for mark in one.marks],
-            "averages": [_average(one) for one in self.classes],
+            "rows": [mark.to_dict() for mark in self.marks],
+            "averages": [
+                {"noise": one.level, "runs": len(one.marks), **dict.fromkeys(SCORES), **one.averages}
+                for one in self.classes
+            ],
             "paper": [
-                {"noise": one.level, "rows": [row._asdict() for row in one.paper], **_printed(one)}
+                {"noise": one.level, "rows": [row._asdict() for row in one.paper]}
+                | dict(zip(SCORES, one.paper_average or (), strict=True))
                 for one in self.classes
                 if one.paper
             ],
@@ -189,7 +180,9 @@ def scores_csv(tables: Sequence[ScoreTable]) -> str:
         facts = {"task": tables[0].task, "noise": one.name, "source": "paper"}
         rows += [{**facts, "row": k, **row._asdict()} for k, row in enumerate(one.paper, 1)]
         if one.paper:
-            rows.append({**facts, "row": "average", **_printed(one)})
+            rows.append(
+                {**facts, "row": "average", **dict(zip(SCORES, one.paper_average or (), strict=True))}
+            )
     return to_csv([head, *([row.get(key, "") for key in head] for row in rows)], end="\r\n")
 
 
@@ -202,19 +195,5 @@ def _class_rows(table: ScoreTable, one: ScoreClass) -> Iterator[dict[str, object
         mean = one.mean("correspondence")
         ends = {"low": mean.value - mean.half, "high": mean.value + mean.half} if mean else {}
         known = {key: min(max(value, 0.0), 10.0) for key, value in ends.items() if math.isfinite(value)}
-        means = {key: value for key, value in _average(one).items() if key in SCORES and value is not None}
         whose = {"row": "average", "kind": table.kind, "individual": table.individual}
-        yield {**facts, **whose, **means, **known}
-
-
-def _average(one: ScoreClass) -> dict[str, object]:
-    means = {of: one.mean(of) for of in SCORES}
-    return {
-        "noise": one.level,
-        "runs": len(one.marks),
-        **{of: None if mean is None else mean.value for of, mean in means.items()},
-    }
-
-
-def _printed(one: ScoreClass) -> dict[str, float]:
-    return dict(zip(SCORES, one.paper_average or (), strict=False))
+        yield {**facts, **whose, **one.averages, **known}

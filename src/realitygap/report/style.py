@@ -10,9 +10,8 @@ import io
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -65,17 +64,16 @@ _RC: dict[RcKeyType, object] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class NoiseStyle:
-    """Style of a noise level in every figure."""
+class NoiseStyle(NamedTuple):
+    """Style of a noise level in every figure; `sign` is its marker in a text."""
 
     colour: str
     line: LineStyleType
     marker: str
+    sign: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class Look:
+class Look(NamedTuple):
     """Style of a robot and its tail: `simulated` or `situated` (on a robot, or a twin of one)."""
 
     line: LineStyleType
@@ -88,19 +86,19 @@ SIMULATED = Look(line="-", tail_width=0.8, tail_alpha=1.0, body=BODY)
 SITUATED = Look(line=(0, (2, 1)), tail_width=1.5, tail_alpha=0.6, body=CYLINDER)
 
 _NAMED = {
-    0.0: NoiseStyle(colour="#0072b2", line="-", marker="o"),
-    1.0: NoiseStyle(colour="#d55e00", line=(0, (5, 1.5)), marker="s"),
-    2.0: NoiseStyle(colour="#009e73", line=(0, (5, 1.5, 1, 1.5)), marker="^"),
+    0.0: NoiseStyle("#0072b2", "-", "o", "●"),
+    1.0: NoiseStyle("#d55e00", (0, (5, 1.5)), "s", "■"),
+    2.0: NoiseStyle("#009e73", (0, (5, 1.5, 1, 1.5)), "^", "▲"),
 }
 _OTHERS = (
-    NoiseStyle(colour="#cc79a7", line=(0, (1, 1)), marker="D"),
-    NoiseStyle(colour="#56b4e9", line=(0, (3, 1, 1, 1, 1, 1)), marker="v"),
-    NoiseStyle(colour="#e69f00", line=(0, (8, 2)), marker="P"),
-    NoiseStyle(colour=MUTED, line=(0, (1, 2)), marker="X"),
-    NoiseStyle(colour="#0072b2", line=(0, (2, 2)), marker="<"),
-    NoiseStyle(colour="#d55e00", line=(0, (8, 2, 1, 2)), marker=">"),
-    NoiseStyle(colour="#009e73", line=(0, (2, 1, 2, 4)), marker="*"),
-    NoiseStyle(colour="#cc79a7", line=(0, (12, 3)), marker="p"),
+    NoiseStyle("#cc79a7", (0, (1, 1)), "D", "◆"),
+    NoiseStyle("#56b4e9", (0, (3, 1, 1, 1, 1, 1)), "v", "▼"),
+    NoiseStyle("#e69f00", (0, (8, 2)), "P", "✚"),
+    NoiseStyle(MUTED, (0, (1, 2)), "X", "✖"),
+    NoiseStyle("#0072b2", (0, (2, 2)), "<", "◀"),
+    NoiseStyle("#d55e00", (0, (8, 2, 1, 2)), ">", "▶"),
+    NoiseStyle("#009e73", (0, (2, 1, 2, 4)), "*", "★"),
+    NoiseStyle("#cc79a7", (0, (12, 3)), "p", "⬟"),
 )
 
 
@@ -112,16 +110,10 @@ def noise_styles(levels: Iterable[float]) -> dict[float, NoiseStyle]:
     return {level: _NAMED.get(level) or spare[level] for level in levels}
 
 
-GLYPHS = {
-    "o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖",
-    "<": "◀", ">": "▶", "*": "★", "p": "⬟",
-}  # fmt: skip
-
-
 def noise_key(levels: Mapping[float, str]) -> list[tuple[str, str, str]]:
     """Name, colour and sign of each noise level, for a page's legend."""
     styles = noise_styles(levels)
-    return [(name, styles[level].colour, GLYPHS[styles[level].marker]) for level, name in levels.items()]
+    return [(name, styles[level].colour, styles[level].sign) for level, name in levels.items()]
 
 
 def number(value: float, places: int) -> str:

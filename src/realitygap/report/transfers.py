@@ -18,7 +18,7 @@ import numpy as np
 
 from realitygap.files import atomic_path, to_csv
 from realitygap.report.drawing import PathPanel, Scene, paths_figure
-from realitygap.report.evolution import PER_CONDITION, Mean, NoiseClass, TaskPart, mean_of
+from realitygap.report.evolution import PER_CONDITION, WHO, Mean, NoiseClass, TaskPart, mean_of
 from realitygap.report.page import Figures, Picture
 from realitygap.report.style import SIMULATED, SITUATED, number
 from realitygap.robots.address import ROBOT, StandIn
@@ -99,8 +99,8 @@ class Group:
     def words(self) -> str:
         """Where and, unless champions, who."""
         where = "a robot" if self.kind == ROBOT else f"the {self.kind}"
-        who = {"champion": "", "fittest": ", the best during evolution"}
-        return where + who.get(self.individual, f", {self.individual}")
+        who = WHO.get(self.individual, self.individual)
+        return where if self.individual == "champion" else f"{where} ({who})"
 
     def mean(self, of: str) -> Mean | None:
         """Of the runs' "fitness_simulated", "fitness_situated" or "drop", each over its scored transfers."""

@@ -199,9 +199,12 @@ def answer(letter: str, *values: object) -> bytes:
 
 
 def _fits(spans: tuple[IntRange, ...], values: tuple[int, ...]) -> bool:
-    return len(values) == len(spans) and all(
-        low <= value <= high for (low, high, _), value in zip(spans, values, strict=True)
-    )
+    if len(values) != len(spans):
+        return False
+    for (low, high, _), value in zip(spans, values, strict=True):  # noqa: SIM110 - of every answer, faster so
+        if not low <= value <= high:
+            return False
+    return True
 
 
 @lru_cache(maxsize=1024)
@@ -270,8 +273,8 @@ class Line(Wire):
         """
         together = len(requests) > 1 and self._batch_failures < BATCH_FAILURES
         once = next((r for r in requests if not self.protocol.commands[r.letter].repeatable), None)
-        start, tries = self.clock.now(), 0
-        until = start + (self.give_up_s if give_up_s is None else give_up_s) + self._wire_s(requests)
+        start, tries, wire_s = self.clock.now(), 0, self._wire_s(requests)
+        until = start + (self.give_up_s if give_up_s is None else give_up_s) + wire_s
         while tries < LEAST_TRIES or self.clock.now() < until:
             tries += 1
             groups = [requests] if together else [(request,) for request in requests]
@@ -474,8 +477,8 @@ class LineBody(WireBody):
         carry: Callable[[Pose], None] | None = None,
     ) -> None:
         self._carry, self.baud = carry, line.baud
-        self._identify(line)
         self.attend(*kinds)
+        self._identify(line)  # last: now it has a guard, which its user dismisses
 
     @classmethod
     def connect(

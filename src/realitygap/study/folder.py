@@ -344,16 +344,18 @@ def untrusted(files: Iterable[Path]) -> list[Path]:
     return [file for file in files if sha256(file.read_bytes()).hexdigest() not in _known()]
 
 
-def require_trusted(place: Path, files: Iterable[Path]) -> None:
-    """Refuse to run such programs, which a study's folder or a configuration names.
+def require_trusted(place: Path, files: Iterable[Path], agreeing: str = "") -> None:
+    """Refuse to run such programs, which a study's folder or a configuration names; `agreeing` is how a
+    person agrees to it.
 
     Raises:
         StudyError: names the file and the cure.
     """
+    how = f"`realitygap show {shlex.quote(str(place))} --trust`"
     for file in untrusted(files):
         raise StudyError(
             f"{place}: it was made elsewhere and brings a program, {file}, that would be run. "
-            "Read it; if you trust its author, give --trust (in Python: trust=True)."
+            f"Read it; if you trust its author, give {agreeing or how} (in Python: trust=True)."
         )
 
 

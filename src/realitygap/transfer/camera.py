@@ -150,7 +150,7 @@ class OverheadTracker:
 
         from realitygap.film.tracker import Tracker
 
-        frames, threads = self._eye.frames(truth, fps=WATCH_FPS, first=stream), cv2.getNumThreads()
+        frames, threads = self._eye.watched(truth, fps=WATCH_FPS, first=stream), cv2.getNumThreads()
         cv2.setNumThreads(1)  # on so small pictures a second one only waits, at full load
         try:
             return Tracker(self.camera, self.marker).follow(frames)

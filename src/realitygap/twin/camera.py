@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from realitygap.errors import ConfigError
 from realitygap.track import Track
+from realitygap.twin.compiled import jit, part
 from realitygap.twin.noise import check_scale, draws
 from realitygap.twin.unit import (
     BODY_RADIUS,
@@ -39,12 +40,15 @@ __all__ = [
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
 Frame = NDArray[np.uint8]
+Part = tuple[slice, slice]
+"""Rows and columns of a picture."""
 
 DISK_RADIUS, MIDDLE_RADIUS, FRONT_RADIUS, FRONT_AHEAD = 0.0275, 0.007, 0.0045, 0.0195
 """The disk on the robot's back: black, with a white patch in the middle and another ahead."""
 DISK_HEIGHT = 0.0305
 """On top of the robot: half a millimetre of card above its body (m)."""
 WIDTH, HEIGHT = 640, 480
+_WHOLE = slice(0, HEIGHT), slice(0, WIDTH)
 MARGIN = 1.085
 """The picture shows 8.5 % more than the floor."""
 ABOVE = 1.9
@@ -156,18 +160,12 @@ class Plate:
         windows = sliding_window_view(wide, (2 * half + 1, 2 * half + 1), axis=(1, 2))
         return np.asarray(windows.mean(axis=(3, 4)), np.float32)
 
-    def shown(self, soft: Pixels, off: NDArray[Any], turn: tuple[float, float]) -> Pixels:
-        """[2, ...] cover and whiteness of a `softened` card at places `off` [2, ...] the robot's centre (m);
-        `turn` has cosine and sine of its heading."""
-        (x, y), (c, s) = off, turn
-        ahead, left = c * x + s * y - self._first[0], c * y - s * x - self._first[1]
+    @property
+    def axes(self) -> Array:
+        """[3, 2] ahead and to the left of the robot's centre: the cells' upper left corner (m), and how many
+        parts to the right and down a metre is."""
         parts = self._count * TEXELS / float(self._across[0] ** 2 + self._across[1] ** 2)
-        column, row = (
-            np.floor((ahead * to[0] + left * to[1]) * parts).astype(int) + 2 * TEXELS
-            for to in (self._across, self._down)
-        )
-        last = soft.shape[1] - 1
-        return soft[:, row.clip(0, last), column.clip(0, last)]
+        return np.stack([self._first, self._across * parts, self._down * parts])
 
 
 COLOURS = {
@@ -184,6 +182,8 @@ SIDE = 0.003
 """The lowest of the body's side that the camera sees (m)."""
 EDGE = 2
 """Pixels round the robot's box."""
+SURROUNDINGS = 0.035
+"""About it all that a tracker looks at while it sees the robot (m)."""
 
 
 class _Drawing:
@@ -196,33 +196,33 @@ class _Drawing:
     def __init__(self, arena: Mapping[str, Any], lens: Lens, plate: Plate | None, *, grey: bool) -> None:
         weights = LUMINANCE[:, None] if grey else np.eye(3)
         self._colours = {name: (colour @ weights).astype(np.float32) for name, colour in COLOURS.items()}
+        self._paints = np.stack([self._colours[name] for name in ("body", "black", "white")])
         step = (np.arange(SUB) + 0.5) / SUB - 0.5
         columns = (np.arange(WIDTH)[:, None] + step).ravel()
         rows = (np.arange(HEIGHT)[:, None] + step).ravel()
-        # [2, ...] x and y where a sample's ray meets the floor, and their change with height
-        self._floor, self._slope = (
-            np.moveaxis(one, -1, 0).astype(np.float32, order="C")
-            for one in lens.floor(*np.meshgrid(columns, rows))
-        )
-        self._lens, self._plate = lens, plate
-        self._samples = float(SUB * lens.focal / lens.position[2])  # a metre
-        self._reach, self._top = BODY_RADIUS, DISK_HEIGHT
+        # [..., 4] x and y where a sample's ray meets the floor, and their change with height
+        self._rays = np.concatenate(lens.floor(*np.meshgrid(columns, rows)), axis=-1, dtype=np.float32)
+        self._lens = lens
+        self._samples = np.float32(SUB * lens.focal / lens.position[2])  # a metre
+        self._reach, self._top, self._axes = BODY_RADIUS, DISK_HEIGHT, np.empty((3, 2))
+        self._soft, self._worn = np.empty((2, 0, 0), np.float32), DISK_HEIGHT
         if plate is not None:
-            self._soft = plate.softened(1 / self._samples)
+            self._soft, self._axes = plate.softened(1 / float(self._samples)), plate.axes
             self._reach, self._top = max(BODY_RADIUS, plate.reach), max(DISK_HEIGHT, plate.height)
+            self._worn = plate.height
         self._fine, self._over = self._still(arena)
         self.background = _coarse(self._fine)
 
     def _at(self, z: float) -> Pixels:
         """[2, ...] x and y of the samples' rays at a height (m)."""
-        return np.asarray(self._slope * np.float32(z) + self._floor)
+        return np.moveaxis(self._rays[..., 2:] * np.float32(z) + self._rays[..., :2], -1, 0)
 
     def _still(self, arena: Mapping[str, Any]) -> tuple[Pixels, NDArray[np.bool_]]:
         """[..., colours] what does not move, from the floor up; [...] whether it is higher than the robot."""
         colours = self._colours
         w, h = (v / 100.0 for v in arena["size_cm"])
-        picture = np.tile(colours["floor"], (*self._floor.shape[1:], 1))
-        off_x, off_y = self._floor[0] - np.float64(w / 2), self._floor[1] - np.float64(h / 2)
+        picture = np.tile(colours["floor"], (*self._rays.shape[:2], 1))
+        off_x, off_y = self._rays[..., 0] - np.float64(w / 2), self._rays[..., 1] - np.float64(h / 2)
         light = 1.0 - 0.10 * (off_x**2 + off_y**2) / (w * w + h * h) * 4
         picture *= light[..., None].astype(np.float32)
         over = np.zeros(picture.shape[:2], np.bool_)
@@ -249,44 +249,91 @@ class _Drawing:
             picture[np.hypot(x - cx, y - cy) < 0.008] = colours["lamp"]
         return picture, over
 
-    def box(self, x: float, y: float) -> tuple[slice, slice]:
-        """Rows and columns of the picture in which a robot at x, y (m) may be seen."""
-        near = [[x + a, y + b, z] for a in (-self._reach, self._reach) for b in (-self._reach, self._reach)
-                for z in (0.0, self._top)]  # fmt: skip
-        ends = self._lens.pixels(np.array(near))
-        low, high = np.floor(ends.min(axis=0)) - EDGE, np.ceil(ends.max(axis=0)) + EDGE
-        (left, top), (right, bottom) = (
-            np.clip(end, 0, (WIDTH, HEIGHT)).astype(int).tolist() for end in (low, high)
-        )
-        return slice(top, bottom), slice(left, right)
+    def boxes(self, x: Array, y: Array) -> list[Part]:
+        """Of robots at x, y [n] (m) each the rows and columns of the picture in which it may be seen."""
+        reach, places = self._reach, np.stack([x, y, np.zeros_like(x)], axis=-1)
+        near = [(a, b, z) for a in (-reach, reach) for b in (-reach, reach) for z in (0.0, self._top)]
+        ends = self._lens.pixels(places[:, None] + near)
+        low, high = np.floor(ends.min(axis=1)) - EDGE, np.ceil(ends.max(axis=1)) + EDGE
+        corners = (end.clip(0, (WIDTH, HEIGHT)).astype(int).tolist() for end in (low, high))
+        return [
+            (slice(top, bottom), slice(left, right))
+            for (left, top), (right, bottom) in zip(*corners, strict=True)
+        ]
 
-    def robot(self, x: float, y: float, heading: float, box: tuple[slice, slice]) -> Pixels:
+    def robot(self, x: float, y: float, heading: float, box: Part) -> Pixels:
         """[rows, columns, colours] grey levels in a box of the picture, with the robot at x, y (m)."""
-        part = tuple(slice(one.start * SUB, one.stop * SUB) for one in box)
-        fine, c, s = self._fine[part], math.cos(heading), math.sin(heading)
-        black, white = self._colours["black"], self._colours["white"]
-        slope_x, slope_y = self._slope[0][part], self._slope[1][part]
-        off_x, off_y = self._floor[0][part] - np.float32(x), self._floor[1][part] - np.float32(y)
-        # where a ray comes nearest to the body's axis, on the height of its side
-        z = -(off_x * slope_x + off_y * slope_y) / (slope_x * slope_x + slope_y * slope_y + np.float32(1e-12))
-        z = np.minimum(np.maximum(z, np.float32(SIDE)), np.float32(BODY_TOP))
-        side = (off_x + z * slope_x) ** 2 + (off_y + z * slope_y) ** 2 < np.float32(BODY_RADIUS**2)
-        picture = np.where(side[..., None], self._colours["body"], fine)
-        height = np.float32(DISK_HEIGHT if self._plate is None else self._plate.height)
-        off_x, off_y = off_x + slope_x * height, off_y + slope_y * height
-        if self._plate is None:
-            samples = np.float32(self._samples)
-            for ahead, radius, colour in (
-                (0.0, DISK_RADIUS, black), (0.0, MIDDLE_RADIUS, white), (FRONT_AHEAD, FRONT_RADIUS, white)
-            ):  # fmt: skip
-                square = (off_x - np.float32(ahead * c)) ** 2 + (off_y - np.float32(ahead * s)) ** 2
-                share = (np.float32(radius) - np.sqrt(square)) * samples + np.float32(0.5)
-                share = np.minimum(np.maximum(share, np.float32(0.0)), np.float32(1.0))
-                picture += share[..., None] * (colour - picture)
-        else:
-            cover, bright = self._plate.shown(self._soft, np.stack([off_x, off_y]), (c, s))[..., None]
-            picture += cover * (black - picture) + bright * (white - black)
-        return _coarse(np.where(self._over[part][..., None], fine, picture))
+        rows, columns = (slice(SUB * side.start, SUB * side.stop) for side in box)
+        still = self._fine[rows, columns]
+        out = np.empty((len(still) // SUB, still.shape[1] // SUB, still.shape[2]), np.float32)
+        place = np.array(
+            [x, y, math.cos(heading), math.sin(heading), self._worn, self._reach + 2 / self._samples],
+            np.float32,
+        )
+        rays = self._over[rows, columns], self._rays[rows, columns]
+        for n, paints in enumerate(self._paints.T):
+            shapes = self._samples, paints, self._soft, self._axes
+            _draw_robot(still[..., n], *rays, place, *shapes, out[..., n])
+        return out
+
+
+@part
+def _share(off_x: Any, off_y: Any, radius: Any, samples: Any) -> Any:
+    """How much of a sample, so far off the middle of a circle of that radius (m), the circle covers."""
+    square = off_x * off_x + off_y * off_y
+    if square > (radius + np.float32(1.0) / samples) ** 2:
+        return np.float32(0.0)
+    if square < (radius - np.float32(1.0) / samples) ** 2:
+        return np.float32(1.0)
+    share = (radius - math.sqrt(square)) * samples + np.float32(0.5)
+    return min(max(share, np.float32(0.0)), np.float32(1.0))
+
+
+@jit
+def _draw_robot(
+    still: Any, over: Any, rays: Any, place: Any, samples: Any, paints: Any, soft: Any,
+    axes: Any, out: Any,
+) -> None:  # fmt: skip
+    """A box of the picture with the robot in it, one colour of it, into [rows, columns].
+
+    `still`, `over` and `rays` are the drawing's, of the box's samples; `place` is x, y (m), cosine
+    and sine of the heading, the height of what the robot wears and how far both reach (m); `paints` its
+    body's, black and white; `soft` and `axes` a plate's, `soft` without parts if it has none.
+    """
+    x, y, c, s, height, reach = place[0], place[1], place[2], place[3], place[4], place[5]
+    body, black, white, last = paints[0], paints[1], paints[2], soft.shape[1] - 1
+    for row in range(out.shape[0]):
+        for column in range(out.shape[1]):
+            total = np.float32(0.0)
+            for k in range(SUB * SUB):
+                i, j = SUB * row + k // SUB, SUB * column + k % SUB
+                level, slope_x, slope_y = still[i, j], rays[i, j, 2], rays[i, j, 3]
+                off_x, off_y = rays[i, j, 0] - x, rays[i, j, 1] - y
+                farthest = reach + height * (abs(slope_x) + abs(slope_y))  # of a ray that meets the robot
+                if over[i, j] or off_x * off_x + off_y * off_y > farthest * farthest:
+                    total += level
+                    continue
+                # where the ray comes nearest to the body's axis, on the height of its side
+                z = -(off_x * slope_x + off_y * slope_y)
+                z /= slope_x * slope_x + slope_y * slope_y + np.float32(1e-12)
+                z = min(max(z, np.float32(SIDE)), np.float32(BODY_TOP))
+                side_x, side_y = off_x + z * slope_x, off_y + z * slope_y
+                if side_x * side_x + side_y * side_y < np.float32(BODY_RADIUS**2):
+                    level = body
+                off_x, off_y = off_x + slope_x * height, off_y + slope_y * height
+                if last < 0:
+                    level += _share(off_x, off_y, np.float32(DISK_RADIUS), samples) * (black - level)
+                    level += _share(off_x, off_y, np.float32(MIDDLE_RADIUS), samples) * (white - level)
+                    off_x, off_y = off_x - np.float32(FRONT_AHEAD) * c, off_y - np.float32(FRONT_AHEAD) * s
+                    level += _share(off_x, off_y, np.float32(FRONT_RADIUS), samples) * (white - level)
+                else:
+                    ahead, left = c * off_x + s * off_y - axes[0, 0], c * off_y - s * off_x - axes[0, 1]
+                    across = math.floor(ahead * axes[1, 0] + left * axes[1, 1]) + 2 * TEXELS
+                    down = math.floor(ahead * axes[2, 0] + left * axes[2, 1]) + 2 * TEXELS
+                    across, down = min(max(across, 0), last), min(max(down, 0), last)
+                    level += soft[0, down, across] * (black - level) + soft[1, down, across] * (white - black)
+                total += level
+            out[row, column] = total * np.float32(1.0 / SUB**2)
 
 
 def _coarse(fine: Pixels) -> Pixels:
@@ -369,18 +416,11 @@ class OverheadCamera(Closing):
 
         The frame's `number` names its noise.
         """
-        size = self._light.size
-        start = int(draws(self._seed, 59, number).integers(size))
-        noise = self._bank[start : start + size].reshape(self._light.shape)
         if self._renderer is not None:
-            return _exposed(self._renderer.frame(pose) * self._light, noise)
-        frame = _exposed(self._still, noise)
-        x, y = pose.x / 100.0, pose.y / 100.0
-        box = self._drawing.box(x, y)
-        if box[0].start < box[0].stop and box[1].start < box[1].stop:
-            robot = self._drawing.robot(x, y, pose.heading, box) * self._light[box]
-            frame[box] = _exposed(robot, noise[box])
-        return frame if frame.shape[2] == 3 else frame[..., 0]
+            return _exposed(self._renderer.frame(pose) * self._light, self._noise_of(number))
+        frame, (box,) = np.empty(self._light.shape, np.uint8), self._boxes([pose])
+        self._paint(frame, _WHOLE, box, pose, number)
+        return frame.squeeze()
 
     def frames(self, truth: Track, *, fps: float, first: int = 0) -> Iterator[tuple[float, Frame]]:
         """Frames of where the robot was, at an even pace: (time in s from the first row, picture).
@@ -388,12 +428,51 @@ class OverheadCamera(Closing):
         Between two rows the later one that is not after the frame's time is shown. `first` is the first
         frame's number, which names its noise.
         """
-        start, end = float(truth.t[0]), float(truth.t[-1])
-        for number in range(int((end - start) * fps + 1e-6) + 1):
-            t = number / fps
-            row = int(np.searchsorted(truth.t, start + t + 1e-9, side="right")) - 1
-            pose = Pose(x=float(truth.x[row]), y=float(truth.y[row]), heading=float(truth.heading[row]))
-            yield t, self.frame(pose, first + number)
+        for number, (t, pose) in enumerate(_shown(truth, fps), first):
+            yield t, self.frame(pose, number)
+
+    def watched(self, truth: Track, *, fps: float, first: int = 0) -> Iterator[tuple[float, Frame]]:
+        """The same for a tracker, which keeps none: each frame is painted onto the one before it, whose noise
+        stays where the robot is far away."""
+        frame, before, shown = np.empty(self._light.shape, np.uint8), _WHOLE, _shown(truth, fps)
+        more = math.ceil(SURROUNDINGS * self.lens.focal / self.lens.position[2])
+        for number, ((t, pose), here) in enumerate(
+            zip(shown, self._boxes([pose for _, pose in shown]), strict=True), first
+        ):
+            rows, columns = (
+                slice(max(min(a.start, b.start) - more, 0), max(a.stop, b.stop) + more)
+                for a, b in zip(here, before, strict=True)
+            )
+            self._paint(frame, (rows, columns), here, pose, number)
+            before = here
+            yield t, frame.squeeze()
+
+    def _boxes(self, poses: list[Pose]) -> list[Part]:
+        x, y = np.array([(pose.x, pose.y) for pose in poses]).T / 100.0
+        return self._drawing.boxes(x, y)
+
+    def _paint(self, frame: Frame, part: Part, box: Part, pose: Pose, number: int) -> None:
+        """Paint a part of a frame, and the robot in its box."""
+        noise = self._noise_of(number)
+        frame[part] = _exposed(self._still[part], noise[part])
+        if box[0].start < box[0].stop and box[1].start < box[1].stop:
+            robot = self._drawing.robot(pose.x / 100.0, pose.y / 100.0, pose.heading, box) * self._light[box]
+            frame[box] = _exposed(robot, noise[box])
+
+    def _noise_of(self, number: int) -> Pixels:
+        """Of a frame's pixels."""
+        size = self._light.size
+        start = int(draws(self._seed, 59, number).integers(size))
+        return self._bank[start : start + size].reshape(self._light.shape)
+
+
+def _shown(truth: Track, fps: float) -> list[tuple[float, Pose]]:
+    """The frames' times (s from the first row) and poses."""
+    start, end = float(truth.t[0]), float(truth.t[-1])
+    times = np.arange(int((end - start) * fps + 1e-6) + 1) / fps
+    rows = np.searchsorted(truth.t, start + times + 1e-9, side="right") - 1
+    columns = (column.tolist() for column in (times, truth.x[rows], truth.y[rows], truth.heading[rows]))
+    return [(t, Pose(x=x, y=y, heading=heading)) for t, x, y, heading in zip(*columns, strict=True)]
 
 
 def _exposed(picture: Pixels, noise: Pixels) -> Frame:

@@ -88,13 +88,17 @@ class Firmware:
         Returns:
             What was put out.
         """
-        out = b""
-        while (at := self.next_event()) <= until:
+        out, inbox, outbox = b"", self._inbox, self._outbox
+        while True:
+            arrives, ready = inbox[0].at if inbox else NEVER, outbox[0].at if outbox else NEVER
+            at = min(arrives, ready)
+            if at > until:
+                break
             self.now = max(self.now, at)
-            if self.next_out() > at:
-                self._carry_out(self._inbox.popleft().data)
+            if arrives < ready:
+                self._carry_out(inbox.popleft().data)
                 continue
-            out += self._outbox.popleft().data
+            out += outbox.popleft().data
             lines -= 1
             if lines == 0:
                 return out
@@ -104,12 +108,12 @@ class Firmware:
 
     def catch_up(self) -> None:
         """Bring the body to the present."""
-        end = self.now // MS
+        end, leds = self.now // MS, self.body.leds
         while self._film is not None and self._look_ms <= end:
             self._advance_to(self._look_ms)
             x, y, heading = self.body.truth()
             where = f"{self._look_ms / 1000:.3f},{x:.6f},{y:.6f},{math.degrees(heading):.6f}"
-            self._film.write(f"{where},{int(self.body.leds[0])},{int(self.body.leds[1])}\n")
+            self._film.write(f"{where},{leds[0]},{leds[1]}\n")
             self._look_ms += FILM_MS
         self._advance_to(end)
 
@@ -134,16 +138,9 @@ class Firmware:
             self._film.write("t_s,x_cm,y_cm,heading_deg,led_0,led_1\n")
             self.catch_up()
 
-    def next_out(self) -> int:
-        """When the next answer will have been put out, ns."""
-        return self._outbox[0].at if self._outbox else NEVER
-
     def next_event(self) -> int:
         """When something happens next, ns."""
-        return min(self._arrives(), self.next_out())
-
-    def _arrives(self) -> int:
-        return self._inbox[0].at if self._inbox else NEVER
+        return min((box[0].at for box in (self._inbox, self._outbox) if box), default=NEVER)
 
     def _wire(self, characters: int) -> int:
         return characters * self._bit // self.baud

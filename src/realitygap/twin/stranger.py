@@ -10,8 +10,8 @@ Sizes were fixed before anything was evolved or calibrated on it, and are never 
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,26 +53,10 @@ CHARGE, SAG_PER_S = (0.9, 1.0), 0.001
 """Share of the battery's voltage when it is switched on, and what is lost in a second."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class UnmodelledEffects:
-    """What differs between strangers, and between their stays: drawn from unit and seed."""
-
-    crosstalk: float
-    charge: float
-
-    @classmethod
-    def drawn(cls, unit: int, seed: int) -> Self:
-        """Of a unit, switched on with a seed."""
-        own, now = draws(unit, 53), draws(unit, seed, 59)
-        return cls(crosstalk=CROSSTALK * float(own.uniform(0.7, 1.3)), charge=float(now.uniform(*CHARGE)))
-
-
 class StrangerSensors(Sensors):
-    """Sensors of a stranger: `charge` scales what its emitters send."""
+    """Sensors of a stranger: its `crosstalk`, and its battery's `charge`, which scales what it emits."""
 
-    def __init__(
-        self, arena: Mapping[str, Any], unit: Unit, odd: UnmodelledEffects, *, noise: float, seed: int
-    ) -> None:
+    def __init__(self, arena: Mapping[str, Any], unit: Unit, *, noise: float, seed: int) -> None:
         super().__init__(
             arena, replace(unit, lamp_power=unit.lamp_power / LAMP_PARTS), noise=noise, seed=seed
         )
@@ -81,12 +65,11 @@ class StrangerSensors(Sensors):
         size = np.array(arena["size_cm"]) / 100.0
         lamps = np.clip(points.reshape(-1, 2), LAMP_PROUD, size - LAMP_PROUD)
         self.eyes = self.eyes._replace(lamps=lamps)
-        self.charge = odd.charge
-        self._odd = odd
+        self.crosstalk, self.charge = CROSSTALK * float(draws(unit.number, 53).uniform(0.7, 1.3)), 1.0
 
     def proximity(self, time_ms: int, history: NDArray[np.float64]) -> list[int]:
         """[8] counts: the twin's law, with crosstalk, the lamp's infrared and the battery's charge."""
-        scales = self._odd.crosstalk, self.charge, self._unit.lamp_power, LAMP_INFRARED, self._noise
+        scales = self.crosstalk, self.charge, self._unit.lamp_power, LAMP_INFRARED, self._noise
         noises, light = (self._near, self._idle), np.empty(SENSORS)
         return self._counts(_proximity, noises, scales, time_ms, history, light)
 
@@ -113,11 +96,10 @@ class StrangerBody(TwinBody):
         self._placed: np.random.Generator | None = None
         self._late: deque[tuple[int, int, int]] = deque()
         super().__init__(_room(arena, unit), unit=unit, noise=noise, seed=seed, substeps=substeps)
-        odd = UnmodelledEffects.drawn(unit, seed)
         name = int(draws(unit, seed, 17).integers(2**62))
-        self._sensors: StrangerSensors = StrangerSensors(self.arena, self.unit, odd, noise=noise, seed=name)
+        self._sensors: StrangerSensors = StrangerSensors(self.arena, self.unit, noise=noise, seed=name)
         self._slip.ground[:] = GROUND_SHARE * draws(unit, 61).standard_normal((2, GROUND_CELLS, GROUND_CELLS))
-        self._full = odd.charge
+        self._full = self._sensors.charge = float(draws(unit, seed, 59).uniform(*CHARGE))
         self._placed, self._delays = draws(unit, seed, 67), draws(unit, seed, 71)
 
     def advance(self, milliseconds: int) -> None:

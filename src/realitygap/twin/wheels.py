@@ -80,54 +80,63 @@ class Wheels:
 
     def set_speed(self, left: int, right: int) -> None:
         """Hold these speeds (pulses in 10 ms), cut to what the robot can be asked for."""
-        self.state[self.state[:, MODE] != SPEED, ERROR_SUM] = 0.0
-        self.state[:, MODE] = SPEED
-        self.state[:, WANTED] = np.clip((left, right), -MAX_SPEED, MAX_SPEED)
+        for wheel, speed in zip(self.state, (left, right), strict=True):
+            self._switch(wheel, SPEED)
+            wheel[WANTED] = min(max(speed, -MAX_SPEED), MAX_SPEED)
         self.at_rest = left == right == 0
 
     def set_position(self, left: int, right: int) -> None:
         """Drive the counters to these values (pulses) and hold them, by the profile."""
-        self.at_rest, new = False, self.state[:, MODE] != POSITION
-        self.state[new, ERROR_SUM] = 0.0
-        self.state[new, REFERENCE], self.state[new, PACE] = self._pulses()[new], self._speeds()[new]
-        self.state[:, MODE], self.state[:, TARGET] = POSITION, (left, right)
+        self.at_rest = False
+        for wheel, target in zip(self.state, (left, right), strict=True):
+            if self._switch(wheel, POSITION):
+                wheel[REFERENCE], wheel[PACE] = wheel[RAW] + wheel[OFFSET], _speed(wheel)
+            wheel[TARGET] = target
 
     def set_pwm(self, left: int, right: int) -> None:
         """Share of the voltage for each motor, −255 to 255, uncontrolled."""
         self.at_rest = False
-        self.state[:, MODE], self.state[:, PWM_SHARE] = PWM, np.clip((left, right), -MAX_PWM, MAX_PWM)
+        for wheel, share in zip(self.state, (left, right), strict=True):
+            wheel[MODE], wheel[PWM_SHARE] = PWM, min(max(share, -MAX_PWM), MAX_PWM)
 
     def pulses(self) -> tuple[int, int]:
         """The position counters."""
-        return _pair(self._pulses())
+        left, right = (int(wheel[RAW] + wheel[OFFSET]) for wheel in self.state)
+        return left, right
 
     def set_pulses(self, left: int, right: int) -> None:
         """Set the position counters."""
-        moved = (left, right) - self._pulses()
+        moved = np.subtract((left, right), self.pulses())
         self.state[:, [OFFSET, TARGET, REFERENCE]] += moved[:, None]
 
     def speeds(self) -> tuple[int, int]:
         """Measured speeds, pulses in 10 ms."""
-        return _pair(self._speeds())
+        left, right = (int(_speed(wheel)) for wheel in self.state)
+        return left, right
 
     def on_target(self) -> tuple[bool, bool]:
         """Whether each wheel has the wanted place, or the wanted speed within one pulse."""
-        mode, place, speed = self.state[:, MODE], self._pulses(), self._speeds()
-        there = np.abs(self.state[:, TARGET] - place) <= ARRIVED
-        fast = np.abs(self.state[:, WANTED] - speed) <= 1
-        left, right = np.where(mode == POSITION, there, (mode == PWM) | fast).tolist()
+        left, right = (
+            bool(
+                abs(wheel[TARGET] - place) <= ARRIVED
+                if wheel[MODE] == POSITION
+                else wheel[MODE] == PWM or abs(wheel[WANTED] - speed) <= 1
+            )
+            for wheel, place, speed in zip(self.state, self.pulses(), self.speeds(), strict=True)
+        )
         return left, right
 
-    def _pulses(self) -> NDArray[np.float64]:
-        return self.state[:, RAW] + self.state[:, OFFSET]
+    @staticmethod
+    def _switch(wheel: Any, mode: int) -> bool:
+        """Control a wheel by another law from now on; whether it is another."""
+        if wheel[MODE] == mode:
+            return False
+        wheel[MODE], wheel[ERROR_SUM] = mode, 0.0
+        return True
 
-    def _speeds(self) -> NDArray[np.float64]:
-        return self.state[:, RAW] - self.state[(0, 1), RING + self.state[:, SLOT].astype(int)]
 
-
-def _pair(numbers: NDArray[np.float64]) -> tuple[int, int]:
-    left, right = map(int, numbers.tolist())
-    return left, right
+def _speed(wheel: Any) -> Any:
+    return wheel[RAW] - wheel[RING + int(wheel[SLOT])]
 
 
 @part

@@ -1,4 +1,4 @@
-"""The random search beside least squares: where readings jump."""
+"""The engine of all fits: least squares with honest intervals, and a random search where readings jump."""
 
 from __future__ import annotations
 
@@ -60,3 +60,30 @@ def test_it_gives_the_same_bits_and_stays_within_bounds(counts):
     assert all(np.array_equal(one[key], two[key]) for key in one)
     assert one["dark"] == 3.0
     assert (np.abs(one["edge"]) <= 0.15).all()
+
+
+def test_constants_that_do_the_same_are_named():
+    """Two that move the readings alike are a pair; one that moves nothing gets all of its bounds."""
+    random = np.random.default_rng(0)
+    x, noise = random.normal(size=600), 0.01 * random.normal(size=600)
+    frees = [
+        Parameter(key=key, start=np.full(1, 4.0 if key == "r" else 1.0), low=0, high=10) for key in "pqrs"
+    ]
+    data = Observed(
+        counts=noise[:, None], noise=0.01, use=np.ones((600, 1), bool), clusters=np.arange(600) // 30
+    )
+    made = fit(frees, lambda v: 0.01 * ((v["p"] + 2 * v["q"] - 3) * x + (v["s"] - 1))[:, None], data)
+    assert [{a, b} for a, b, _ in made.alike] == [{"p", "q"}]
+    assert (made.constants[2].low, made.constants[2].high, made.constants[2].told) == (0.0, 10.0, False)
+    assert made.constants[3].told
+    assert made.constants[3].high - made.constants[3].low == pytest.approx(4 / 600**0.5, rel=0.5)
+
+
+def test_readings_of_a_cluster_err_together():
+    """An error that a whole cluster shares widens the interval as a mean of clusters has it."""
+    random, clusters = np.random.default_rng(0), np.arange(1200) // 30
+    off = 0.01 * random.normal(size=40)[clusters] + 0.001 * random.normal(size=1200)
+    data = Observed(counts=5 - off[:, None], noise=0.01, use=np.ones((1200, 1), bool), clusters=clusters)
+    one = Parameter(key="p", start=np.full(1, 5.0), low=0, high=10)
+    (found,) = fit([one], lambda v: np.repeat(v["p"][None], 1200, axis=0), data).constants
+    assert (found.high - found.low) / 2 == pytest.approx(1.96 * off.std() / 40**0.5, rel=0.1)
