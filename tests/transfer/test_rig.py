@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from realitygap.control.genotype import Genotype
-from realitygap.errors import ConfigError, UsageError
+from realitygap.errors import UsageError
 from realitygap.film.tag import Tag
 from realitygap.robots.drive import Recording
 from realitygap.tasks import load_task
@@ -69,15 +69,6 @@ def test_a_trial_does_not_know_what_was_before_it(used: SimpleNamespace, folder:
         assert same(fresh.drive(DRIVER, 8, POSE, 2.0), second)
         assert same(fresh.drive(DRIVER, 7, POSE, 2.0), used.first)
     assert not same(used.first, second)
-
-
-def test_a_rig_goes_on_after_a_trial_that_failed(used: SimpleNamespace) -> None:
-    """A pose in a wall, a length of no whole steps: one clear error, then as ever."""
-    with pytest.raises(ConfigError, match="does not fit"):
-        used.rig.drive(DRIVER, 7, Pose(x=0.0, y=0.0, heading=0.0), 2.0)
-    with pytest.raises(UsageError, match="whole steps"):
-        used.rig.drive(DRIVER, 7, POSE, 0.25)
-    assert same(used.rig.drive(DRIVER, 7, POSE, 2.0), used.first)
 
 
 def test_a_twin_that_wears_a_tag_is_tracked_by_it(tmp_path: Path) -> None:

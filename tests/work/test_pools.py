@@ -10,7 +10,7 @@ from realitygap.study.jobs import Job, StudyExecutor
 from realitygap.study.runner import executor_for
 from realitygap.testing import PoolContract
 from realitygap.work.cluster import named_pool
-from realitygap.work.pool import Here, Processes, opened
+from realitygap.work.pool import Here, Processes
 from tests.study.helpers import small
 
 
@@ -42,13 +42,6 @@ def test_a_worker_needs_nothing_but_messages(tmp_path):
     far.close()
     assert [m.state for m in near[:-1]] == [m.state for m in away[:-1]]
     assert near[-1].results.champion == away[-1].results.champion
-
-
-@pytest.mark.parametrize("workers", [0, 1025, True, "two", 1.5, object()])
-def test_what_is_no_pool_is_refused(workers):
-    """A number from 1 on, or something with work and close."""
-    with pytest.raises(ConfigError, match="workers: expected a whole number from 1 to 1024, or a pool"):
-        opened(workers).__enter__()
 
 
 def test_a_pool_by_its_name(tmp_path):

@@ -36,7 +36,7 @@ from realitygap.study.load import load_study
 from realitygap.track import Track, read_track
 from realitygap.transfer.spec import FOLDER, SOURCES, TrialSpec
 from realitygap.values import Pose
-from realitygap.work.archive import SIMULATED, SITUATED, TRIAL, opened, read_file, store, unpacked
+from realitygap.work.archive import MOST_BYTES, SIMULATED, SITUATED, TRIAL, opened, read_file, store, unpacked
 from realitygap.work.folder import file_errors, lock, refuse_difference, refuse_links
 from realitygap.work.shard import Shard, read_mark
 
@@ -225,10 +225,12 @@ def _trial(file: Path, table: dict[str, Any]) -> TransferredTrial:
 
 
 def archive(run: Path) -> None:
-    """Move a run's finished, unfilmed trials on a twin into its archive."""
+    """Move a run's finished, unfilmed trials on a twin into its archive, but for very long ones."""
     folders = [folder for folder in sorted(run.glob("start-*")) if folder.name[6:].isdecimal()]
-    if done := [one for one in folders if (one / TRIAL).is_file() and not read_trial(one)["film"]]:
-        store(run, done)
+    done = [one for one in folders if (one / TRIAL).is_file() and not read_trial(one)["film"]]
+    small = [one for one in done if max(file.stat().st_size for file in one.iterdir()) <= MOST_BYTES]
+    if small:
+        store(run, small)
 
 
 # Writing

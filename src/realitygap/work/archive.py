@@ -17,15 +17,25 @@ from realitygap.errors import StudyError
 from realitygap.files import atomic_path
 from realitygap.work.folder import file_errors
 
-__all__ = ["SIMULATED", "SITUATED", "TRIAL", "archived", "opened", "read_file", "store", "unpacked"]
+__all__ = [
+    "MOST_BYTES",
+    "SIMULATED",
+    "SITUATED",
+    "TRIAL",
+    "archived",
+    "opened",
+    "read_file",
+    "store",
+    "unpacked",
+]
 
 TRIAL, SIMULATED, SITUATED = "transfer.toml", "simulated.csv", "situated.csv"
 """A trial's files: its facts, without which it is not finished, and its two tracks."""
 PROFILE = "profile.toml"
 """A study's robot, with whose radius its trials are scored."""
-MOST_STEPS, ROW_BYTES = 36_000, 600
-"""Of a trial: an hour; a row of numbers for each of some fifty sensors."""
-DENSEST = 100
+MOST_BYTES = 36_000 * 600
+"""Of a trial's file: the steps of an hour, each a row of some sixty numbers."""
+DENSEST = 200
 """Bytes of a file for one of the archive: even equal rows differ in their time."""
 
 
@@ -36,10 +46,21 @@ def archived(run: Path) -> Path:
 
 def _is_archive(file: Path) -> bool:
     """Whether a file is an archive of trials, not somebody's other .zip; a broken one is refused later."""
-    if not file.is_file() or not zipfile.is_zipfile(file):
-        return file.is_file()
+    return file.is_file() and _holds_trials(file, _stamp(file))
+
+
+@lru_cache(64)
+def _holds_trials(file: Path, _: tuple[int, int, int]) -> bool:
+    if not zipfile.is_zipfile(file):
+        return True
     with zipfile.ZipFile(file) as made:
         return any(name.endswith(f"/{TRIAL}") for name in made.namelist())
+
+
+def _stamp(file: Path) -> tuple[int, int, int]:
+    """Which version of a file is there."""
+    found = file.stat()
+    return found.st_ino, found.st_mtime_ns, found.st_size
 
 
 @contextmanager
@@ -50,9 +71,8 @@ def opened(packed: Path) -> Iterator[zipfile.ZipFile]:
         StudyError: it is damaged, or holds something else, or more than trials can.
     """
     with file_errors(packed):
-        found = packed.stat()
         try:
-            yield _checked(packed, (found.st_ino, found.st_mtime_ns, found.st_size))
+            yield _checked(packed, _stamp(packed))
         except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError) as why:
             raise StudyError(f"{packed}: {why}. Restore the file from a copy.") from None
 
@@ -64,7 +84,7 @@ def _checked(packed: Path, _: tuple[int, int, int]) -> zipfile.ZipFile:
     for entry in made.infolist():
         if not re.fullmatch(r"start-\d+/\w[\w.-]*", entry.filename):
             raise ValueError(f"{entry.filename!r} is not a trial's file")
-        if entry.file_size > min(MOST_STEPS * ROW_BYTES, 4096 + DENSEST * entry.compress_size):
+        if entry.file_size > min(MOST_BYTES, 4096 + DENSEST * entry.compress_size):
             raise ValueError(f"{entry.filename}, {entry.file_size} bytes long, is more than a trial can hold")
     return made
 
