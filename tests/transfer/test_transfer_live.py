@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numba import njit
 
 from realitygap.calibration.record import plate_of
 from realitygap.errors import FilmError, StudyError, UsageError
@@ -149,8 +148,6 @@ def test_a_robot_may_wear_a_disk_of_its_own(study, robot, camera, arena, tmp_pat
     radii = twin_camera.MIDDLE_RADIUS, twin_camera.FRONT_RADIUS
     monkeypatch.setattr(twin_camera, "MIDDLE_RADIUS", radii[1])
     monkeypatch.setattr(twin_camera, "FRONT_RADIUS", radii[0])
-    drawn = njit(twin_camera._draw_robot.py_func)  # compiled anew, and not kept: it has the radii in it
-    monkeypatch.setattr(twin_camera, "_draw_robot", drawn)
     video, mine = seen_from_above(tmp_path / "eye.mp4", arena), tmp_path / "mine.toml"
     mine.write_text("centre_radius_cm = 0.45\nfront_radius_cm = 0.7\n")
     port, carry = robot
