@@ -170,7 +170,7 @@ MUTATIONS = (
     Mutation("film/disk.py", "places are a step off",
              "place + step * (found - half)", "place + step * (found - half + 1)", TRACKER),
     Mutation("film/disk.py", "the front patch is looked for anywhere",
-             "np.where(off <= slack, for_front, -np.inf)", "for_front", TRACKER),
+             "np.where(on_ring, for_front, -np.inf)", "for_front", TRACKER),
     Mutation("film/disk.py", "the front patch need not be seen",
              "in (pattern.inner & use, ~pattern.inner & use):", "in (pattern.inner & use,):", TRACKER),
     Mutation("film/tag.py", "of two alike one is believed",
