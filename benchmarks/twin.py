@@ -68,7 +68,7 @@ def parts(task: str, pose: Pose, folder: Path) -> None:
 
 def real_time(pose: Pose) -> None:
     """The loop's lateness on a twin that is served in real time."""
-    words = ["-m", "realitygap", "twin", "serve", "--arena", "obstacle-avoidance", "--json"]
+    words = ["-m", "realitygap", "robot", "serve", "--arena", "obstacle-avoidance", "--json"]
     with subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE) as served:
         assert served.stdout is not None
         device = json.loads(served.stdout.readline())["device"]
