@@ -41,7 +41,7 @@ UNITS: dict[str, int | str] = {
     "enki-epuck": "enki:epuck:1",
     "enki-thymio2": "enki:thymio2:1",
 }
-"""Unit 1 of simulated robots, fitted in the form that `reproduce` and `realities` fit it in."""
+"""Unit 1 of simulated robots, fitted in the form that `reproduce` and `experiment robots` fit it in."""
 COLUMNS = ("name", "channel", "form", "ratio", "noise", "percent_of_scale", "held_out_rmse", "rmse")
 NAMES = (*TABLES, *UNITS)
 

@@ -227,7 +227,7 @@ def measure_odometry(recording: WheelRecording, base: Profile) -> Odometry | Non
         )
     fit = _fitted(runs, known, near.theta)
     pieces = fit.pieces if runs.count >= FEWEST_PIECES else near.pieces
-    deviation = _left_out(pieces)[1] * _scale(known)
+    deviation = (_left_out(pieces)[1] if len(pieces) > 1 else np.diag(PRIOR) ** -0.5) * _scale(known)
     size = float(t.ppf(0.975, max(len(pieces) - 1, 1))) * deviation
     sure = (deviation < DETERMINED * _scale(fit.theta)).tolist()
     constants = tuple(

@@ -240,7 +240,11 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) 
 
     def model(values: Values) -> Floats:
         law = {key: value_of(values, key) for key in values}
-        return wheel_speeds(_with(base, law), recording) if _stable(base, law) else measured + UNSTABLE_CM_S
+        return (
+            wheel_speeds(_with(base, law), recording)
+            if _stable(base, law)
+            else np.nan_to_num(measured) + UNSTABLE_CM_S
+        )
 
     tried = []
     for gains in FIRST_GAINS[form]:

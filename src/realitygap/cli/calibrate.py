@@ -161,7 +161,7 @@ def _lines(made: Calibration) -> Iterator[str]:
             ends, base = (
                 f"{place:.2g} cm and {angle:.2g}°" for place, angle in (seen.held_out, seen.by_base)
             )
-            yield f"  runs held out end {ends} off (by the constants of --base {base})"
+            yield f"  runs held out end {ends} off (with the base profile's constants: {base})"
         if vague := [c.key for c in made.wheels.constants if not c.told]:
             yield f"  not identifiable from these recordings: {with_hints(vague)}"
         yield from _alike(made.wheels.alike)

@@ -57,7 +57,7 @@ def experiment() -> None:
 
 
 @experiment.command()
-@options.out(default=Path("out/noise"), help="The study's folder.")
+@options.out(default=Path("out/noise"), help="The experiment's folder.")
 @options.levels("0,0.5,1,2,4")
 @options.runs(help="Runs of each task at each level; the units take turns [default: 40].")
 @click.option(
@@ -159,7 +159,7 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
 
 
 @experiment.command()
-@options.out(default=Path("out/robots"), help="The study's folder.")
+@options.out(default=Path("out/robots"), help="The experiment's folder.")
 @click.option(
     "--robot",
     "named",
@@ -187,8 +187,8 @@ def robots(
 ) -> None:
     """Calibrate, evolve and transfer on several robots.
 
-    They are those that --robot names; or the twin and the robots of EPFL's simulator Enki (its Khepera,
-    e-puck and Thymio II), if it is installed. Each robot is recorded, and a simulation calibrated to it.
+    --robot names the robots; without it they are the twin and, if EPFL's simulator Enki is installed, its
+    Khepera, e-puck and Thymio II. Each robot is recorded, and a simulation calibrated to it.
     Controllers that avoid obstacles evolve in it at every noise level, drive the robot and are compared with
     the simulation. Prints one matrix for all: model error over noise, beside that of real robots' readings;
     noise; correspondence by level; and where the simulation is as noisy as the robot. With --resume, omitted
@@ -206,8 +206,8 @@ def robots(
     begun = RobotsConfig.begun(out, resume=resume)
     if begun.programs and not named:
         raise click.UsageError(
-            f"--robot: expected {', '.join(begun.robots)}, the robots of this experiment: programs, "
-            "which run only when you name them."
+            f"--robot: expected {', '.join(begun.robots)}, the robots of this experiment: name them all "
+            "again, since a program among them runs only when you name it."
         )
     config = replace(begun, **options.given(robots=named or None, **settings))
     if resume:

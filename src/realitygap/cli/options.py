@@ -191,7 +191,7 @@ seconds = click.option(
 trust = click.option(
     "--trust",
     is_flag=True,
-    help="From now on trust what was made elsewhere: run the files it brings, which are programs.",
+    help="Trust the author of what was made elsewhere: from now on the programs that it brings may run.",
 )
 shard = click.option(
     "--shard",

@@ -134,7 +134,9 @@ def transfer(
     from realitygap.transfer.spec import FOLDER
 
     loaded = load_trusted(study)
-    disk, tag = (marker, None) if (marker or "").endswith(".toml") else (None, marker)
+    disk, tag = (
+        (marker, None) if (marker or "").endswith(".toml") else (None, None if marker == "disk" else marker)
+    )
     asked = Transfer(path_from=path_from, disk=disk, marker=tag, **settings)
     carry = partial(_carry, seen=asked.camera_device is not None)
     home = place_of(loaded.folder, asked) if shard is None else shard_folder(loaded.folder, shard)

@@ -205,7 +205,7 @@ def read_trials(path: str | Path) -> list[Trial]:
     have start (separates several trials), unit (which robot) and quality (0: lost), as `realitygap
     camera track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every
     such file is read and its name is the start; subfolders are units. From a trial of `realitygap transfer`
-    the situated track is read, and its folder's name is the start; archived trials are read like others.
+    the robot's track is read, and its folder's name is the start; archived trials are read like others.
 
     Raises:
         TrackError: names the file, the line and the column.
@@ -234,7 +234,7 @@ def _read(place: Path, path: str | Path) -> list[Trial]:
 
 
 def read_transfer(path: str | Path) -> tuple[list[Trial], list[Trial]]:
-    """The simulated and the situated trials of a folder made by `realitygap transfer`.
+    """The trials in simulation and on the robot of a folder made by `realitygap transfer`.
 
     Raises:
         TrackError: no such folder, or several controllers in it; names the file, the line and the column.

@@ -160,11 +160,9 @@ def load_marker(marker: str | None = None, disk: str | Path | None = None) -> Ma
     """
     if marker is None or marker == "disk":
         return load_disk(disk)
-    if marker.endswith(".toml"):
-        return load_disk(marker)
     if disk is not None:
         raise FilmError(f"disk: expected no disk with --marker {marker}. Leave one of them out.")
-    return Tag.parse(marker)
+    return load_disk(marker) if marker.endswith(".toml") else Tag.parse(marker)
 
 
 def on_floor(points: Floats, pose: Pose) -> Floats:

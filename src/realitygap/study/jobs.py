@@ -4,9 +4,9 @@ Runs go one after the other, or side by side: then the trials that they request 
 """
 
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
-from queue import Queue
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
+from queue import Empty, Queue
 from threading import Event
 from typing import Any, NamedTuple
 
@@ -107,11 +107,10 @@ class StudyExecutor:
                 end = error
             came.put(end)
 
-        left = len(conditions)
+        left, driven = len(conditions), list[Future[None]]()
         with ThreadPoolExecutor(max(1, left)) as threads:
-            for one in conditions.items():
-                threads.submit(drive, *one)
             try:
+                driven += [threads.submit(drive, *one) for one in conditions.items()]
                 while left:
                     found = came.get()
                     left -= not isinstance(found, list)
@@ -121,8 +120,9 @@ class StudyExecutor:
                         yield found
             finally:
                 stop.set()
-                while left:
-                    left -= not isinstance(came.get(), list)
+                while not all(one.done() for one in driven):
+                    with suppress(Empty):
+                        came.get(timeout=0.05)
 
     def _side_by_side(self, condition: int, states: dict[int, State]) -> Iterator[list[Message]]:
         """Runs of one condition, from their states."""

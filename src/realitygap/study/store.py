@@ -87,8 +87,8 @@ COLUMNS = (
 )  # fmt: skip
 """Of a run, in its digest."""
 
-MOST_BYTES = 2**28
-"""Of a state, or of a run's tests: ten million of them."""
+MOST_BYTES = 2**30
+"""Of a state, or of a run's tests: a hundred million of them."""
 
 Table = dict[str, NDArray[Any]]
 Arrays = Mapping[str, NDArray[Any]]

@@ -119,6 +119,7 @@ class Transfer:
         if self.view == "mujoco" and (self.marker is not None or not (twins and self.film)):
             raise UsageError("view: expected a filmed twin with mujoco, which wears the disk (--film).")
         above = [name for name in ("camera", "camera_device", "disk") if getattr(self, name) is not None]
+        above = ["disk (--marker FILE.toml)" if name == "disk" else name for name in above]
         if above and not real:
             raise UsageError(f"{above[0]}: expected a real robot; a twin has a camera and a disk of its own.")
         above += [name for name in ("film",) if real and self.film]

@@ -4,6 +4,7 @@ Finished trials on a twin that kept no film are moved into an archive of their r
 of them would be a hundred thousand small files.
 """
 
+import re
 import shutil
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,7 +37,17 @@ from realitygap.study.load import load_study
 from realitygap.track import Track, read_track
 from realitygap.transfer.spec import FOLDER, SOURCES, TrialSpec
 from realitygap.values import Pose
-from realitygap.work.archive import MOST_BYTES, SIMULATED, SITUATED, TRIAL, opened, read_file, store, unpacked
+from realitygap.work.archive import (
+    MOST_BYTES,
+    NAME,
+    SIMULATED,
+    SITUATED,
+    TRIAL,
+    opened,
+    read_file,
+    store,
+    unpacked,
+)
 from realitygap.work.folder import file_errors, lock, refuse_difference, refuse_links
 from realitygap.work.shard import Shard, read_mark
 
@@ -225,12 +236,18 @@ def _trial(file: Path, table: dict[str, Any]) -> TransferredTrial:
 
 
 def archive(run: Path) -> None:
-    """Move a run's finished, unfilmed trials on a twin into its archive, but for very long ones."""
+    """Move a run's finished, unfilmed trials on a twin into its archive, but for very long ones and
+    those with files that no trial has."""
     folders = [folder for folder in sorted(run.glob("start-*")) if folder.name[6:].isdecimal()]
-    done = [one for one in folders if (one / TRIAL).is_file() and not read_trial(one)["film"]]
-    small = [one for one in done if max(file.stat().st_size for file in one.iterdir()) <= MOST_BYTES]
+    done = [one for one in folders if (one / TRIAL).is_file() and not read_trial(one).get("film", True)]
+    small = [one for one in done if all(map(_fits, one.iterdir()))]
     if small:
         store(run, small)
+
+
+def _fits(file: Path) -> bool:
+    """Whether an archive can give a file back."""
+    return bool(re.fullmatch(NAME, file.name)) and file.is_file() and file.stat().st_size <= MOST_BYTES
 
 
 # Writing

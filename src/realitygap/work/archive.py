@@ -19,6 +19,7 @@ from realitygap.work.folder import file_errors
 
 __all__ = [
     "MOST_BYTES",
+    "NAME",
     "SIMULATED",
     "SITUATED",
     "TRIAL",
@@ -33,10 +34,12 @@ TRIAL, SIMULATED, SITUATED = "transfer.toml", "simulated.csv", "situated.csv"
 """A trial's files: its facts, without which it is not finished, and its two tracks."""
 PROFILE = "profile.toml"
 """A study's robot, with whose radius its trials are scored."""
+NAME = r"\w[\w.-]*"
+"""Of a trial's file, a regular expression."""
 MOST_BYTES = 36_000 * 600
 """Of a trial's file: the steps of an hour, each a row of some sixty numbers."""
-DENSEST = 200
-"""Bytes of a file for one of the archive: even equal rows differ in their time."""
+DENSEST = 1032
+"""Bytes of a file for one of the archive: deflate's own limit."""
 
 
 def archived(run: Path) -> Path:
@@ -54,7 +57,7 @@ def _holds_trials(file: Path, _: tuple[int, int, int]) -> bool:
     if not zipfile.is_zipfile(file):
         return True
     with zipfile.ZipFile(file) as made:
-        return any(name.endswith(f"/{TRIAL}") for name in made.namelist())
+        return any(re.fullmatch(rf"start-\d+/{re.escape(TRIAL)}", name) for name in made.namelist())
 
 
 def _stamp(file: Path) -> tuple[int, int, int]:
@@ -82,7 +85,7 @@ def _checked(packed: Path, _: tuple[int, int, int]) -> zipfile.ZipFile:
     """It stays open, for its table of contents is long."""
     made = zipfile.ZipFile(packed)
     for entry in made.infolist():
-        if not re.fullmatch(r"start-\d+/\w[\w.-]*", entry.filename):
+        if not re.fullmatch(rf"start-\d+/{NAME}", entry.filename):
             raise ValueError(f"{entry.filename!r} is not a trial's file")
         if entry.file_size > min(MOST_BYTES, 4096 + DENSEST * entry.compress_size):
             raise ValueError(f"{entry.filename}, {entry.file_size} bytes long, is more than a trial can hold")
