@@ -57,7 +57,7 @@ def _holds_trials(file: Path, _: tuple[int, int, int]) -> bool:
     if not zipfile.is_zipfile(file):
         return True
     with zipfile.ZipFile(file) as made:
-        return any(re.fullmatch(rf"start-\d+/{re.escape(TRIAL)}", name) for name in made.namelist())
+        return any(name.endswith(f"/{TRIAL}") for name in made.namelist())
 
 
 def _stamp(file: Path) -> tuple[int, int, int]:
