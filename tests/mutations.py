@@ -128,6 +128,8 @@ MUTATIONS = (
              "if abs(speed) < robot.wheels.rest_speed and abs(integral)", "if abs(integral)", WHEELS),
     Mutation("kernels/motion.py", "the derivative has no gain",
              "pid.kd * wheel[CHANGE]) / pid.divisor", "wheel[CHANGE]) / pid.divisor", WHEELS),
+    Mutation("kernels/motion.py", "a wheel drives faster than its curve ends",
+             "share = min(max(share, 0.0), 1.0)", "share = max(share, 0.0)", TRIALS),
     Mutation("kernels/motion.py", "the body turns the other way",
              "half = (right - left) * (0.5 * period) / track",
              "half = (left - right) * (0.5 * period) / track", WHEELS + TRIALS),

@@ -50,6 +50,16 @@ def test_agrees_with_the_reference(name, level):
         judge(task, PAPER, gene, level, stream)
 
 
+def test_agrees_by_curves_of_command_to_speed():
+    """The same where each wheel settles by a curve of its own, with a dead zone and an end."""
+    left = ((-9.0, -6.0), (-4.0, -4.0), (-2.5, 0.0), (0.0, 0.0), (1.5, 0.0), (3.0, 2.0), (8.0, 7.0))
+    right = ((-10.0, -7.0), (-1.0, 0.0), (2.0, 0.0), (7.5, 6.0))
+    curved = replace(PAPER, wheels=replace(PAPER.wheels, curve_left=left, curve_right=right))
+    task = replace(TASKS["obstacle-avoidance"], seconds=10.0)
+    for stream, gene in enumerate([Genotype.braitenberg(task.feeds).genes, *networks(3)]):
+        judge(task, curved, gene, 1.0, stream)
+
+
 @pytest.mark.parametrize("feeds", ["proximity", "ambient", "proximity+ambient"])
 def test_agrees_in_other_rooms_with_other_robots(feeds):
     """The same in a room with inner walls and lamps, for robots with sensors of their own."""

@@ -43,6 +43,8 @@ from realitygap.simulation import cuda as engine
 
 HERE = pytest.mark.skipif(not cuda.is_available(), reason="no NVIDIA GPU here")
 PAPER = load_profile("paper")
+CURVE = ((-9.0, -6.0), (-2.5, 0.0), (2.0, 0.0), (7.0, 5.0), (8.0, 5.0))
+CURVED = replace(PAPER, wheels=replace(PAPER.wheels, curve_left=CURVE, curve_right=CURVE[1:]))
 OLDEST = (7, 5)
 """Compute capability that is compiled for where there is no GPU."""
 NEVER = 1e-6
@@ -113,19 +115,20 @@ def test_scores_are_distributed_as_the_processors(name):
 
 @HERE
 @pytest.mark.parametrize(
-    ("name", "profile"), [*((name, "paper") for name in EngineContract.tasks), ("avoidance", "thymio")]
+    ("name", "profile"),
+    [*((name, "paper") for name in EngineContract.tasks), ("avoidance", "thymio"), ("avoidance", "curved")],
 )
 def test_tracks_begin_as_the_processors(name, profile):
     """Ten steps of 40 trials of 20 networks, to 1e-6 cm: later a last bit may be decisive.
 
-    One robot's noise follows tables, which scale it in place.
+    One robot's noise follows tables, which scale it in place; one's wheels settle by curves.
     """
-    robot = load_profile(profile)
+    robot = CURVED if profile == "curved" else load_profile(profile)
     task = load_task(name)
     if profile == "thymio":  # which is too large for the paper's arena
         task = replace(task, arena=replace(task.arena, cylinders=()), sensors=())
     task = task.of(robot)
-    assert (robot.to_kernel().proximity.noise.shape[1] > 0) is (profile != "paper")
+    assert (robot.to_kernel().proximity.noise.shape[1] > 0) is (profile == "thymio")
     nets, streams = random_networks(Simulation(task, robot), stream=5, count=20), batch_streams(6, 40)
     ways = (
         Simulation(task, robot, engine=name).tracks(nets, streams.reshape(20, 2))

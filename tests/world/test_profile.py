@@ -133,6 +133,9 @@ def test_everything_is_shown(paper):
     assert shown["noise"]["wheel"] == 0.058
 
 
+CURVE = "curve_left = [[-9, -5], [-2, 0], [2, 0], [8, 5], [9, {0}]]\ncurve_right = [[0, 0], [9, {0}]]"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
@@ -143,6 +146,9 @@ def test_everything_is_shown(paper):
         ("kp = 3800.0", "kp = 48000", "wheels.kp: expected gains with which a wheel settles"),
         ("[0.8, 0.8]", "[0.8]", "wheels.speed_per_unit_cm_s: expected 2 values, got [0.8]."),
         ("[0.8, 0.8]", "[0.8, 3.0]", "wheels.speed_per_unit_cm_s: expected a top speed of at most one body"),
+        ("kp = 3800.0", "kp = 3800.0\ncurve_left = [[0, 0], [9, 5]]", "wheels.curve_left: expected [[comma"),
+        ("kp = 3800.0", "kp = 3800.0\n" + CURVE.format(4), "wheels.curve_left: expected speeds (cm/s) that"),
+        ("kp = 3800.0", "kp = 3800.0\n" + CURVE.format(99), "wheels.curve_left: expected a top speed of at"),
         ("x_cm = 0.95", "x_cm = 2.95", "infrared.sensors[0]: expected a place inside the body"),
         ("offset_cm = 0.0", "offset_cm = -0.5", "infrared.sensors[0].offset_cm: expected more than -0.41"),
         ("bands = [0.0, 1023.0]", "bands = [1023, 0]", "infrared.bands: expected the reading far"),

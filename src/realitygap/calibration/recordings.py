@@ -246,7 +246,7 @@ class WheelRecording(Recorded):
             if not self.pulses_said and base.provenance.pulses_per_mm:
                 pulses = sum(base.provenance.pulses_per_mm) / len(base.provenance.pulses_per_mm)
             return replace(self, pulses_per_mm=pulses, period_s=base.period_s)
-        steps = self.commands[:-1] * np.diff(self.t_s)[:, None]
+        steps = base.wheels.proportional(self.commands[:-1]) * np.diff(self.t_s)[:, None]
         counters = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
         per_mm = 1.0 / sum(5.0 * speed for speed in base.wheels.speed_per_unit_cm_s)
         return replace(

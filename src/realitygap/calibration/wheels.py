@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration.fit import SIGMAS, Fit, Observed, Outcome, Parameter, Tick, Values, fit, value_of
+from realitygap.calibration.law import Law, fit_law, groups
 from realitygap.calibration.model import wheel_speeds
 from realitygap.calibration.odometry import Odometry, measure_odometry, measured_speeds
 from realitygap.calibration.recordings import PULSES_PER_MM, WheelRecording
@@ -45,6 +46,8 @@ pole that is tried."""
 SETTLED, BENT, LATE = 5, 0.1, 0.98
 """Steps after which a wheel has its speed; share of the top speed by which a settled one may be off the
 fitted law before it is called not proportional; lag that is at its bound of a step."""
+ROUNDS = 3
+"""Of odometry by commands and of curves by that odometry, where wheels have no counters."""
 ROUGH, OTHER_UNIT = 1.15, 4.0
 """Factor between fitted and base speeds beyond which the unit of commands is doubted."""
 FIRST_STEPS = 2
@@ -72,10 +75,11 @@ class WheelFit:
         rmse: of each form's speeds against the counters', cm/s.
         friction: from the standing starts.
         odometry: from the camera; None without one, or if it saw too little.
+        law: of command to settled speed.
         camera: whether there are any pictures.
         pulses_per_mm: of both counters, measured or known in advance; empty without counters.
         bent: wheel, command, and the share of the fitted speed at which it settles, where that is not
-            proportional to the command.
+            proportional to the command though one constant was kept.
         measured, model: [n, 2] speeds in the step after each row, cm/s.
     """
 
@@ -86,6 +90,7 @@ class WheelFit:
     rmse: dict[str, float]
     friction: Friction | None
     odometry: Odometry | None
+    law: Law
     camera: bool
     pulses_per_mm: tuple[float, ...]
     bent: tuple[str, float, float] | None
@@ -96,14 +101,25 @@ class WheelFit:
 def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tick = lambda: None) -> WheelFit:
     """Fit a profile's wheels to a recording; constants that it says nothing of stay the base's."""
     assumed = recording.counted and not (recording.pulses_said or base.provenance.pulses_per_mm)
-    recording = recording.of_robot(base)
-    refuse_odd(recording)
-    odometry = measure_odometry(recording, base)
-    if odometry is not None:
-        refuse_lengths(recording, odometry, base)
-    per_pulse = odometry.cm_per_pulse if odometry else (0.1 / recording.pulses_per_mm,) * 2
-    measured = measured_speeds(recording, odometry, per_pulse)
-    refuse_few_steps(recording, measured)
+    base = replace(base, wheels=replace(base.wheels, curve_left=(), curve_right=()))
+    given = recording = recording.of_robot(base)
+    refuse_odd(given)
+    for _ in range(ROUNDS):
+        odometry = measure_odometry(recording, base)
+        if odometry is not None:
+            refuse_lengths(recording, odometry, base)
+        per_pulse = odometry.cm_per_pulse if odometry else (0.1 / recording.pulses_per_mm,) * 2
+        measured = measured_speeds(recording, odometry, per_pulse)
+        refuse_few_steps(recording, measured)
+        law = fit_law(given, measured, base.wheels.top_command)
+        if not law.curves:
+            recording = given
+            break
+        # From here on the commands of wheels without curves.
+        straight = law.straight(given.commands, base.wheels.top_command)
+        recording = replace(given, commands=straight).of_robot(base)
+        if not given.from_commands:
+            break
     # With a camera alone it is unknown in which step a wheel began to turn.
     friction = measure_friction(recording, measured) if recording.counted else None
     track = odometry.track_cm if odometry else base.wheels.track_cm
@@ -114,20 +130,21 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     constants = _with_others(found.constants, odometry, friction)
     if assumed and odometry is None:
         _refuse_assumed(recording, profile, base)
-    _refuse_unit(recording, profile, base)
+    _refuse_unit(given, profile, base)
+    profile = _curved(profile, law, base.wheels.top_command)
     if odometry is not None:
         profile = replace(profile, noise=replace(profile.noise, wheel=odometry.slip))
-    model = wheel_speeds(profile, recording)
+    model = wheel_speeds(profile, given)
     refuse_wheels(recording, measured, model, found)
     tick()
     return WheelFit(
         profile=profile, form=form, constants=constants, alike=found.alike,
         rmse={name: float(np.sqrt(np.nanmean((one.fit.model - measured) ** 2)))
               for name, one in fits.items()},
-        friction=friction, odometry=odometry,
+        friction=friction, odometry=odometry, law=law,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
         pulses_per_mm=tuple(0.1 / length for length in per_pulse if recording.counted),
-        bent=_bent(recording, profile, measured), measured=measured, model=model,
+        bent=None if law.curves else _bent(recording, profile, measured), measured=measured, model=model,
     )  # fmt: skip
 
 
@@ -142,7 +159,7 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             "noise of the wheels are the base profile's"
         )
     known, found = base.wheels.speed_per_unit_cm_s, wheels.profile.wheels.speed_per_unit_cm_s
-    if _apart(wheels.profile, base) > ROUGH:
+    if not wheels.law.curves and _apart(wheels.profile, base) > ROUGH:
         out.append(
             f"wheels: {found[0]:.3g} and {found[1]:.3g} cm/s a unit, where profile {base.name!r} has "
             f"{known[0]:.3g} and {known[1]:.3g}: were commands written in another unit, as cm/s or mm/s? "
@@ -235,7 +252,7 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) 
     slow, fast = (share * usual for share in SPEED_BOUNDS)
     free = dict.fromkeys(SPEED_KEYS, (slow, fast, 1e-4 * usual)) | (GAINS if form == "refitted" else {})
     data = Observed(
-        counts=measured, noise=NOISE_CM_S, use=_told(recording, measured), clusters=_groups(recording.trial)
+        counts=measured, noise=NOISE_CM_S, use=_told(recording, measured), clusters=groups(recording.trial)
     )
 
     def model(values: Values) -> Floats:
@@ -295,6 +312,23 @@ def _with(base: Profile, values: dict[str, float]) -> Profile:
     return replace(base, wheels=replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains))
 
 
+def _curved(profile: Profile, law: Law, top: float) -> Profile:
+    """With the law's curves, as far as a speed per unit fitted to straightened commands says; and a top
+    command at which the robot goes no further than a radius in a step."""
+    if not law.curves:
+        return profile
+    wheels, most = profile.wheels, profile.body.radius_cm / profile.period_s
+    shares = np.array(wheels.speed_per_unit_cm_s) / law.unit(top)
+    curves = [
+        np.column_stack([curve[:, 0], share * curve[:, 1]]).round(6).tolist()
+        for curve, share in zip(law.curves, shares, strict=True)
+    ]
+    wheels = replace(wheels, curve_left=curves[0], curve_right=curves[1], top_command=top)
+    while wheels.top_speed_cm_s > most:
+        wheels = replace(wheels, top_command=0.99 * wheels.top_command)
+    return replace(profile, wheels=wheels)
+
+
 def _steady(recording: WheelRecording, measured: Floats) -> list[float]:
     """Speed per unit of each wheel where its command was constant for half a second, cm/s."""
     out = []
@@ -346,8 +380,6 @@ ASSUMED = 0.02
 """Relative uncertainty of pulses per mm where they were not measured: sources say 12 or 12.5."""
 LENGTHS = {"speed_left": (0,), "speed_right": (1,), "play_cm": (0, 1)}
 """Constants in cm, and the wheels whose cm per pulse they depend on."""
-FEWEST_TRIALS, ROWS = 10, 20
-"""With fewer trials the rows are grouped by this many (2 s)."""
 
 
 def _with_others(
@@ -369,14 +401,6 @@ def _with_others(
         value, least, most, _ = friction
         out.append(Constant(key="friction_cm_s2", value=value, low=least, high=most, told=least > 0))
     return tuple(out)
-
-
-def _groups(trial: NDArray[np.int64]) -> NDArray[np.int64]:
-    """[n] numbers of rows with correlated errors: a trial's, or a piece's where trials are few."""
-    numbers = np.unique(trial, return_inverse=True)[1]
-    if int(numbers.max(initial=0)) + 1 < FEWEST_TRIALS:
-        numbers = np.unique(numbers * len(trial) + np.arange(len(trial)) // ROWS, return_inverse=True)[1]
-    return np.asarray(numbers)
 
 
 # What no such wheels can have made

@@ -157,6 +157,11 @@ def _lines(made: Calibration) -> Iterator[str]:
         track = found.get("track_cm", f"{made.profile.wheels.track_cm:.3g}")
         lag = f", lag {found['lag']} steps" if "lag" in found else ""
         yield f"  speed per unit {found['speed_left']} and {found['speed_right']} cm/s, track {track} cm{lag}"
+        if (law := made.wheels.law).curves:
+            yield (
+                f"  by curves of command to speed ({law.told()}), which on runs held out err "
+                f"{law.chosen:.2g} cm/s where a constant errs {law.constant:.2g}"
+            )
         if (seen := made.wheels.odometry) is not None and isfinite(seen.held_out[0]):
             ends, base = (
                 f"{place:.2g} cm and {angle:.2g}°" for place, angle in (seen.held_out, seen.by_base)

@@ -20,6 +20,21 @@ FASTEST = 12.7
 
 
 @step
+def settled_speed(robot, w, command):
+    """The speed (cm/s) at which wheel `w` settles under a command, robot's units: by its curve, constant
+    beyond its ends; proportional without one."""
+    curve = robot.wheels.curve
+    if curve.shape[0] > 0:
+        i = 1
+        while i < curve.shape[0] - 1 and command > curve[i, 0]:
+            i += 1
+        share = (command - curve[i - 1, 0]) / (curve[i, 0] - curve[i - 1, 0])
+        share = min(max(share, 0.0), 1.0)
+        command = curve[i - 1, 1 + w] + share * (curve[i, 1 + w] - curve[i - 1, 1 + w])
+    return command * robot.wheels.speed_per_unit[w]
+
+
+@step
 def turn_wheel(robot, wheel, target, drag, slip):
     """One step of one wheel towards `target` (cm/s); returns its new speed U (cm/s).
 

@@ -21,6 +21,7 @@ from realitygap.kernels.motion import (
     ground_speeds,
     settle,
     settle_outline,
+    settled_speed,
     turn_wheel,
 )
 from realitygap.kernels.network import LIMIT, ROWS, decide, load
@@ -333,7 +334,7 @@ def turn_wheels(robot, commands, level, noise, state):
         if level > 0.0:
             drag = 1.0 + level * robot.noise.friction * noise[w]
             slip = level * robot.noise.wheel * noise[2 + w]
-        target = commands[w] * (robot.wheels.top_command / LIMIT) * robot.wheels.speed_per_unit[w]
+        target = settled_speed(robot, w, commands[w] * (robot.wheels.top_command / LIMIT))
         turn_wheel(robot, state.wheel[w], target, drag, slip)
         bound_wheel(state.wheel[w], FASTEST * robot.wheels.top_command * robot.wheels.speed_per_unit[w])
 
@@ -579,5 +580,5 @@ def sweep_wheels(robot, commands, first, scratch, speeds):
             if first[i] != 0:
                 for j in range(wheel.shape[1]):
                     wheel[w, j] = 0.0
-            target = commands[i, w] * robot.wheels.speed_per_unit[w]
+            target = settled_speed(robot, w, commands[i, w])
             speeds[i, w] = turn_wheel(robot, wheel[w], target, 1.0, 0.0)

@@ -72,6 +72,9 @@ class Wheels(NamedTuple):
     """Half the play, cm/s over a step: 0 in the paper."""
     top_command: float
     """Largest command of the network, Khepera units: 10."""
+    curve: F
+    """[K, 3] rising commands, and what the left and the right wheel settle at, in `speed_per_unit`; none:
+    proportional."""
 
 
 class Proximity(NamedTuple):

@@ -245,7 +245,9 @@ class Wheels(Value):
     """Two wheels under the PID law of §3.2.2: δv = (Kp·P + Ki·I + Kd·D) / divisor.
 
     Beyond the paper, 0 by default: `lag` is the share of a command that acts one step late,
-    `play_cm` the way that a wheel loses where it turns round.
+    `play_cm` the way that a wheel loses where it turns round. The law acts on the speed at which a wheel
+    settles: command times `speed_per_unit_cm_s`, or by its curve of (command, cm/s), linear between and
+    constant beyond; then `speed_per_unit_cm_s` is only the unit in which speeds are told.
     """
 
     track_cm: float
@@ -259,6 +261,28 @@ class Wheels(Value):
     friction_cm_s2: float
     lag: float = 0.0
     play_cm: float = 0.0
+    curve_left: tuple[tuple[float, float], ...] = ()
+    curve_right: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def curves(self) -> tuple[tuple[tuple[float, float], ...], ...]:
+        """Of the left and the right wheel; none where speeds are proportional to commands."""
+        return (self.curve_left, self.curve_right) if self.curve_left else ()
+
+    @property
+    def top_speed_cm_s(self) -> float:
+        """The faster wheel's at the top command, either way."""
+        top = self.top_command
+        if not self.curves:
+            return top * max(self.speed_per_unit_cm_s)
+        return float(max(np.abs(np.interp([-top, top], *zip(*c, strict=True))).max() for c in self.curves))
+
+    def proportional(self, commands: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[n, 2] commands that without curves would make the same speeds."""
+        if not self.curves:
+            return commands
+        pairs = zip(commands.T, self.curves, self.speed_per_unit_cm_s, strict=True)
+        return np.stack([np.interp(c, *zip(*curve, strict=True)) / unit for c, curve, unit in pairs], 1)
 
     def command(self, output: int) -> int:
         """A network's output −10 … 10 in the robot's units, of which it takes whole ones.
@@ -279,9 +303,24 @@ class Wheels(Value):
             require(speed > 0, f"speed_per_unit_cm_s[{i}]", "more than 0", speed)
         require(0 <= self.lag <= 1, "lag", "a share from 0 to 1", self.lag)
         require(self.play_cm >= 0, "play_cm", "0 or more", self.play_cm)
+        for key in ("curve_left", "curve_right"):
+            self._check_curve(key)
         pole = largest_pole(self.kp, self.ki, self.kd, self.divisor)
         told = "gains with which a wheel settles at its speed (largest pole below 1)"
         require(pole < 1, "kp", told, float(f"{pole:.4g}"), "Lower kp, ki or kd, or raise the divisor.")
+
+    def _check_curve(self, key: str) -> None:
+        """Refuse what is no law of command to speed, or of one wheel alone."""
+        curve = getattr(self, key)
+        told = "[[command, cm_s], …] for both wheels, or for none"
+        require(bool(self.curve_left) == bool(self.curve_right), key, told, curve)
+        if not curve:
+            return
+        commands, speeds = np.array(curve).T
+        require(len(curve) >= 2 and (np.diff(commands) > 0).all(), key, "rising commands, two or more", curve)
+        require((np.diff(speeds) >= 0).all(), key, "speeds (cm/s) that never fall as commands rise", curve)
+        rests = commands[0] <= 0 <= commands[-1] and np.interp(0, commands, speeds) == 0
+        require(bool(rests), key, "[0, 0] on it: a wheel rests at command 0", curve)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -333,10 +372,11 @@ class Profile(Value):
         top, eyes = self.body.height_cm, self.ambient.sensor_height_cm
         below = f"less than body.height_cm ({top:g})"
         require(top == 0 or eyes < top, "ambient.sensor_height_cm", below, eyes)
-        way = self.wheels.top_command * max(self.wheels.speed_per_unit_cm_s) * self.period_s
+        way = self.wheels.top_speed_cm_s * self.period_s
         told = f"a top speed of at most one body radius ({radius:g} cm) a step of {self.period_s:g} s"
         cure = "Lower it, or lower wheels.top_command."
-        require(way <= radius, "wheels.speed_per_unit_cm_s", told, way, cure)
+        key = "curve_left" if self.wheels.curves else "speed_per_unit_cm_s"
+        require(way <= radius, f"wheels.{key}", told, way, cure)
         for part, keys in (("infrared", ("proximity", "proximity_dark")), ("ambient", ("ambient",))):
             top, there = getattr(self, part).top, getattr(self, part).sensors
             for key in keys if there else ():
@@ -365,6 +405,7 @@ class Profile(Value):
                 rest_speed=wheels.rest_speed_cm_s,
                 friction=wheels.friction_cm_s2,
                 half_play=wheels.play_cm / 2 / self.period_s,
+                curve=_joined(wheels),
                 **{key: getattr(wheels, key) for key in ("kp", "ki", "kd", "divisor", "lag", "top_command")},
             ),
             proximity=self.infrared.to_kernel(),
@@ -434,6 +475,8 @@ class Profile(Value):
                 del table[key]
         if self.period_s == STEP_S:
             del table["period_s"]
+        if not self.wheels.curves:
+            del table["wheels"]["curve_left"], table["wheels"]["curve_right"]
         if not self.body.outline_cm:
             del table["body"]["outline_cm"]
         for part in ("infrared", "ambient"):
@@ -442,6 +485,14 @@ class Profile(Value):
                     if not one[key]:
                         del one[key]
         return table
+
+
+def _joined(wheels: Wheels) -> NDArray[np.float64]:
+    """Its curves as the kernels take them (types.Wheels)."""
+    knots = np.unique([command for curve in wheels.curves for command, _ in curve])
+    settled = [np.interp(knots, *zip(*curve, strict=True)) for curve in wheels.curves]
+    units = zip(settled, wheels.speed_per_unit_cm_s, strict=False)
+    return np.column_stack([knots, *(speeds / unit for speeds, unit in units)]).reshape(-1, 3)
 
 
 def load_profile(name_or_path: str | PathLike[str] | Profile) -> Profile:

@@ -107,6 +107,7 @@ def run(task: Task, profile: Profile, genes, *, level: float, stream: int, pose=
     bands = [parts[kind].bands for kind in task.feeds.split("+") for _ in parts[kind].sensors]
     blocks = -(-(4 + len(bands)) // 16)
     units = profile.wheels.speed_per_unit_cm_s
+    curves = [c for c in (profile.wheels.curve_left, profile.wheels.curve_right) if c]
     for k in range(task.steps):
         z = normals(stream, 8 * blocks * (k + 1), 16 * blocks)
         speed = sum(abs(wheel.speed) for wheel in wheels) / 2
@@ -118,7 +119,8 @@ def run(task: Task, profile: Profile, genes, *, level: float, stream: int, pose=
         record.commands.append(command)
         speeds = []
         for w in range(2):
-            target = command[w] * units[w] * profile.wheels.top_command / 10
+            asked = command[w] * profile.wheels.top_command / 10
+            target = np.interp(asked, *np.array(curves[w]).T) if curves else asked * units[w]
             drag = 1 + level * profile.noise.friction * z[w]
             wheels[w].turn(target, drag, level * profile.noise.wheel * z[2 + w])
             speeds.append(wheels[w].bound(12.7 * profile.wheels.top_command * units[w]))
