@@ -13,7 +13,6 @@ from realitygap.calibration.load import find_recordings, load_recording
 from realitygap.calibration.noise import Yardstick, lit_noise, misfits, sample_noise
 from realitygap.calibration.readings import Readings
 from realitygap.calibration.recordings import SensorRecording
-from realitygap.errors import RecordingError
 from realitygap.world.robot import load_profile
 from tests.calibration.test_recording import HEAD, ROW, written
 

@@ -260,11 +260,10 @@ def _check_readings(
         off = (distance < 0) | (distance > FARTHEST_CM)
         table.refuse(off, "distance_cm", f"0 to {FARTHEST_CM:g} cm from the body's edge", distance, mm)
         table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
-    top = math.inf if full_scale is None else EXCEEDED * full_scale
+    top = math.inf if full_scale is None else full_scale
+    expected = f"counts from 0 to {top:g} (full_scale)"
     for k, values in enumerate(counts.T):
-        table.refuse(
-            (values < 0) | (values > top), f"s{k}", f"counts from 0 to {full_scale:g} (full_scale)", values
-        )
+        table.refuse((values < 0) | (values > EXCEEDED * top), f"s{k}", expected, values)
     brightest = np.nan_to_num(counts).max(axis=1)
     bright = BRIGHT * max(1.0, count_unit(full_scale or float(brightest.max())))
     if kind == "infrared":
