@@ -42,7 +42,7 @@ def _blind(r, counters):
         (lambda r: replace(r, counters=r.counters[:, ::-1]), "columns swapped"),
         (lambda r: _blind(r, np.random.default_rng(1).permutation(r.counters)), "explains only"),
         (lambda r: _blind(r, r.counters / 40), "speed_left: 0.05 cm/s per unit, the utmost"),
-        (lambda r: replace(r, t_s=r.t_s * 2), "expected 30 steps"),
+        (lambda r: replace(r, t_s=r.t_s * 1.5), "expected 30 steps"),
         (lambda r: replace(r, commands=r.commands * 8), "commands up to 80, .* Are these mm/s"),
     ],
 )

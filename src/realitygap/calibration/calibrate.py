@@ -167,7 +167,7 @@ def calibrate(
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     if len(driven) > 1:
-        raise CalibrationError(f"expected one recording of wheels, got {len(driven)}. Give the best one.")
+        raise CalibrationError(f"expected one recording of wheels, got {len(driven)}. Give the best one, or list several logs in one MAP.toml.")
     infrared_form, light_form, wheel_form = FORMS[form]
     light_form = light or light_form
     total = len(driven) + ticks(near, infrared_form, beside=beside) + ticks(lit, light_form, beside=beside)
@@ -255,7 +255,8 @@ def _provenance(made: Calibration) -> Provenance:
     if any(map(tells_heights, recordings)):
         notes.append("body.height_cm, ambient.sensor_height_cm: as the recordings state them, not fitted")
     if wheels is not None:
-        fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=wheels.rmse[wheels.form]))
+        if wheels.rmse:
+            fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=wheels.rmse[wheels.form]))
         told["wheels"] = wheels.constants
     return Provenance(
         base=made.profile.name,

@@ -51,7 +51,8 @@ class Judgement:
     noise: where it is near 1 and `ratio` is large, single places err. For a series of one sensor facing a
     wall, `shift_cm` is its extra distance and `background` the room's infrared beyond the profile's (1/cm²);
     both are fitted out, as is the `reflectance` of an unknown surface (`painted`). `misplaced` is as of a
-    calibration.
+    calibration. `ends`: how far off (cm, degrees; medians) runs end that the profile's track and pulses
+    predict from their first pose, the marker's place on the robot fitted out; None without poses.
     """
 
     kind: str
@@ -66,6 +67,7 @@ class Judgement:
     brightness: float = 1.0
     reflectance: float = 1.0
     painted: bool = False
+    ends: tuple[float, float] | None = None
     within: float = math.nan
     misplaced: float = math.nan
     counts: Floats = field(repr=False)
@@ -112,7 +114,7 @@ class Judgement:
         ]  # fmt: skip
         noise = {key: {"measured": m, "profile": p} for key, (m, p) in self.noise.items()}
         return {
-            "kind": self.kind, "source": self.source, "rmse": self.rmse, "bias": self.bias,
+            "kind": self.kind, "source": self.source, "rmse": self.rmse, "bias": self.bias, "ends": self.ends,
             "error_over_noise_lit": self.ratio, "within_two_deviations": self.within,
             "explained_by_places_1_mm_off": self.misplaced,
             "model_error_over_noise_without_them": self.ratio_placed,
@@ -277,28 +279,42 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         said.append(str(error))
     per_pulse = profile.provenance.cm_per_pulse(recording.pulses_per_mm)
     measured = measured_speeds(recording, odometry, per_pulse)
-    refuse_few_steps(recording, measured)
-    read = model.wheel_speeds(profile, recording)
+    if recording.commanded:
+        refuse_few_steps(recording, measured)
+        read = model.wheel_speeds(profile, recording)
+    else:
+        read = np.full_like(measured, np.nan)
     if not (odometry or recording.pulses_said or profile.provenance.pulses_per_mm):
         said.append(
             f"{recording.source}: pulses_per_mm: neither it nor profile {profile.name!r} has them: "
             f"a Khepera's {recording.pulses_per_mm:g} are assumed"
         )
     try:
-        refuse_odd(recording)
+        if recording.commanded:
+            refuse_odd(recording)
         if odometry is not None:
             refuse_lengths(recording, odometry, profile)
     except CalibrationError as error:  # a calibration would refuse it
         said.append(str(error))
     off = read - measured
-    rmse, bias = np.sqrt(np.nanmean(off**2, axis=0)), np.nanmean(off, axis=0)
+    rmse = bias = np.full(2, np.nan)
+    if recording.commanded:
+        rmse, bias = np.sqrt(np.nanmean(off**2, axis=0)), np.nanmean(off, axis=0)
+    ends = None
+    if odometry is not None:
+        theta = np.array([*per_pulse, profile.wheels.track_cm, *odometry.theta[3:]])
+        if recording.from_commands or recording.from_speeds:
+            theta[:2] = 0.1 / recording.pulses_per_mm
+        ends = replace(odometry, theta=theta).ends(recording)
     sides = tuple(
         Misfit(sensor=w, rmse=r, bias=b, error=r, ratio=np.nan, lit_ratio=np.nan)
         for w, (r, b) in enumerate(zip(rmse.tolist(), bias.tolist(), strict=True))
+        if recording.commanded
     )
     return Judgement(
         kind="wheels", source=recording.source, rmse=float(np.sqrt((rmse**2).mean())),
         bias=float(bias.mean()),
         per_sensor=sides, noise={"wheel": (odometry.slip, profile.noise.wheel)} if odometry else {},
         counts=measured, model=read, warnings=tuple(dict.fromkeys(said)),
+        ends=None if ends is None else (float(np.median(ends[:, 0])), math.degrees(np.median(ends[:, 1]))),
     )  # fmt: skip

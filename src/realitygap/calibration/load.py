@@ -1,15 +1,18 @@
-"""Reads recordings: a folder (recording.toml and a table), a `.sam` table of the Khepera community, or a
-Thymio's series before a wall."""
+"""Reads recordings: a folder (recording.toml and a table), a `.sam` table of the Khepera community, a
+Thymio's series before a wall, or anybody's logs by a MAP.toml (`realitygap look`)."""
 
 import hashlib
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from realitygap.calibration.cleaning import cleaned, first_pulses
 from realitygap.calibration.recordings import (
     BODY_RADIUS_CM,
     EXCEEDED,
@@ -32,6 +35,7 @@ from realitygap.files import (
     refuse_separator,
     refuse_unknown,
 )
+from realitygap.logs.mapped import ASKED, SIDES, Mapped, read_map
 from realitygap.values import Floats
 from realitygap.world.arena import WHITEST, Arena, load_arena
 from realitygap.world.robot import Body
@@ -49,8 +53,11 @@ STEP_COLUMNS = (
     "t_s", "command_left", "command_right", "counter_left", "counter_right",
     "speed_left", "speed_right", "trial", "kind",
 )  # fmt: skip
-SPEEDS = ("speed_left", "speed_right")
-WHEEL_COUNTS = ("counter_left", "counter_right", *SPEEDS)
+COMMANDS, COUNTERS, SPEEDS = (
+    (f"{what}_left", f"{what}_right") for what in ("command", "counter", "speed")
+)
+"""Of which one is needed."""
+WHEEL_COUNTS = (*COUNTERS, *SPEEDS)
 """Columns that only wheels with counters have; no fit needs their speeds."""
 STEP_KINDS = ("step", "start", "straight", "turn")
 UNITS = "cm, degrees, s, counts, {}, pulses"
@@ -93,22 +100,31 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
         RecordingError: there is none.
     """
     path = Path(path)
-    alone = path.suffix.lower() in (".sam", ".csv") or path.name in (FACTS, DRIVE)
+    alone = path.suffix.lower() in (".sam", ".csv", ".toml")
     if alone or any((path / name).is_file() for name in (FACTS, DRIVE)):
         return (path,)
     inside = sorted(found.parent for found in path.glob(f"*/{FACTS}"))
     inside = inside or sorted(found for found in path.glob("*") if SERIES.fullmatch(found.name))
     if inside:
         return tuple(inside)
+    if path.is_file():
+        raise RecordingError(_unlooked(path))
     what = "holds no recording" if path.is_dir() else "there is no such recording"
     raise RecordingError(f"{path}: {what}. Make one with `realitygap record`, or give a .sam table.")
 
 
+def _unlooked(path: Path) -> str:
+    return (
+        f"{path}: a log of some robot, whose columns nobody has named yet. Run `realitygap look {path}` "
+        "first: it writes a MAP.toml, which is given in its place."
+    )
+
+
 def load_recording(path: str | Path, *, object: str | None = None) -> Recording:
-    """A recording's folder, a `.sam` table, or a Thymio's series (`sensor02_light.csv`).
+    """A recording's folder, a `.sam` table, a Thymio's series (`sensor02_light.csv`), or logs by a MAP.toml.
 
     Args:
-        path: the folder, its recording.toml, or the table.
+        path: the folder, its recording.toml, the table, or the MAP.toml.
         object: the object of a table, or one that replaces a recording's.
 
     Raises:
@@ -119,6 +135,8 @@ def load_recording(path: str | Path, *, object: str | None = None) -> Recording:
         return _read_sam(path, object)
     if path.suffix.lower() == ".csv":
         return _read_series(path)
+    if path.suffix.lower() == ".toml" and path.name not in (FACTS, DRIVE):
+        return _read_map(path, object)
     return _read_folder(path.parent if path.name in (FACTS, DRIVE) else path, object)
 
 
@@ -133,8 +151,8 @@ def _read_folder(folder: Path, object: str | None) -> Recording:
     steps = folder / STEPS  # earlier versions called a drive's facts recording.toml, too
     if "kind" not in facts and steps.is_file() and b"late_s" in steps.read_bytes()[:99]:
         raise _drive(folder, facts)
-    refuse_unknown(facts, KNOWN, RecordingError, where=str(where), cure="Anything else goes into notes.")
     kind, units = facts.get("kind"), str(facts.get("units", UNITS))
+    _check_facts(where, facts)
     if kind not in KINDS:
         raise RecordingError(f"{where}: kind: expected {', '.join(KINDS)}, got {kind!r}.")
     if not re.fullmatch(UNITS.format(".*"), units, re.DOTALL):
@@ -142,14 +160,19 @@ def _read_folder(folder: Path, object: str | None) -> Recording:
         raise RecordingError(
             f"{where}: units: expected {expected!r}, got {units!r}. Convert the table first."
         )
+    table = _read_rows(folder / (STEPS if kind == "wheels" else READINGS), facts)
+    origin = _origin(table, facts)
+    if kind == "wheels":
+        return _read_wheels(table, where, facts, origin)
+    return _read_sensors(table, where, facts, str(kind), object, origin)
+
+
+def _check_facts(where: Path, facts: Mapping[str, Any]) -> None:
+    """Refuse keys that nothing reads, and what says wrongly who placed the robot."""
+    refuse_unknown(facts, KNOWN, RecordingError, where=str(where), cure="Anything else goes into notes.")
     if facts.get("placed_by", "person") not in ("person", "program"):
         expected = '"person" or "program"'
         raise RecordingError(f"{where}: placed_by: expected {expected}, got {facts['placed_by']!r}.")
-    if kind == "wheels":
-        return _read_wheels(folder, facts)
-    name = str(object or facts.get("object", "lamp" if kind == "ambient" else None))
-    check_object(kind, name, str(where))
-    return _read_sensors(folder / READINGS, facts, kind, name)
 
 
 def _drive(folder: Path, facts: Mapping[str, Any]) -> RecordingError:
@@ -212,8 +235,11 @@ def _number(
 # Sensors
 
 
-def _read_sensors(path: Path, facts: Mapping[str, Any], kind: str, name: str) -> SensorRecording:
-    where, table = path.with_name(FACTS), _read_rows(path, facts)
+def _read_sensors(
+    table: Table, where: Path, facts: Mapping[str, Any], kind: str, object: str | None, origin: dict[str, Any]
+) -> SensorRecording:
+    name = str(object or facts.get("object", "lamp" if kind == "ambient" else None))
+    check_object(kind, name, str(where))
     body, full_scale = _body(where, facts), _number(where, facts, "full_scale", "the highest count")
     sensors = _sensor_columns(table, facts)
     posed = "arena" in facts and "x_cm" in table.columns
@@ -247,7 +273,7 @@ def _read_sensors(path: Path, facts: Mapping[str, Any], kind: str, name: str) ->
         speed_cm_s=np.abs(table.numbers("speed_cm_s")) if "speed_cm_s" in table.columns else None,
         lines=[table.at(k) for k in range(len(table.rows))],
         warnings=tuple(_unfinished(table, facts)),
-        **_origin(table, facts),
+        **origin,
     )
 
 
@@ -335,11 +361,19 @@ def _from_lamp(pose: Floats, arena: Arena, body_radius_cm: float) -> tuple[Float
 # Wheels
 
 
-def _read_wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
-    table = _read_rows(folder / STEPS, facts)
-    counting = any(name in table.columns for name in WHEEL_COUNTS)
-    table.need([name for name in STEP_COLUMNS if name not in (SPEEDS if counting else WHEEL_COUNTS)])
-    kind = np.array(table.texts("kind"), str)
+def _read_wheels(
+    table: Table, where: Path, facts: Mapping[str, Any], origin: dict[str, Any]
+) -> WheelRecording:
+    """Drives; what is known of the wheels is one of commands, counters and speeds at least."""
+    have = set(table.columns)
+    some = next((pair for pair in (COUNTERS, SPEEDS, COMMANDS) if set(pair) <= have), None)
+    if some is None:
+        raise RecordingError(
+            f"{table.head}: expected columns {', '.join(COUNTERS)}, or those of speeds or commands, got "
+            f"{', '.join(table.columns)}. Add those that were recorded."
+        )
+    table.need(("t_s", "trial"))
+    kind = np.array(table.texts("kind") if "kind" in have else ["step"] * len(table.rows), str)
     table.refuse(~np.isin(kind, STEP_KINDS), "kind", f"one of {', '.join(STEP_KINDS)}", kind)
     t, trial = table.numbers("t_s"), table.whole("trial")
     follow = "A trial's rows follow each other."
@@ -349,26 +383,109 @@ def _read_wheels(folder: Path, facts: Mapping[str, Any]) -> WheelRecording:
     again = (np.diff(trial, prepend=-1) != 0) & ~np.isin(np.arange(len(t)), first)
     table.refuse(again, "trial", "a new number", trial.astype(float), follow)
 
-    def pair(name: str, *, there: bool = True) -> Floats:
-        if not there:
+    def pair(names: Sequence[str]) -> Floats:
+        if not set(names) <= have:
             return np.full((len(t), 2), math.nan)
-        columns = (f"{name}_left", f"{name}_right")
-        return np.stack([table.numbers(column, empty=name == "speed") for column in columns], 1)
+        return np.stack([table.numbers(name, empty=names != some) for name in names], 1)
 
-    pulses = _number(folder / FACTS, facts, "pulses_per_mm", "pulses of a counter in a millimetre of way")
-    return WheelRecording(
-        t_s=t,
-        commands=pair("command"),
-        counters=pair("counter", there=counting),
-        speeds=pair("speed", there=set(SPEEDS) <= set(table.columns)),
-        trial=trial,
-        kind=kind,
-        pulses_per_mm=pulses or PULSES_PER_MM,
-        pulses_said=pulses is not None,
-        pose=_poses(table, empty=True) if set(POSE) <= set(table.columns) else None,
-        warnings=tuple(_unfinished(table, facts)),
-        **_origin(table, facts),
-    )
+    commands, counters, speeds = map(pair, (COMMANDS, COUNTERS, SPEEDS))
+    if some == SPEEDS:  # by trapezia: where they were read is not known better
+        step = np.diff(t, prepend=t[:1]) * (np.diff(trial, prepend=trial[:1]) == 0)
+        counters = np.cumsum((speeds + np.roll(speeds, 1, axis=0)) / 2 * step[:, None], axis=0)
+    pose = None
+    if {"x_cm", "y_cm"} <= have:
+        names = [name if name in have else "" for name in POSE]
+        pose = np.stack([table.numbers(n, empty=True) if n else np.full(len(t), math.nan) for n in names], 1)
+        pose[:, 2] = np.radians(pose[:, 2])
+    pulses = _number(where, facts, "pulses_per_mm", "pulses of a counter in a millimetre of way")
+    made = WheelRecording(
+        t_s=t, commands=commands, counters=counters, speeds=speeds, trial=trial, kind=kind, pose=pose,
+        pulses_per_mm=pulses or PULSES_PER_MM, pulses_said=pulses is not None, from_speeds=some == SPEEDS,
+        warnings=tuple(_unfinished(table, facts)), **origin,
+    )  # fmt: skip
+    return cleaned(made, table.at)
+
+
+# Logs of others, by a MAP.toml
+
+
+def _read_map(path: Path, object: str | None) -> Recording:
+    """The recording that a MAP.toml makes of its logs: the same table as that of a folder."""
+    mapped = read_map(path)
+    facts, columns, made = dict(mapped.facts), dict(mapped.columns), {}
+    if mapped.kind == "track":
+        raise RecordingError(
+            f"{path}: kind: expected {', '.join(KINDS)}, got 'track', which tells nothing of sensors or wheels."
+        )
+    asked = [key for key, value in facts.items() if value == ASKED]
+    if asked and not (object and asked == ["object"]):
+        raise RecordingError(f'{path}: {asked[0]}: `realitygap look` could not tell it: write it instead of "?".')
+    origin = {"source": str(path), "hash": mapped.hash, "notes": str(facts.get("notes", "")), "facts": facts}
+    for name in POSE[2:] + POLAR[1:]:
+        if name in columns:
+            columns[name] = np.degrees(columns[name])
+    if mapped.kind == "wheels":
+        mapped.need("t_s")
+        made = {**_of_both_wheels(mapped, facts), **columns, "trial": mapped.run}
+    else:
+        bearing = facts.pop("bearing_deg", None)
+        if mapped.sensors is None:
+            raise RecordingError(f"{path}: expected readings: columns s0, s1 …, or sensor and reading.")
+        if bearing is not None:
+            each = np.broadcast_to(np.array(bearing, float), mapped.sensors.shape[1:])
+            columns["bearing_deg"] = each[np.isfinite(mapped.sensors).argmax(axis=1)]
+        made = columns | {f"s{k}": column for k, column in enumerate(mapped.sensors.T)}
+        read = np.isfinite(mapped.sensors).argmax(axis=1)
+        seen = Counter[tuple[float, ...]]()
+        made["repeat"] = np.zeros(len(read))
+        for k, place in enumerate(zip(*(made[n] for n in (*POLAR, *POSE) if n in made), read, strict=True)):
+            made["repeat"][k] = seen[place]
+            seen[place] += 1
+    _check_facts(path, facts)
+    rows = [["" if v != v else f"{v:.12g}" for v in row] for row in zip(*made.values(), strict=True)]
+    table = _Rows(path, tuple(made), rows, 0, list(mapped.lines), RecordingError, f"Correct {path} or its log.")
+    if mapped.kind != "wheels":
+        return _read_sensors(table, path, facts, mapped.kind, object, origin)
+    recording = _read_wheels(table, path, facts, origin)
+    recording = replace(recording, warnings=(*(f"{path}: {note}" for note in mapped.notes), *recording.warnings))
+    if recording.pulses_said or not math.isfinite(found := first_pulses(recording)):
+        return recording
+    return replace(recording, pulses_per_mm=found, pulses_said=True)
+
+
+class _Rows(Table):
+    """The rows of several logs."""
+
+    def at(self, k: int) -> str:
+        """Where row k is."""
+        return str(self.lines[k])
+
+    @property
+    def head(self) -> str:
+        """Where the columns are named."""
+        return str(self.path)
+
+
+def _of_both_wheels(mapped: Mapped, facts: dict[str, Any]) -> dict[str, Floats]:
+    """Speeds and commands of each wheel in cm/s from those of the robot; for speeds of a known unit
+    `pulses_per_mm` is that of their integral."""
+    columns, out, track = mapped.columns, {}, facts.pop("track_cm", None)
+    for prefix, name in (("", "speed"), ("command_", "command")):
+        ahead, turn = f"{prefix}v", f"{prefix}w"
+        if ahead in columns or turn in columns:
+            mapped.need(ahead, turn)
+            if isinstance(track, bool) or not isinstance(track, int | float) or track <= 0:
+                raise RecordingError(
+                    f"{mapped.path}: track_cm: expected the cm between the wheels with which the robot makes "
+                    f"{ahead} and {turn} from their speeds, got {track!r}."
+                )
+            aside = columns[turn] * track / 2
+            out |= {f"{name}_{side}": columns[ahead] + sign * aside
+                    for side, sign in zip(SIDES, (-1, 1), strict=True)}  # fmt: skip
+    speeds = "v" in columns or mapped.units.get("speed_left", "own") != "own"
+    if speeds and "counter_left" not in columns:
+        facts.setdefault("pulses_per_mm", 0.1)
+    return out
 
 
 # Tables of others
@@ -433,7 +550,8 @@ def _read_series(path: Path) -> SensorRecording:
     if named is None:
         raise RecordingError(
             f"{path}: expected the name of a Thymio's series, as sensor02_light.csv, with the sensor's "
-            f"number 0 to 6. Other tables are folders with a {FACTS}."
+            f"number 0 to 6. Other tables are folders with a {FACTS}, or run "
+            f"`realitygap look {path}` first."
         )
     lines = read_text(path, RecordingError, "Give the path of a Thymio's series.").splitlines()
     refuse_separator(path, lines, RecordingError)

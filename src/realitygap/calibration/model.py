@@ -199,14 +199,18 @@ def light_readings(profile: Profile, light: Floats, gain: Floats | None = None) 
 
 
 def wheel_speeds(profile: Profile, recording: WheelRecording) -> Floats:
-    """Speeds [n, 2] (cm/s) of noise-free wheels in the step that follows each row."""
+    """Mean speeds [n, 2] (cm/s) of noise-free wheels in the step that follows each row, which may last
+    several of the robot's periods."""
     from realitygap.kernels.trial import sweep_wheels
 
-    robot = _robot(profile)
-    speeds = np.zeros(recording.commands.shape)
-    first = np.concatenate([[1], (np.diff(recording.trial) != 0).astype(np.int64)]).astype(np.int64)
-    sweep_wheels(robot, np.ascontiguousarray(recording.commands, np.float64), first, work_of(robot), speeds)
-    return speeds
+    robot, count = _robot(profile), recording.periods()
+    begin = np.cumsum(count) - count
+    commands = np.repeat(np.asarray(recording.commands, np.float64), count, axis=0)
+    speeds = np.zeros(commands.shape)
+    first = np.zeros(len(commands), np.int64)
+    first[begin] = np.diff(recording.trial, prepend=-1) != 0
+    sweep_wheels(robot, commands, first, work_of(robot), speeds)
+    return np.asarray(np.add.reduceat(speeds, begin) / count[:, None]) if len(speeds) > len(count) else speeds
 
 
 @lru_cache(maxsize=1)  # one profile is asked for the readings of several recordings

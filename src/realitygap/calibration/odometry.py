@@ -42,6 +42,8 @@ DISAGREE, FAR = 5.0, 0.03
 APART, STEADY_STEPS, FEWEST_STEPS = 5, 10, 100
 """Steps between two pictures that are drawn; steps of constant command, without counters, before one that
 measures slip; and number of single steps from which on they do."""
+EVEN = 0.9
+"""Share of steps that last a period from which on slip can be told from late time stamps."""
 LEAP, SURE = 6.0, 2.0
 """Deviations from which a step's error is a leap; and those by which slip must differ from none."""
 
@@ -54,7 +56,7 @@ class Odometry:
         cm_per_pulse: left and right; for wheels without counters their speeds per unit, cm/s.
         track_cm: between the wheels.
         slip: deviation of the distance of one step, relative; the base's where the poses do not determine it.
-        place_cm, heading_deg: deviations of the poses from the fitted runs.
+        place_cm, heading_deg: deviations of the poses from the fitted runs; NaN without headings.
         drift_deg_per_m: drift of the heading under equal commands.
         constants: with intervals.
         halves: the track by the first and by the second half of the trials, cm, where they disagree.
@@ -98,7 +100,7 @@ class _Runs:
         self.t_s, self.rolled = np.cumsum(between), np.cumsum(pulses, axis=0)
         pose = recording.pose
         same = np.concatenate([[False], (np.diff(pose, axis=0) == 0).all(axis=1)])
-        good = np.isfinite(pose).all(axis=1) & ~(same & (pulses != 0).any(axis=1))  # no old picture again
+        good = np.isfinite(pose[:, :2]).all(axis=1) & ~(same & (pulses != 0).any(axis=1))  # no old picture
         if trials is not None:
             good &= np.isin(recording.trial, list(trials))
         piece = np.zeros(len(pose), np.int64)
@@ -114,8 +116,23 @@ class _Runs:
         """[pieces, 3] poses of the axle's middle at each piece's first picture, as seen there."""
         start = self.pose[self.first].copy()
         start[:, 2] -= theta[5]
+        unseen = np.isnan(start[:, 2])
+        start[unseen, 2] = 0.0
+        if unseen.any():
+            start[unseen, 2] = self._facing(theta, start)[unseen]
         start[:, :2] -= _turned(theta[3:5], start[:, 2])
         return start
+
+    def _facing(self, theta: Floats, start: Floats) -> Floats:
+        """[pieces] headings with which the first third of a piece's way goes where it is seen to go."""
+        along = [np.zeros(0)] * self.count
+        whole, ends = self.predicted(theta, start)[:, :2], np.append(self.first[1:], len(self.seen))
+        for j, (a, b) in enumerate(zip(self.first, ends, strict=True)):
+            way = np.cumsum(np.hypot(*np.diff(whole[a:b], axis=0, prepend=whole[a : a + 1]).T))
+            part = slice(a, a + max(2, int(np.searchsorted(way, way[-1] / 3)) + 1))
+            model, seen = (z - z.mean(axis=0) for z in (whole[part], self.pose[part, :2]))
+            along[j] = np.arctan2((model[:, 0] * seen[:, 1] - model[:, 1] * seen[:, 0]).sum(), (model * seen).sum())
+        return np.array(along)
 
     def predicted(self, theta: Floats, start: Floats) -> Floats:
         """[m, 3] poses of the marker at each picture, from the axle's at each piece's first."""
@@ -133,9 +150,9 @@ class _Runs:
         return np.column_stack([place, at[:, 2] + path[:, 2] + theta[5]])
 
     def off(self, theta: Floats, start: Floats) -> Floats:
-        """[m, 3] predicted minus seen, cm and rad."""
+        """[m, 3] predicted minus seen, cm and rad; 0 where no heading was seen."""
         off = self.predicted(theta, start) - self.pose
-        off[:, 2] = _within_half(off[:, 2])
+        off[:, 2] = np.nan_to_num(_within_half(off[:, 2]))
         return np.asarray(off)
 
 
@@ -162,7 +179,9 @@ def _fitted(runs: _Runs, known: Floats, theta: Floats) -> _Fit:
         move *= min(1.0, FURTHEST / np.abs(move).max())
         theta, start = theta + move * scale, start - back @ [1.0, *move]
         left = np.abs(runs.off(theta, start))
-        place, heading = 1.4826 * np.median(np.hypot(*left[:, :2].T)) / 1.7456, 1.4826 * np.median(left[:, 2])
+        place = 1.4826 * np.median(np.hypot(*left[:, :2].T)) / 1.7456
+        faced = left[np.isfinite(runs.pose[:, 2]), 2]
+        heading = 1.4826 * np.median(faced) if len(faced) else 1.0
         error = np.maximum([place, place, heading], [1e-4, 1e-4, 1e-5])
         if np.abs(move).max() < ENOUGH:
             break
@@ -213,7 +232,7 @@ def measure_odometry(recording: WheelRecording, base: Profile) -> Odometry | Non
     """
     from scipy.stats import t
 
-    if recording.pose is None or len(_segments(recording, np.ones(7), 1)[1]) < FEWEST:
+    if recording.pose is None or _pictures(recording) < FEWEST:
         return None
     length, track = 0.1 / recording.pulses_per_mm, base.wheels.track_cm
     known = np.array([length, length, track, 0.0, 0.0, 0.0, 0.0])
@@ -239,12 +258,20 @@ def measure_odometry(recording: WheelRecording, base: Profile) -> Odometry | Non
     _, ways, beyond = _segments(recording, fit.theta, APART)
     return Odometry(
         cm_per_pulse=(float(fit.theta[0]), float(fit.theta[1])), track_cm=float(fit.theta[2]),
-        slip=slip.value, place_cm=float(fit.error[0]), heading_deg=math.degrees(fit.error[2]),
+        slip=slip.value, place_cm=float(fit.error[0]),
+        heading_deg=math.degrees(fit.error[2]) if np.isfinite(recording.pose[:, 2]).any() else math.nan,
         drift_deg_per_m=_drift(recording, fit.theta), constants=(*constants, slip),
         halves=_halves(fit) if runs.count >= FEWEST_PIECES else None, theta=fit.theta,
         held_out=_held_out(recording, known, fit.theta),
         by_base=_medians(_ends(_Runs(recording, sys.maxsize), known)), ways=ways, beyond=beyond,
     )  # fmt: skip
+
+
+def _pictures(recording: WheelRecording) -> int:
+    """How many pictures show another place of the counters than the one before."""
+    runs = _Runs(recording, sys.maxsize)
+    follows = np.diff(runs.piece) == 0
+    return int((np.diff(runs.rolled[runs.seen], axis=0)[follows] != 0).any(axis=1).sum())
 
 
 def _halves(fit: _Fit) -> tuple[float, float] | None:
@@ -295,7 +322,8 @@ def measured_speeds(
         if odometry is not None and recording.pose is not None:
             way = _ways(recording.pose[:-1], recording.pose[1:], odometry.theta)
     out = np.full(recording.commands.shape, np.nan)
-    good = (np.diff(recording.trial) == 0) & (np.abs(step - recording.period_s) < 0.2 * recording.period_s)
+    whole = recording.periods()[:-1] * recording.period_s
+    good = (np.diff(recording.trial) == 0) & (np.abs(step - whole) < 0.2 * recording.period_s)
     out[:-1][good] = way[good] / step[good, None] * np.array(lengths)
     return out
 
@@ -357,7 +385,10 @@ def _slip(recording: WheelRecording, theta: Floats, known: float) -> Constant:
     squares = np.cumsum(np.diff(recording.counters, axis=0, prepend=recording.counters[:1]) ** 2, axis=0)
     steady = STEADY_STEPS if recording.from_commands else 1
     since = recording.since_change().min(axis=1)
-    for apart in (1, APART):
+    within = np.diff(recording.trial) == 0
+    off = np.abs(np.diff(recording.t_s)[within] - recording.period_s)
+    even = bool((off < 0.2 * recording.period_s).mean() > EVEN)
+    for apart in (1, APART) if even else ():
         (a, b), _, beyond = (part.T for part in _segments(recording, theta, apart))
         use = (b == a + 1) & (since[b - 1] >= steady) if apart == 1 else b > a
         if use.sum() < (FEWEST_STEPS if apart == 1 else FEWEST):

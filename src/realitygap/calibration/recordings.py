@@ -210,15 +210,18 @@ class WheelRecording(Recorded):
 
     Attributes:
         t_s: [n] time since the trial's start.
-        commands: [n, 2] left and right, the robot's units, given at t_s after everything else was read.
+        commands: [n, 2] left and right, the robot's units, given at t_s after everything else was read; NaN
+            where they were not recorded.
         counters: [n, 2] pulses; NaN for wheels without counters.
         speeds: [n, 2] measured by the robot, its units; NaN if it does not.
         trial: [n] its number.
         kind: [n] one of `STEP_KINDS`.
-        pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture.
+        pose: [n, 3] x, y (cm) and heading (rad) from the camera; NaN where it took no picture, or saw no
+            heading.
         pulses_per_mm: known in advance.
         pulses_said: whether the recording states them; else a calibration uses its base's, if it has any.
-        from_commands: whether `counters` are integrated commands (units times seconds), not real counters.
+        from_commands, from_speeds: whether `counters` are integrated commands or speeds (units times
+            seconds), not real counters.
         period_s: of a step.
     """
 
@@ -232,6 +235,7 @@ class WheelRecording(Recorded):
     pulses_per_mm: float = PULSES_PER_MM
     pulses_said: bool = True
     from_commands: bool = False
+    from_speeds: bool = False
     period_s: float = 0.1
 
     @property
@@ -240,33 +244,45 @@ class WheelRecording(Recorded):
         return not self.from_commands and bool(np.isfinite(self.counters).any())
 
     @property
+    def commanded(self) -> bool:
+        """Whether the commands are known."""
+        return bool(np.isfinite(self.commands).all())
+
+    @property
     def followed(self) -> bool:
         """Whether a camera saw successive steps, half a minute or more in all."""
         if self.pose is None:
             return False
-        seen = np.asarray(np.isfinite(self.pose).all(axis=1))
+        seen = np.asarray(np.isfinite(self.pose[:, :2]).all(axis=1))
         both = seen[1:] & seen[:-1] & (np.diff(self.trial) == 0)
         return int(both.sum()) >= FOLLOWED_STEPS
 
     def of_robot(self, base: Profile) -> Self:
         """A copy in steps of the base's period; wheels without counters get their integrated commands, and
         counters of which it does not say how long a pulse is the base's."""
+        per_mm = 1.0 / sum(5.0 * speed for speed in base.wheels.speed_per_unit_cm_s)
         if self.counted:
             pulses = self.pulses_per_mm
-            if not self.pulses_said and base.provenance.pulses_per_mm:
+            if not self.pulses_said and self.from_speeds:
+                pulses = per_mm
+            elif not self.pulses_said and base.provenance.pulses_per_mm:
                 pulses = sum(base.provenance.pulses_per_mm) / len(base.provenance.pulses_per_mm)
             return replace(self, pulses_per_mm=pulses, period_s=base.period_s)
         steps = base.wheels.proportional(self.commands[:-1]) * np.diff(self.t_s)[:, None]
         counters = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-        per_mm = 1.0 / sum(5.0 * speed for speed in base.wheels.speed_per_unit_cm_s)
         return replace(
             self, counters=counters, pulses_per_mm=per_mm, from_commands=True, period_s=base.period_s
         )
 
+    def periods(self) -> NDArray[np.int64]:
+        """[n] how many periods each row's step lasts, about; 1 of a trial's last row."""
+        step = np.append(np.where(np.diff(self.trial) == 0, np.diff(self.t_s), self.period_s), self.period_s)
+        return np.maximum(np.rint(step[: len(self.t_s)] / self.period_s), 1).astype(np.int64)
+
     def since_change(self) -> NDArray[np.int64]:
-        """[n, 2] steps for which each wheel's command has been the same."""
+        """[n, 2] steps for which each wheel's command has been the same, as far as is known."""
         number, new = np.arange(len(self.commands))[:, None], np.diff(self.trial, prepend=-1)[:, None] != 0
-        changed = new | (np.diff(self.commands, axis=0, prepend=np.nan) != 0)
+        changed = new | (np.diff(np.nan_to_num(self.commands), axis=0, prepend=np.nan) != 0)
         return np.asarray(number - np.maximum.accumulate(np.where(changed, number, 0), axis=0))
 
     def trials(self, *kinds: str) -> list[NDArray[np.int64]]:

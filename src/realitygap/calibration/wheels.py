@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from realitygap.calibration.fit import SIGMAS, Fit, Observed, Outcome, Parameter, Tick, Values, fit, value_of
 from realitygap.calibration.law import Law, fit_law, groups
 from realitygap.calibration.model import wheel_speeds
-from realitygap.calibration.odometry import Odometry, measure_odometry, measured_speeds
+from realitygap.calibration.odometry import FEWEST, Odometry, measure_odometry, measured_speeds
 from realitygap.calibration.recordings import PULSES_PER_MM, WheelRecording
 from realitygap.errors import CalibrationError
 from realitygap.kernels.types import STEP_S
@@ -24,6 +24,8 @@ from realitygap.world.robot import Constant, Profile, largest_pole
 WHEEL_FORMS = ("printed", "refitted")
 """"printed": the paper's gains; "refitted": free gains, a lag, and play on reversal. Both fit the speed per
 unit."""
+ODOMETRY = "odometry"
+"""The form of drives without commands: lengths only, the base's law."""
 SPEED_KEYS, SPEED_BOUNDS = ("speed_left", "speed_right"), (0.0625, 25.0)
 """Speeds per unit, and their bounds relative to the base's."""
 GAINS = {
@@ -48,6 +50,8 @@ SETTLED, BENT, LATE = 5, 0.1, 0.98
 fitted law before it is called not proportional; lag that is at its bound of a step."""
 ROUNDS = 3
 """Of odometry by commands and of curves by that odometry, where wheels have no counters."""
+FEW = 0.01
+"""Share of steps that may go unused in silence."""
 ROUGH, OTHER_UNIT = 1.15, 4.0
 """Factor between fitted and base speeds beyond which the unit of commands is doubted."""
 FIRST_STEPS = 2
@@ -69,17 +73,18 @@ class WheelFit:
 
     Attributes:
         profile: the base with the wheels' constants in place.
-        form: one of WHEEL_FORMS.
+        form: one of WHEEL_FORMS, or ODOMETRY.
         constants: with their intervals.
         alike: pairs that the counters cannot separate, with their correlation.
-        rmse: of each form's speeds against the counters', cm/s.
+        rmse: of each form's speeds against the counters', cm/s; empty without commands.
         friction: from the standing starts.
         odometry: from the camera; None without one, or if it saw too little.
-        law: of command to settled speed.
+        law: of command to settled speed; None without commands.
         camera: whether there are any pictures.
         pulses_per_mm: of both counters, measured or known in advance; empty without counters.
         bent: wheel, command, and the share of the fitted speed at which it settles, where that is not
             proportional to the command though one constant was kept.
+        unused: steps that last no whole number of periods: no form is fitted to them.
         measured, model: [n, 2] speeds in the step after each row, cm/s.
     """
 
@@ -90,10 +95,11 @@ class WheelFit:
     rmse: dict[str, float]
     friction: Friction | None
     odometry: Odometry | None
-    law: Law
+    law: Law | None
     camera: bool
     pulses_per_mm: tuple[float, ...]
     bent: tuple[str, float, float] | None
+    unused: int
     measured: Floats = field(repr=False)
     model: Floats = field(repr=False)
 
@@ -101,6 +107,9 @@ class WheelFit:
 def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tick = lambda: None) -> WheelFit:
     """Fit a profile's wheels to a recording; constants that it says nothing of stay the base's."""
     assumed = recording.counted and not (recording.pulses_said or base.provenance.pulses_per_mm)
+    if not recording.commanded:
+        tick()
+        return _odometry_only(recording.of_robot(base), base)
     base = replace(base, wheels=replace(base.wheels, curve_left=(), curve_right=()))
     given = recording = recording.of_robot(base)
     refuse_odd(given)
@@ -143,30 +152,75 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
               for name, one in fits.items()},
         friction=friction, odometry=odometry, law=law,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
-        pulses_per_mm=tuple(0.1 / length for length in per_pulse if recording.counted),
+        pulses_per_mm=_pulses(recording, per_pulse), unused=_unused(recording, measured),
         bent=None if law.curves else _bent(recording, profile, measured), measured=measured, model=model,
     )  # fmt: skip
+
+
+def _odometry_only(recording: WheelRecording, base: Profile) -> WheelFit:
+    """The fit of drives of which no commands are known: track, pulses and slip, and the base's law."""
+    odometry = measure_odometry(recording, base)
+    if odometry is None:
+        raise CalibrationError(
+            f"{recording.source}: expected commands, or poses at {FEWEST} places of the counters or more: "
+            "counters alone tell nothing of the wheels. Add either."
+        )
+    refuse_lengths(recording, odometry, base)
+    measured = measured_speeds(recording, odometry, odometry.cm_per_pulse)
+    return WheelFit(
+        profile=replace(
+            base, wheels=replace(base.wheels, track_cm=odometry.track_cm),
+            noise=replace(base.noise, wheel=odometry.slip),
+        ),
+        form=ODOMETRY, constants=odometry.constants, alike=(), rmse={}, friction=None, odometry=odometry,
+        law=None,
+        camera=True, pulses_per_mm=_pulses(recording, odometry.cm_per_pulse), bent=None, unused=0,
+        measured=measured, model=np.full_like(measured, np.nan),
+    )  # fmt: skip
+
+
+def _pulses(recording: WheelRecording, cm_per_pulse: tuple[float, float]) -> tuple[float, ...]:
+    """Of real counters, pulses per mm."""
+    real = recording.counted and not recording.from_speeds
+    return tuple(0.1 / length for length in cm_per_pulse if real)
+
+
+def _unused(recording: WheelRecording, measured: Floats) -> int:
+    """Steps within trials whose speeds [n, 2] nobody knows."""
+    return int((np.isnan(measured[:-1]).any(axis=1) & (np.diff(recording.trial) == 0)).sum())
 
 
 def doubts(wheels: WheelFit, base: Profile) -> list[str]:
     """Warnings about fitted wheels."""
     out = []
+    if wheels.form == ODOMETRY:
+        out.append(
+            f"wheels: no commands recorded: track and pulses are fitted; gains and speed per unit stay as "
+            f"profile {base.name!r} has them"
+        )
+    if wheels.unused > FEW * len(wheels.measured) and wheels.rmse:
+        out.append(
+            f"wheels: speeds and gains are fitted to {len(wheels.measured) - wheels.unused} of "
+            f"{len(wheels.measured)} steps: the others last no whole number of periods of {base.period_s:g} s"
+        )
     if wheels.odometry is None:
         seen = "a camera saw too little" if wheels.camera else "no camera saw the robot"
         out.append(
             f"wheels: {seen}: {wheels.pulses_per_mm[0]:g} pulses per mm are assumed (what recording.toml "
             f"says of pulses_per_mm, else the base profile, else a Khepera's {PULSES_PER_MM:g}), track and "
             "noise of the wheels are the base profile's"
+            if wheels.pulses_per_mm
+            else f"wheels: {seen}: track and noise of the wheels are the base profile's"
         )
     known, found = base.wheels.speed_per_unit_cm_s, wheels.profile.wheels.speed_per_unit_cm_s
-    if not wheels.law.curves and _apart(wheels.profile, base) > ROUGH:
+    if wheels.law is not None and not wheels.law.curves and _apart(wheels.profile, base) > ROUGH:
         out.append(
             f"wheels: {found[0]:.3g} and {found[1]:.3g} cm/s a unit, where profile {base.name!r} has "
             f"{known[0]:.3g} and {known[1]:.3g}: were commands written in another unit, as cm/s or mm/s? "
             "Write them as the robot is given them"
             + ("" if wheels.odometry else "; or is it pulses_per_mm? State the robot's in recording.toml")
         )
-    better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9)
+    better = wheels.rmse["printed"] / max(wheels.rmse["refitted"], 1e-9) if wheels.rmse else 1.0
     if wheels.form == "printed" and better > 1.5:
         out.append(
             f"wheels: the printed gains leave {wheels.rmse['printed']:.2f} cm/s, refitted ones "
@@ -447,8 +501,8 @@ def refuse_few_steps(recording: WheelRecording, measured: Floats) -> None:
         apart = np.diff(recording.t_s)[np.diff(recording.trial) == 0]
         rows = f"rows are {np.median(apart):.3g} s apart" if len(apart) else "its trials have one row each"
         raise CalibrationError(
-            f"{recording.source}: expected {FEWEST_STEPS} steps of {recording.period_s:g} s or more, in a "
-            f"trial each, got {known}: {rows}. Record more, or give the robot's period_s in --base."
+            f"{recording.source}: expected {FEWEST_STEPS} steps or more of {recording.period_s:g} s, or of "
+            f"twice that and so on, got {known}: {rows}. Record more, or give the robot's period_s in --base."
         )
 
 

@@ -7,6 +7,7 @@ from realitygap.cli.calibrate import calibrate
 from realitygap.cli.console import Commands
 from realitygap.cli.evolve import evolve, merge, report, reproduce
 from realitygap.cli.experiment import experiment
+from realitygap.cli.look import look
 from realitygap.cli.robot import record, robot
 from realitygap.cli.simulate import arena, probe, profile, simulate
 from realitygap.cli.study import export, replay, show
@@ -35,7 +36,7 @@ def realitygap() -> None:
 
 for _command in (
     *(reproduce, evolve, experiment, simulate, probe, show, replay, report, export, transfer, drive, score),
-    *(merge, classify, judge, robot, record, calibrate, camera, profile, arena),
+    *(merge, classify, judge, robot, record, look, calibrate, camera, profile, arena),
 ):
     realitygap.add_command(_command)
 

@@ -152,12 +152,17 @@ def _lines(made: Calibration) -> Iterator[str]:
         yield from _alike(fit.fit.alike)
     if made.wheels:
         forms = ", ".join(f"{name} {value:.3f}" for name, value in made.wheels.rmse.items())
-        yield f"wheels: RMSE by form, cm/s: {forms}"
+        yield f"wheels: RMSE by form, cm/s: {forms}" if forms else "wheels: odometry only, without commands"
         found = {c.key: f"{c.value:.3g} ({c.low:.3g} to {c.high:.3g})" for c in made.wheels.constants}
         track = found.get("track_cm", f"{made.profile.wheels.track_cm:.3g}")
         lag = f", lag {found['lag']} steps" if "lag" in found else ""
-        yield f"  speed per unit {found['speed_left']} and {found['speed_right']} cm/s, track {track} cm{lag}"
-        if (law := made.wheels.law).curves:
+        if (law := made.wheels.law) is not None:
+            speeds = f"{found['speed_left']} and {found['speed_right']}"
+            yield f"  speed per unit {speeds} cm/s, track {track} cm{lag}"
+        else:
+            pulses = " and ".join(f"{value:.4g}" for value in made.wheels.pulses_per_mm) or "–"
+            yield f"  {pulses} pulses a mm, track {track} cm"
+        if law is not None and law.curves:
             yield (
                 f"  by curves of command to speed ({law.told()}), which on runs held out err "
                 f"{law.chosen:.2g} cm/s where a constant errs {law.constant:.2g}"
@@ -209,13 +214,17 @@ def _check(recordings: tuple[str, ...], objects: tuple[str, ...], name: str) -> 
 
 def _judgement(one: Judgement) -> Iterator[str]:
     what, unit, used = ("wheel", "cm/s", 3) if one.kind == "wheels" else ("sensor", "counts", 5)
-    yield f"{one.source}: {one.kind}, RMSE {one.rmse:.3g} {unit}, bias {one.bias:+.3g} (model minus measured)"
+    off = f"RMSE {one.rmse:.3g} {unit}, bias {one.bias:+.3g} (model minus measured)"
+    yield f"{one.source}: {one.kind}, {off if isfinite(one.rmse) else 'without commands'}"
+    if one.ends is not None:
+        yield f"  runs end {one.ends[0]:.2g} cm and {one.ends[1]:.2g}° off by its track and pulses"
     for what_differs in one.fitted_out:
         yield f"  {what_differs}: fitted out"
     head = [what, "rmse", "bias", "error/noise where lit", "over all"]
     keys = (("rmse", 3), ("bias", 3), ("lit_ratio", 2), ("ratio", 2))[: used - 1]
     rows = [[m.sensor, *(shown(round(getattr(m, k), n), "") for k, n in keys)] for m in one.per_sensor]
-    yield table(head[:used], rows)
+    if isfinite(one.rmse):
+        yield table(head[:used], rows)
     if isfinite(one.ratio):
         within = f"{one.within:.0%} of places err by two deviations at most"
         yield f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; {within}"

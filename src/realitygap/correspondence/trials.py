@@ -17,6 +17,7 @@ import numpy as np
 
 from realitygap.errors import ConfigError, TrackError
 from realitygap.files import as_path, read_toml
+from realitygap.logs.mapped import read_map
 from realitygap.track import COLUMNS, Track, Trajectory, read_tracks
 from realitygap.values import Floats
 from realitygap.work.archive import SIMULATED, SITUATED, TRIAL, unpacked
@@ -204,7 +205,8 @@ def read_trials(path: str | Path) -> list[Trial]:
     A CSV file has columns t_s, x_cm, y_cm, heading_deg (empty or NaN where the robot was lost) and may
     have start (separates several trials), unit (which robot) and quality (0: lost), as `realitygap
     camera track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every
-    such file is read and its name is the start; subfolders are units. From a trial of `realitygap transfer`
+    such file is read and its name is the start; subfolders are units. A MAP.toml (`realitygap look`) names the
+    columns of any other log: each of its runs is a trial. From a trial of `realitygap transfer`
     the robot's track is read, and its folder's name is the start; archived trials are read like others.
 
     Raises:
@@ -313,7 +315,8 @@ def _is_track(path: Path) -> bool:
 def _read_file(path: Path, *, start: str, unit: str) -> list[Trial]:
     if path.suffix.lower() == ".json":
         return _with_doubts([_from_json(path, start, unit)])
-    tracks = read_tracks(path, start=start, unit=unit)
+    by_map = path.suffix.lower() == ".toml"
+    tracks = read_map(path).tracks() if by_map else read_tracks(path, start=start, unit=unit)
     if not tracks:
         raise TrackError(f"{path}: expected rows below its first line, got none. Film again.")
     return _with_doubts([

@@ -78,9 +78,10 @@ def calibration_figures(made: Calibration) -> Figures:
             figures.add(f"{fit.kind}-noise", partial(noise_figure, fit), alt)
     driven = [r for r in made.recordings if isinstance(r, WheelRecording)]
     if made.wheels is not None and driven:
-        draw = partial(steps_figure, made.wheels, driven[0])
-        figures.add("wheels-steps", draw, "Speed steps, measured and modelled.")
-        if made.wheels.odometry is not None:
+        if made.wheels.rmse:
+            draw = partial(steps_figure, made.wheels, driven[0])
+            figures.add("wheels-steps", draw, "Speed steps, measured and modelled.")
+        if made.wheels.odometry is not None and len(made.wheels.odometry.ways):
             figures.add("wheels-slip", partial(slip_figure, made.wheels), "Camera minus counters.")
     return figures
 

@@ -1,0 +1,62 @@
+"""What of a drive's log is used: runs end at gaps and jumps, and a pose that was not measured anew is none."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from realitygap.calibration.recordings import WheelRecording
+from realitygap.logs.cuts import gaps, jumps, repeats
+
+__all__ = ["cleaned", "first_pulses"]
+
+BRIDGED = 10.0
+"""Counters bridge a gap in which no wheel turned by more than so many fast steps."""
+NAMED, PARTS = 3, 40
+"""Jumps that are named; parts of the counters' range, whose ways are compared."""
+
+
+def cleaned(recording: WheelRecording, at: Callable[[int], str]) -> WheelRecording:
+    """A copy whose trials are cut at gaps of its clock and at jumps of its poses, without poses that repeat
+    while it moved, or that are alone out of reach; a warning says how many. `at`: where a row stands."""
+    t, trial, pose, said = recording.t_s, recording.trial, recording.pose, []
+    cut = gap = gaps(t, trial)
+    counted = bool(np.isfinite(recording.counters).any())
+    drive = np.nan_to_num(recording.counters if counted else recording.commands)
+    turned = np.abs(np.diff(drive, axis=0, prepend=drive[:1]) if counted else drive).max(axis=1)
+    if counted and not recording.from_speeds:  # which say how far it went meanwhile
+        gap &= turned > BRIDGED * np.quantile(turned, 0.95)
+    if pose is not None:
+        again = repeats(np.nan_to_num(pose, nan=-1e9), turned > 0) & np.isfinite(pose[:, 0])
+        jump, alone = jumps(t, np.where(again[:, None], np.nan, pose[:, :2]), trial)
+        pose = np.where((again | alone)[:, None], np.nan, pose)
+        said += [f"{n} repeated poses" for n in [again.sum()] if n]
+        said += [f"{n} poses out of reach" for n in [alone.sum()] if n]
+        where = [at(k) for k in np.flatnonzero(jump)[:NAMED].tolist()]
+        said += [f"{n} jumps (cut at {', '.join(where)}{' …' * (n > NAMED)})" for n in [jump.sum()] if n]
+        cut = gap | jump
+    said += [f"{n} gaps" for n in [gap.sum()] if n]
+    if not said:
+        return recording
+    if cut.any():
+        trial = np.cumsum(cut | (np.diff(trial, prepend=-1) != 0)) - 1
+        said[-1] += f": {trial[-1] + 1} pieces"
+    warning = f"{recording.source}: left out: {', '.join(said)}"
+    return replace(recording, pose=pose, trial=trial, warnings=(*recording.warnings, warning))
+
+
+def first_pulses(recording: WheelRecording) -> float:
+    """Pulses per mm by how far its poses and its counters go, with which a fit can begin; NaN without poses."""
+    if recording.pose is None or not np.isfinite(recording.pose[:, 0]).any():
+        return math.nan
+    place, count = recording.pose[:, :2], recording.counters.mean(axis=1)
+    step, way, pulses = np.ptp(count) / PARTS, 0.0, 0.0
+    for rows in recording.trials():
+        seen = rows[np.isfinite(place[rows, 0])]
+        last = seen[:1]
+        for k in seen.tolist():
+            if (gone := abs(float(count[k] - count[last[0]]))) > step:
+                way, pulses = way + float(np.hypot(*(place[k] - place[last[0]]))), pulses + gone
+                last = [k]
+    return pulses / way / 10 if way else math.nan
