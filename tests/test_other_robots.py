@@ -13,15 +13,18 @@ from realitygap.calibration.judge import judge
 from realitygap.calibration.load import load_recording
 from realitygap.calibration.model import proximity, scene_of
 from realitygap.calibration.recordings import SensorRecording, WheelRecording
+from realitygap.control.controllers import as_controller
 from realitygap.control.encoding import Variation
 from realitygap.control.slots import decode
 from realitygap.correspondence.trials import trial_of
 from realitygap.errors import CalibrationError, ConfigError, RecordingError, TaskError
+from realitygap.robots.address import Address
 from realitygap.simulation.body import SimulatedBody
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.tasks import load_task
+from realitygap.transfer.drive import pairs
 from realitygap.values import Command, Pose
 from realitygap.world.robot import Profile, load_profile
 from realitygap.world.sensors import UNLIT
@@ -181,8 +184,22 @@ def test_any_period_of_control(five, tmp_path, period_s):
 
 
 def test_periods_that_do_not_fit_are_refused(five):
-    """Milliseconds for seconds; a task that lasts no whole steps."""
+    """Milliseconds for seconds."""
     with pytest.raises(ConfigError, match=r"period_s: expected 0.02 to 0.2 \(s\) of one step, got 100.0"):
         replace(five, period_s=100)
-    with pytest.raises(TaskError, match=r"seconds: expected whole steps of 0.03 s, .* got 20"):
-        Simulation("obstacle-avoidance", replace(five, period_s=0.03), 0.0).start(0)
+
+
+@pytest.mark.parametrize("period_s", [0.064, 0.108])
+@pytest.mark.parametrize("robot", ["twin:1", "enki:khepera:1"])
+def test_a_trial_ends_at_the_nearest_step(period_s, robot):
+    """4 s are 62 steps of 64 ms, 37 of 108: in simulation and on a robot that keeps to them."""
+    if robot != "twin:1" and not Path("/usr/include/enki/PhysicalEngine.h").exists():
+        pytest.skip("Enki is not installed here: apt install libenki-dev g++")
+    profile = replace(load_profile("khepera"), period_s=period_s)
+    simulation = Simulation("avoidance", profile, 0.0)
+    driver = as_controller(lambda inputs: (6, 5))
+    (pair,) = pairs(simulation, driver, Address.parse(robot), seconds=4)
+    steps = round(4 / period_s)
+    assert simulation.trial.steps == round(20 / period_s)
+    assert len(pair.simulated) == len(pair.track) == steps + 1 and pair.track.lost == 0
+    assert np.allclose(pair.track.t, pair.simulated.t) and np.isfinite(pair.score_situated)

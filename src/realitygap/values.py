@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from realitygap.errors import UsageError
 
-__all__ = ["Closing", "Command", "Floats", "Pose", "Readings", "as_count", "as_stream", "fed", "shown"]
+__all__ = [
+    "Closing", "Command", "Floats", "Pose", "Readings", "as_count", "as_stream", "fed", "shown",
+    "steps_in",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +57,11 @@ def as_count(value: object, name: str, least: int = 1, most: int | None = None) 
         limits = f", {least} or more" if most is None else f" from {least} to {most}"
         raise UsageError(f"{name}: expected a whole number{limits}, got {value!r}.")
     return int(value)  # type: ignore[call-overload, no-any-return]
+
+
+def steps_in(seconds: float, period_s: float) -> int:
+    """Steps of a trial of this length, s: the nearest whole number, one at least."""
+    return max(1, round(seconds / period_s))
 
 
 def shown(value: object) -> str:

@@ -186,7 +186,7 @@ seconds = click.option(
     "--seconds",
     type=click.FloatRange(0.1),
     metavar="S",
-    help="Length of a trial, whole steps [default: the task's own].",
+    help="Length of a trial, which ends at the nearest step [default: the task's own].",
 )
 trust = click.option(
     "--trust",

@@ -208,6 +208,11 @@ class Body(ABC):
         cannot read all of them in one period. Others are left alone."""
         return
 
+    def pace(self, period_s: float) -> None:
+        """Take steps of this length from now on: of a body that can, such as those whose loop the computer
+        times. Others keep their `period_s`."""
+        return
+
     def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
         """Stand in a room from now on, at `pose` (None: anywhere), its counters at zero: of a simulated body,
         which `reset(pose)` may set down again; else a person builds the room and carries the robot.

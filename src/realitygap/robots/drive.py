@@ -28,7 +28,7 @@ from realitygap.errors import RobotStoppedError, UsageError
 from realitygap.files import atomic_write, naming_errors, read_text, read_toml, to_toml
 from realitygap.plugins import blamed_on
 from realitygap.robots.body import Body, Clock, Odometry, checked_readings
-from realitygap.values import Command, Readings
+from realitygap.values import Command, Readings, steps_in
 
 __all__ = [ "LATE_S", "MOVING", "NUMBERS", "ConstantController", "Controller", "Recorder", "Recording",
     "Step",
@@ -378,7 +378,7 @@ def drive(
     are stopped first; then the recording is closed. Its steps are the `recorder`'s, however it ends.
 
     Args:
-        seconds: length of the trial: whole steps, at least one.
+        seconds: length of the trial, which ends at the nearest step.
         inputs: turns readings into the controller's inputs.
         clock: the body's own if None.
         recorder: keeps the steps, in a folder if it has one.
@@ -392,14 +392,13 @@ def drive(
     period, clock = body.period_s, body.clock if clock is None else clock
     given: object = seconds
     number = isinstance(given, Real) and math.isfinite(given)
-    steps = round(seconds / period) if number else 0
-    if steps < 1 or abs(steps * period - seconds) > 1e-6:
-        raise UsageError(f"a trial must last whole steps of {period:g} s, one at least; got {seconds!r} s")
+    if not number or seconds < period / 2:
+        raise UsageError(f"a trial must last at least one step of {period:g} s; got {seconds!r} s")
     recorder = Recorder() if recorder is None else recorder
     stopping = StopOnSignal(NUMBERS if clock.waits else MOVING)
     with stopping, _blamed(body), _closing(body, recorder, stopping):
         controller.reset()
-        for step in _steps(body, controller, clock, inputs, steps):
+        for step in _steps(body, controller, clock, inputs, steps_in(seconds, period)):
             recorder.add(step)
             raise_pending()
         at_end()

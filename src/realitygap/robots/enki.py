@@ -351,6 +351,10 @@ class EnkiBody(Body):
         left, right = np.rint([counts, speeds]).astype(int).T.tolist()
         return Odometry((left[0], right[0]), (left[1], right[1]))
 
+    def pace(self, period_s: float) -> None:
+        """Take steps of this length; each begins with the step of Enki's that is over by then."""
+        self.period_s = period_s
+
     def enter(self, room: Mapping[str, Any], seed: int, pose: Pose | None) -> None:
         """Be as new, in another room: no trial affects the next."""
         self._due, self._given, self._film = 0, Command(left=0, right=0), None

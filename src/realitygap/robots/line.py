@@ -384,7 +384,7 @@ class Line(Wire):
 
 
 STEP_MS = 100.0
-"""Length of one step."""
+"""Length of one step, unless the profile says another."""
 
 _READS = {"proximity": Request("N"), "ambient": Request("O")}
 
@@ -397,7 +397,12 @@ class Budget(NamedTuple):
 
 
 def step_budget(
-    protocol: Protocol, kinds: tuple[str, ...], baud: int | None, *, turns: bool = True
+    protocol: Protocol,
+    kinds: tuple[str, ...],
+    baud: int | None,
+    *,
+    turns: bool = True,
+    step_ms: float = STEP_MS,
 ) -> Budget:
     """The commands of one step: the sensors, then (if `turns`) counters and measured speeds where they fit.
 
@@ -409,6 +414,7 @@ def step_budget(
         kinds: of sensors.
         baud: the line's; None: one that takes no time, as over a network.
         turns: whether counters and speeds are requested.
+        step_ms: length of a step.
 
     Raises:
         BaudError: sensors and speed command alone take longer than a step; shows the arithmetic.
@@ -423,19 +429,22 @@ def step_budget(
 
     read = [kind for kind in KINDS if kind in kinds]
     reads = tuple(_READS[kind] for kind in read)
-    if ms(baud, *reads) > STEP_MS:
+    if ms(baud, *reads) > step_ms:
         count = protocol.characters(*reads, fastest)
-        enough = next(rate for rate in protocol.rates if ms(rate, *reads) <= STEP_MS)
-        one = ", or read one kind of sensors" if len(reads) > 1 and ms(baud, reads[0]) <= STEP_MS else ""
+        enough = next((rate for rate in protocol.rates if ms(rate, *reads) <= step_ms), None)
+        set_to = (
+            f"set the robot to {enough} baud or more" if enough else "no rate of its can: take longer steps"
+        )
+        one = ", or read one kind of sensors" if len(reads) > 1 and ms(baud, reads[0]) <= step_ms else ""
         raise BaudError(
-            f"{baud} baud cannot carry a {STEP_MS:g} ms loop with {' and '.join(read)} readings: "
+            f"{baud} baud cannot carry a {step_ms:g} ms loop with {' and '.join(read)} readings: "
             f"{' + '.join(one.letter for one in reads)} + D are up to {count} characters of "
             f"{protocol.bits} bits, {count} × {protocol.bits} / {baud} s = {ms(baud, *reads):.0f} ms; "
-            f"set the robot to {enough} baud or more{one}"
+            f"{set_to}{one}"
         )
     wheels = (protocol.counters, *protocol.measured) if kinds else (protocol.counters,)
     for asked in map(Request, wheels if turns else ()):
-        if ms(baud, *reads, asked) <= STEP_MS:
+        if ms(baud, *reads, asked) <= step_ms:
             reads = (*reads, asked)
     return Budget(reads, ms(baud, *reads))
 
@@ -557,7 +566,9 @@ class LineBody(WireBody):
 
     def attend(self, *kinds: str, turns: bool = True) -> None:
         """Read these kinds of sensors from now on, and what of counters and speeds a step has room for."""
-        self.budget = step_budget(self.protocol, kinds, self.baud, turns=turns)
+        self.budget = step_budget(
+            self.protocol, kinds, self.baud, turns=turns, step_ms=1000.0 * self.period_s
+        )
         self._odometry = Odometry()
 
     def reset(self, pose: Pose | None = None) -> None:

@@ -236,8 +236,8 @@ SENSORS, FULL = 7, 4500
 FASTEST = 500
 """The largest target of a motor, about 16 cm/s."""
 
-SENSE_S = 0.09
-"""A reading not there this long after its request is missed: the last one is used instead."""
+SENSE_SHARE = 0.9
+"""A reading not there after this share of a step is missed: the last one is used instead."""
 
 GIVE_UP_S = 1.0
 """A robot that is silent for this long is lost."""
@@ -291,7 +291,7 @@ class ThymioBody(WireBody):
         Raises:
             LineError: the robot has said nothing for a second.
         """
-        said = self.line.fetch(NEEDED, self.clock.now() + SENSE_S)
+        said = self.line.fetch(NEEDED, self.clock.now() + SENSE_SHARE * self.period_s)
         if said is None and (self._readings is None or self.clock.now() - self.read_at > GIVE_UP_S):
             said = self._fetched(NEEDED, GIVE_UP_S)
         if said is not None:
@@ -337,7 +337,7 @@ class ThymioBody(WireBody):
     def _stands(self) -> bool:
         until = self.clock.now() + STAND_S
         while True:
-            said = self.line.fetch((*TARGETS, *SPEEDS), self.clock.now() + SENSE_S)
+            said = self.line.fetch((*TARGETS, *SPEEDS), self.clock.now() + SENSE_SHARE * self.period_s)
             if said is None:
                 raise LineError("no answer")
             if any(said[TARGETS[0]] + said[TARGETS[1]]):

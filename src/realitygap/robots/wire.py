@@ -121,6 +121,10 @@ class WireBody(Body):
         self._guard = Guard(None if line.clock.waits else line.fileno(), line.stop_message)
         line.before = self._guard.beat
 
+    def pace(self, period_s: float) -> None:
+        """Take steps of this length from now on; what a line carries in one follows with `attend`."""
+        self.period_s = period_s
+
     @abstractmethod
     def _stands(self) -> bool:
         """Whether it confirms that it was told to stop, and its wheels are still, now or soon."""

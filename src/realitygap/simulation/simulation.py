@@ -36,7 +36,7 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.score import CompiledScore
 from realitygap.tasks.task import MAX_INPUTS, Task
 from realitygap.track import Trajectory
-from realitygap.values import Floats, Pose, as_count, as_stream, shown
+from realitygap.values import Floats, Pose, as_count, as_stream, shown, steps_in
 from realitygap.world.arena import Arena, load_arena
 from realitygap.world.robot import Profile, load_profile, noise_level
 from realitygap.world.sensors import within_reach
@@ -357,18 +357,16 @@ class Simulation:
         self.score.over(self._paths[:1], self.room)
 
     def steps_of(self, seconds: float) -> int:
-        """Of a trial of that length.
+        """Of a trial of that length: it ends at the nearest one.
 
         Raises:
-            UsageError: it is no number of whole steps.
+            UsageError: it is no length, or shorter than half a step.
         """
-        number = isinstance(seconds, int | float | np.number) and 0 < seconds <= LONGEST_S
-        period = self.profile.period_s
-        steps = round(seconds / period) if number else 0
-        if steps < 1 or abs(steps * period - seconds) > 1e-6:
-            expected = f"a positive multiple of {period:g} (one step), {LONGEST_S} at most"
+        number, period = isinstance(seconds, int | float | np.number), self.profile.period_s
+        if not number or not period / 2 <= seconds <= LONGEST_S:
+            expected = f"a number from {period:g} (one step) to {LONGEST_S}"
             raise UsageError(f"seconds: expected {expected}, got {seconds!r}.")
-        return steps
+        return steps_in(seconds, period)
 
     def require_free(self, pose: object) -> Pose:
         """A pose at which nothing stands.

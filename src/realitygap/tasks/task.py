@@ -13,7 +13,7 @@ from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import types
 from realitygap.kernels.types import STEP_S
 from realitygap.tasks.score import CompiledScore, Score, tried
-from realitygap.values import as_count
+from realitygap.values import as_count, steps_in
 from realitygap.world.arena import Arena, arena_names, load_arena
 from realitygap.world.robot import FEEDS, Profile
 from realitygap.world.toml import Value, require
@@ -76,7 +76,7 @@ class Task:
         sensors: which of them feeds each input of the network; none named: all that the robot has. Of
             both kinds the numbers continue: a Khepera's 0 to 7 are proximity sensors, 8 to 15 ambient.
         start: where a trial begins.
-        seconds: length of a trial, a multiple of 0.1.
+        seconds: length of a trial, a multiple of 0.1; it ends at the nearest step of the robot's period.
         trials: trials in one evaluation; fitness is the mean of their scores.
         spread: share, 0 to 0.9, within which the robot's constants are drawn anew for each simulated trial:
             each sensor's sensitivity, each wheel's speed, the track (domain randomisation).
@@ -152,16 +152,8 @@ class Task:
         return round(self.seconds / STEP_S)
 
     def steps_of(self, profile: Profile) -> int:
-        """Steps of the robot's period in one trial.
-
-        Raises:
-            TaskError: it does not last a whole number of them.
-        """
-        steps = round(self.seconds / profile.period_s)
-        if abs(steps * profile.period_s - self.seconds) > 1e-6:
-            told = f"expected whole steps of {profile.period_s:g} s, the period of profile {profile.name!r}"
-            raise self._wrong(f"seconds: {told}, got {self.seconds:g}.")
-        return steps
+        """Steps of the robot's period in one trial, which ends at the one nearest to its length."""
+        return steps_in(self.seconds, profile.period_s)
 
     def of(self, profile: Profile) -> Self:
         """The task for a robot: fed by all its sensors of the kind, if it names none.

@@ -20,9 +20,10 @@ from realitygap.film.calibrate import KnownFrame, calibrate_camera
 from realitygap.film.camera import CameraModel, load_camera
 from realitygap.film.disk import Disk, load_disk
 from realitygap.film.tag import Marker
+from realitygap.kernels.types import STEP_S
 from realitygap.track import Track
 from realitygap.transfer.paths import of_track
-from realitygap.values import Closing, Pose
+from realitygap.values import Closing, Pose, steps_in
 from realitygap.world.arena import Arena
 
 if TYPE_CHECKING:
@@ -34,8 +35,8 @@ __all__ = [
     "FILM", "TRACK", "ConfirmPose", "LiveOverhead", "OverheadTracker", "known_poses",
 ]  # fmt: skip
 
-FPS, WATCH_FPS = 25, 10
-"""Frames a second of a film, and of a camera that only watches: one a step."""
+FPS = 25
+"""Frames a second of a film."""
 FILM, CAMERA, TRACK, TAILS = "film.mp4", "camera.json", "track.csv", "tails.png"
 DISK = "disk.toml"
 """File beside a film, if the disk is not the shipped one."""
@@ -81,6 +82,7 @@ class OverheadTracker:
         noise: the twin's noise scale.
         radius_cm: of the robot's body.
         marker: what the robot wears; the shipped disk if None.
+        period_s: from one look to the next, where it only watches: a step.
 
     Raises:
         FilmError: no camera explains what is seen.
@@ -95,7 +97,9 @@ class OverheadTracker:
         noise: float,
         radius_cm: float,
         marker: Marker | None = None,
+        period_s: float = STEP_S,
     ) -> None:
+        self.period_s = period_s
         self.marker = marker or load_disk()
         self._arena, self._unit, self._noise = arena.plain(), unit, noise
         self.camera = self._calibrated(file, known_poses(arena, radius_cm))
@@ -130,7 +134,7 @@ class OverheadTracker:
         return self._camera(grey=True)
 
     def watch(self, folder: Path, truth: Track, stream: int) -> tuple[Track, str]:
-        """Track a robot by its true places, ten times a second; keep the track, but no film.
+        """Track a robot by its true places, once a step; keep the track, but no film.
 
         Args:
             folder: the trial's.
@@ -150,7 +154,7 @@ class OverheadTracker:
 
         from realitygap.film.tracker import Tracker
 
-        frames, threads = self._eye.watched(truth, fps=WATCH_FPS, first=stream), cv2.getNumThreads()
+        frames, threads = self._eye.watched(truth, fps=1 / self.period_s, first=stream), cv2.getNumThreads()
         cv2.setNumThreads(1)  # on so small pictures a second one only waits, at full load
         try:
             return Tracker(self.camera, self.marker).follow(frames)
@@ -285,5 +289,5 @@ class LiveOverhead(Closing):
             (folder / FILM).unlink()
         trouble = "; ".join(filter(None, (self._trouble, tracked.trouble))) or None
         facts = {"view": f"camera {self.source}", "film_lead_s": round(self._lead_s, 6), "trouble": trouble}
-        steps = round(spec.seconds / period_s)
+        steps = steps_in(spec.seconds, period_s)
         return of_track(tracked.track, steps, self._lead_s, period_s=period_s), facts

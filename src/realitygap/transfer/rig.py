@@ -11,6 +11,7 @@ import math
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,9 +27,9 @@ from realitygap.simulation.body import SimulatedBody
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
 from realitygap.track import Track, read_track, settled
-from realitygap.transfer.camera import OverheadTracker
+from realitygap.transfer.camera import FPS, OverheadTracker
 from realitygap.transfer.paths import of_counters, of_poses, of_track
-from realitygap.values import Closing, Command, Floats, Pose, Readings, fed
+from realitygap.values import Closing, Command, Floats, Pose, Readings, fed, steps_in
 from realitygap.world.robot import Profile
 
 __all__ = ["DriveRecord", "Rig", "driven", "turned"]
@@ -238,10 +239,12 @@ class Rig(Closing):
             seconds: its length, the task's own if None.
 
         Raises:
-            UsageError: a pose where something stands, a length that is not whole steps.
+            UsageError: a pose where something stands, a wrong length.
             FilmError: the camera cannot be calibrated.
         """
-        length = self.task.seconds if seconds is None else seconds
+        period_s = self.profile.period_s
+        steps = steps_in(self.task.seconds if seconds is None else seconds, period_s)
+        length = round(steps * period_s, 6)
         if self.robot.unit is None:
             made = self.trial(controller, stream, pose, length)
             return made.path(pose, self.task, self.profile), made.recording
@@ -249,8 +252,7 @@ class Rig(Closing):
             sealed = Path(folder) / "sealed.csv"
             recording = self.trial(controller, stream, pose, length, sealed=sealed).recording
             track = self.tracker.track(self.truth(sealed, length), stream)
-        period_s = self.profile.period_s
-        return of_track(track, round(length / period_s), period_s=period_s), recording
+        return of_track(track, steps, period_s=period_s), recording
 
     def trial(
         self,
@@ -290,9 +292,15 @@ class Rig(Closing):
         return made
 
     def truth(self, sealed: Path, seconds: float) -> Track:
-        """Where the robot was in a drive, as the camera is shown it: from the beginning, for its length."""
+        """Where the robot was in a drive, as the camera is shown it: from the beginning, for its length, and
+        on to the next picture of a film, before which the last step may end."""
         truth = read_track(sealed, seen_by="truth")
-        return truth.only(truth.t <= truth.t[0] + seconds + 1e-6)
+        end = truth.t[0] + math.ceil(seconds * FPS - 1e-6) / FPS
+        truth = truth.only(truth.t <= end + 1e-6)
+        if truth.t[-1] >= end - 1e-6:
+            return truth
+        stays = truth.only(np.append(np.arange(len(truth)), -1))  # as it was last written, it is shown
+        return replace(stays, t=np.append(truth.t, end))
 
     @property
     def tracker(self) -> OverheadTracker:
@@ -306,6 +314,7 @@ class Rig(Closing):
                 noise=self.twin_noise,
                 radius_cm=self.profile.body.radius_cm,
                 marker=self.marker,
+                period_s=self.profile.period_s,
             )
         return self._tracker
 
@@ -314,6 +323,7 @@ class Rig(Closing):
         """The robot, opened when it is first needed."""
         if self._body is None:
             self._body = self.robot.open(baud=self.baud, noise=self.twin_noise, kinds=self.task.kinds)
+            self._body.pace(self.profile.period_s)
         return self._body
 
     def _fresh(self, seed: int) -> Body:

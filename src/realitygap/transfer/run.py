@@ -52,7 +52,7 @@ from realitygap.transfer.record import (
 )
 from realitygap.transfer.rig import DriveRecord, Rig, driven
 from realitygap.transfer.spec import FOLDER, TrialSpec, check_body, controller_for, trial_specs
-from realitygap.values import Pose
+from realitygap.values import Pose, steps_in
 from realitygap.work.archive import SIMULATED, SITUATED, TRIAL
 from realitygap.work.folder import file_errors, lock
 from realitygap.work.pool import Pool, Setup, Tell, Workers, far, opened
@@ -294,7 +294,7 @@ class TrialWorker:
                 else:
                     track, facts["view"] = rig.tracker.watch(folder, truth, spec.stream)
                     (folder / SEALED).unlink()
-                path = of_track(track, round(spec.seconds / period_s), period_s=period_s)
+                path = of_track(track, steps_in(spec.seconds, period_s), period_s=period_s)
             self._write(spec, folder, facts, path, record.recording)
 
     def by_hand(

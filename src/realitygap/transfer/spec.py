@@ -22,6 +22,7 @@ from realitygap.study.load import Run, Study
 from realitygap.study.plan import run_stream
 from realitygap.study.store import WHO
 from realitygap.transfer.options import Named, Transfer
+from realitygap.values import steps_in
 from realitygap.world.robot import Profile
 
 __all__ = [
@@ -129,6 +130,8 @@ def trial_specs(study: Study, options: Transfer) -> Iterator[TrialSpec]:
                     f"robot {robot}: expected a way to know where it is: a camera above it (--camera-device, "
                     "--camera), `pose` of its own, counters, or `speeds` that it measures."
                 )
+            asked = study.task(run.task).seconds if options.seconds is None else options.seconds
+            steps = steps_in(asked, study.profile.period_s)
             name = run.name.replace("/", "-") + ("" if who == WHO[1] else f"-{who}")
             yield TrialSpec(
                 run=run.id,
@@ -141,7 +144,7 @@ def trial_specs(study: Study, options: Transfer) -> Iterator[TrialSpec]:
                 twin_noise=options.noise,
                 seed=seed,
                 start=start,
-                seconds=study.task(run.task).seconds if options.seconds is None else options.seconds,
+                seconds=round(steps * study.profile.period_s, 6),
                 baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
                 stream=transfer_stream(seed, run, start),
                 source=source,
@@ -209,7 +212,7 @@ def check_body(study: Study, task: str, body: Body) -> None:
 
 
 def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str = OTHER_ROBOT) -> None:
-    """Refuse a robot of another kind than a profile's.
+    """Refuse a robot of another kind than a profile's, whose period it keeps to from now on.
 
     Args:
         body: the robot.
@@ -218,7 +221,8 @@ def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str = 
         wanted: start of the message, which continues with the profile's values.
 
     Raises:
-        UsageError: other sensors, a full scale that differs by more than a tenth, or another period.
+        UsageError: other sensors, a full scale that differs by more than a tenth, or a period that it cannot
+            keep to.
     """
     name = f"(profile {profile.name!r})"
     for kind in kinds:
@@ -233,9 +237,11 @@ def check_fit(body: Body, profile: Profile, kinds: Iterable[str], wanted: str = 
                 f"{wanted} {kind} counts up to {law.top:g} {name}; this robot's go up to {one.high}: "
                 "calibrate it, and use its own profile."
             )
+    body.pace(profile.period_s)
     if body.period_s != profile.period_s:
         raise UsageError(
-            f"{wanted} a period of {profile.period_s:g} s {name}; this robot's is {body.period_s:g} s."
+            f"{wanted} a period of {profile.period_s:g} s {name}; this robot's is {body.period_s:g} s. State "
+            "one `period_s` in both, or give the robot a `pace`."
         )
 
 
