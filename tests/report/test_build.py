@@ -90,8 +90,8 @@ def test_the_page_is_self_contained_and_well_formed(paper: Study) -> None:
 def test_the_page_has_the_papers_figures_and_tables(paper: Study) -> None:
     """Figures 1 to 6, tables 1 and 2, each figure as PNG and SVG, each table as CSV."""
     text = _page(paper)
-    for label in (*(f"Figure {k}." for k in range(1, 7)), "Table 1.", "Table 2."):
-        assert f"<b>{label}</b>" in text
+    for label in (*(f"<b>Figure {k}.</b>" for k in range(1, 7)), "<h3>Table 1</h3>", "<h3>Table 2</h3>"):
+        assert label in text
     figures = paper.folder / "report" / "figures"
     names = {path.stem for path in figures.glob("*.png")}
     assert names == {path.stem for path in figures.glob("*.svg")}
@@ -100,7 +100,7 @@ def test_the_page_has_the_papers_figures_and_tables(paper: Study) -> None:
     assert "prefers-color-scheme: dark" in text and "unfinished" not in text
     words = " ".join(text.split())
     assert "the same two tasks (with seconds = 0.5), robot, networks and genetic algorithm" in words
-    assert "the paper’s as printed" not in words
+    assert "The simulator was fitted to recordings" not in words
     for name in paper.versions():
         assert f"<dt>{name}</dt>" in text
 
@@ -169,7 +169,8 @@ def test_a_users_task_at_a_noise_of_its_own_has_a_page(tmp_path: Path) -> None:
     """One condition, one run, at a level without a name; it is not called the paper's, nor "1 runs"."""
     text = _reported(tmp_path / "study", few(StudyConfig.single(EXAMPLE, 0.5, **FEW)))
     assert "0.5 noise" in text and "Figure 1" not in text and "realitygap reproduce" not in text
-    assert "<dt>run</dt><dd>1</dd>" in text
+    assert "one run ·" in text and "1 runs" not in text and "average</th>" not in text
+    assert "type of behaviour" not in text and "as in the paper;" not in text
     assert again(load_study(tmp_path / "study")) == ""
 
 

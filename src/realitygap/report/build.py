@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from realitygap.control.encoding import Variation
 from realitygap.experiments.reproduction import again
+from realitygap.report.answer import answer_figure, answer_of, caveats, counted
 from realitygap.report.calibration import TITLES, calibrated_part
 from realitygap.report.drawing import Scene, arena_figure, paths_figure, robot_figure, shown_sensors
 from realitygap.report.evolution import (
@@ -42,7 +43,7 @@ from realitygap.study.config import Encoding, Evolution
 from realitygap.study.load import Study, load_study
 from realitygap.tasks import load_task
 from realitygap.transfer.scores import marks_of
-from realitygap.world.robot import NOISE_LEVELS, load_profile
+from realitygap.world.robot import NOISE_LEVELS, Profile, load_profile
 
 __all__ = ["build_report", "figures_of"]
 
@@ -68,31 +69,34 @@ def build_report(study_path: str | PathLike[str], *, on_progress: OnProgress | N
     """
     study = load_study(study_path)
     folder, pictures = report_folder(study.folder), StudyPictures(study)
-    parts, marks, tables = pictures.parts, marks_of(study), dict[str, str]()
-    sections = []
+    parts, tables, sections = pictures.parts, dict[str, str](), []
     for part in parts:
-        task, pairs = part.task, pictures.pairs[part.task.name]
-        scores = score_tables(task, [one.level for one in part.conditions], marks)
-        groups = groups_of(part, pairs)
+        task, groups = part.task, groups_of(part, pictures.pairs[part.task.name])
         section = pictures.of(part)
+        scores = section["scores"]
         tables[task.name], tables[f"{task.name}-scores"] = table_csv(part), scores_csv(scores)
         if groups:
             tables[f"{task.name}-transfers"] = transfers_csv(task, groups, study.folder)
         sections.append({
-            **section, "task": task, "table": part, "scores": scores, "score_label": labels_of(part)[3],
+            **section, "task": task, "table": part, "score_label": labels_of(part)[3],
             "differences": differences(part, scores, groups), "groups": groups,
             "kinds": sorted({group.kind.split()[0] for group in groups}),
             "films": [film for pair in section["shown"] if (film := film_of(pair, folder)) is not None],
         })  # fmt: skip
     data = player_data(study, parts, pictures.pairs, pictures.paths)
     settings = study.folder / "study.toml"
+    driven = [pair for pairs in pictures.pairs.values() for pair in pairs]
+    starts = [mark.starts for mark in pictures.marks if mark.correspondence is not None]
+    kinds, robots = sorted({pair.kind for pair in driven}), len({pair.robot for pair in driven})
     facts = {
-        "robot": pictures.robot, "sections": sections, "calibrated": calibrated_part(study, pictures.figures),
-        "stand_ins": sorted({kind for section in sections for kind in section["kinds"]}),
-        "paper": is_paper(study, parts), "key": noise_key(pictures.levels), "config": study.config,
+        "sections": sections, "caveats": caveats(kinds, robots, min(starts, default=0)), "counted": counted,
+        "kinds": sorted({kind for section in sections for kind in section["kinds"]}),
+        "robot": pictures.robot, "calibrated": calibrated_part(study, pictures.figures),
+        "paper": is_paper(study, parts), "khepera": is_khepera(study.profile), "config": study.config,
         "profile": study.profile, "titles": TITLES, "total": len(study.runs), "again": again(study),
-        "finished": sum(run.finished for run in study.runs), "per_condition": PER_CONDITION,
-        "evaluations": sum(run.evaluations for run in study.runs), "mean_of": mean_of,
+        "key": noise_key(pictures.levels), "per_condition": PER_CONDITION, "mean_of": mean_of,
+        "finished": sum(run.finished for run in study.runs),
+        "evaluations": sum(run.evaluations for run in study.runs),
         "settings": settings.read_text("utf-8") if settings.is_file() else "",
         "versions": {name: ", then ".join(found) for name, found in study.versions().items()},
         "player": Markup("" if data is None else player_json(data)),
@@ -113,18 +117,21 @@ def figures_of(study: Study) -> Figures:
 def is_paper(study: Study, parts: Sequence[TaskPart]) -> bool:
     """Whether this is the paper's study: its tasks, noise levels, robot, networks, genetic algorithm."""
     tasks = {part.task.name: part.task for part in parts}
-    config, profile = study.config, study.profile
-    if profile.name in KHEPERAS:
-        khepera = profile == load_profile(profile.name)
-    else:  # fitted to recordings, starting from a Khepera's constants
-        khepera = bool(profile.provenance.fits) and profile.provenance.base in KHEPERAS
+    config = study.config
     return (
         set(tasks) == set(PAPER)
         and all(task.source is None and task.arena == load_task(name).arena for name, task in tasks.items())
         and all([c.level for c in part.conditions] == sorted(NOISE_LEVELS.values()) for part in parts)
         and (config.evolution, config.encoding, config.variation) == (Evolution(), Encoding(), Variation())
-        and khepera
+        and is_khepera(study.profile)
     )
+
+
+def is_khepera(profile: Profile) -> bool:
+    """Whether a profile is a shipped one of the paper's robot, or was fitted starting from one."""
+    if profile.name in KHEPERAS:
+        return profile == load_profile(profile.name)
+    return bool(profile.provenance.fits) and profile.provenance.base in KHEPERAS
 
 
 def labels_of(part: TaskPart) -> tuple[str, str, str, str]:
@@ -139,7 +146,7 @@ class StudyPictures:
     def __init__(self, study: Study) -> None:
         self.study, self.figures, self.paths = study, Figures(), Paths(study)
         self.parts = parts_of(study)
-        self.pairs = pairs_of(study, self.parts)
+        self.pairs, self.marks = pairs_of(study, self.parts), marks_of(study)
         self.levels = dict(sorted({c.level: c.name for part in self.parts for c in part.conditions}.items()))
         """All noise levels of the page: each has one look in all of its figures."""
         count = sum(1 for _ in shown_sensors(study.profile.to_kernel()))
@@ -159,11 +166,23 @@ class StudyPictures:
         shown = {pair.run for pair in made["shown"]}
         whole = made["pairs"] and all(c.chosen is None or c.chosen.run.id in shown for c in part.conditions)
         label = "" if made["pairs"] else labels[2]
+        scores = score_tables(task, [one.level for one in part.conditions], self.marks)
         return {
-            **made, "arena": arena, "curves": self._curves(part, labels[1]),
+            **made, **self._answer(part, scores), "scores": scores,
+            "arena": arena, "curves": self._curves(part, labels[1]),
             "paths": None if whole else self._chosen_paths(part, scene, label),
             "sheet": self._sheet(part, scene), "networks": self._networks(part),
         }  # fmt: skip
+
+    def _answer(self, part: TaskPart, scores: Sequence[ScoreTable]) -> dict[str, Any]:
+        """A task's answer, and its figure."""
+        answer, figure = answer_of(part, scores), None
+        if answer.means:
+            draw = partial(answer_figure, answer, tuple(self.levels))
+            alt = f"{answer.what} {answer.where} by noise level: "
+            alt += "; ".join(f"{answer.names[level]} {answer.text(level)}" for level in sorted(answer.means))
+            figure = self.figures.add(f"{part.task.name}-answer", draw, f"{alt}.")
+        return {"answer": answer, "answer_figure": figure}
 
     def _curves(self, part: TaskPart, label: str) -> Picture | None:
         curves, task = best_so_far(self.study, part), part.task

@@ -245,7 +245,7 @@ def _sheet(
         many += len(pairs)
         if pairs:
             rows.append([_panel(part, p, 0, f"{condition.name} #{p.index}") for p in pairs])
-            rows.append([_panel(part, p, 1, "on the robot") for p in pairs])
+            rows.append([_panel(part, p, 1, p.where) for p in pairs])
     if many <= len(part.conditions) and len(rows) == 2 * many:  # the figure of pairs shows them all
         return []
     alt = f"Paths of {many} runs in simulation and on the robot, each from its first start."
