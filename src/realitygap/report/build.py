@@ -38,7 +38,7 @@ from realitygap.report.page import Figures, OnProgress, Picture, report_folder, 
 from realitygap.report.player import player_data, player_json
 from realitygap.report.scores import SCORES, ScoreTable, score_tables, scores_csv
 from realitygap.report.style import noise_key, number
-from realitygap.report.transfers import Group, film_of, groups_of, pair_figures, pairs_of, transfers_csv
+from realitygap.report.transfers import Group, groups_of, pair_figures, pairs_of, transfers_csv
 from realitygap.study.config import Encoding, Evolution
 from realitygap.study.load import Study, load_study
 from realitygap.tasks import load_task
@@ -67,6 +67,8 @@ def build_report(study_path: str | PathLike[str], *, on_progress: OnProgress | N
         StudyError: the folder holds no study that can be read.
         OSError: the report cannot be written.
     """
+    from realitygap.report.films import film_of  # loads OpenCV and PyAV
+
     study = load_study(study_path)
     folder, pictures = report_folder(study.folder), StudyPictures(study)
     parts, tables, sections = pictures.parts, dict[str, str](), []
@@ -81,7 +83,10 @@ def build_report(study_path: str | PathLike[str], *, on_progress: OnProgress | N
             **section, "task": task, "table": part, "score_label": labels_of(part)[3],
             "differences": differences(part, scores, groups), "groups": groups,
             "kinds": sorted({group.kind.split()[0] for group in groups}),
-            "films": [film for pair in section["shown"] if (film := film_of(pair, folder)) is not None],
+            "films": [
+                film for pair in section["shown"]
+                if (film := film_of(pair, task.arena, study.profile, folder)) is not None
+            ],
         })  # fmt: skip
     data = player_data(study, parts, pictures.pairs, pictures.paths)
     settings = study.folder / "study.toml"
