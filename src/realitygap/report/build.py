@@ -18,15 +18,12 @@ from realitygap.report.calibration import TITLES, calibrated_part
 from realitygap.report.drawing import Scene, arena_figure, paths_figure, robot_figure, shown_sensors
 from realitygap.report.evolution import (
     PER_CONDITION,
-    WHO,
-    Mean,
     NoiseClass,
     Paths,
     Row,
     TaskPart,
     best_so_far,
     curves_figure,
-    difference,
     ends_of_paths,
     individual,
     mean_of,
@@ -36,9 +33,9 @@ from realitygap.report.evolution import (
 from realitygap.report.network import network_figure, read_wiring
 from realitygap.report.page import Figures, OnProgress, Picture, report_folder, write_page
 from realitygap.report.player import player_data, player_json
-from realitygap.report.scores import SCORES, ScoreTable, score_tables, scores_csv
-from realitygap.report.style import noise_key, number
-from realitygap.report.transfers import Group, groups_of, pair_figures, pairs_of, transfers_csv
+from realitygap.report.scores import ScoreTable, score_tables, scores_csv
+from realitygap.report.style import noise_key
+from realitygap.report.transfers import groups_of, pair_figures, pairs_of, transfers_csv
 from realitygap.study.config import Encoding, Evolution
 from realitygap.study.load import Study, load_study
 from realitygap.tasks import load_task
@@ -81,7 +78,7 @@ def build_report(study_path: str | PathLike[str], *, on_progress: OnProgress | N
             tables[f"{task.name}-transfers"] = transfers_csv(task, groups, study.folder)
         sections.append({
             **section, "task": task, "table": part, "score_label": labels_of(part)[3],
-            "differences": differences(part, scores, groups), "groups": groups,
+            "groups": groups,
             "kinds": sorted({group.kind.split()[0] for group in groups}),
             "films": [
                 film for pair in section["shown"]
@@ -246,52 +243,3 @@ class StudyPictures:
             "figure": figure, "title": title, "champion": run.finished, "links": len(working),
             "hidden": hidden, "shown": row is condition.chosen,
         }  # fmt: skip
-
-
-def differences(
-    part: TaskPart, scores: Sequence[ScoreTable], groups: Sequence[Group]
-) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """A table of what the runs distinguish: heads, and a row of differences for each noise level.
-
-    Each is a mean over runs ± its 95 % interval, with a star where that excludes zero. Levels are compared
-    with the observed one (else the lowest): tested at the same noise, by Welch's interval.
-    """
-    level = 1.0 if 1.0 in part.levels else min(part.levels, default=1.0)
-    usual = next((c for c in part.conditions if c.level == 1.0), part.conditions[0])
-    less = f"less {usual.name} noise’s"
-    heads = ["best, during evolution less in test trials", "champion less best"]
-    if len(part.conditions) > 1:
-        heads.append(f"at {part.levels.get(level, '')} noise, {less}")
-    rows: list[tuple[str, list[str]]] = []
-    for c in part.conditions:
-        both = [(row.best, row.mean("fittest", c.level), row.mean("champion", c.level)) for row in c.rows]
-        luck = mean_of([best - tested.value for best, tested, _ in both if best is not None and tested])
-        gain = mean_of([champion.value - tested.value for _, tested, champion in both if tested and champion])
-        other = None if c is usual else difference(c.means("fittest", level), usual.means("fittest", level))
-        rows.append((c.name, [_starred(mean, part) for mean in (luck, gain, other)[: len(heads)]]))
-    for table in scores:
-        ours = next(one for one in table.classes if one.level == usual.level)
-        for of in SCORES if table is scores[0] else SCORES[1:]:
-            if len(table.classes) < 2 or not ours.values(of):
-                continue
-            where = f" on the {table.kind}" if of == "correspondence" else ""
-            whose = (
-                f" of the {WHO.get(table.individual)}" if len({one.individual for one in scores}) > 1 else ""
-            )
-            heads.append(f"{of} score{where}{whose}, {less}")
-            for (_, cells), one in zip(rows, table.classes, strict=True):
-                cells.append(_starred(None if one is ours else difference(one.values(of), ours.values(of))))
-    for words in dict.fromkeys(group.words for group in groups):
-        drops = {group.level: group.mean("drop") for group in groups if group.words == words}
-        heads.append(f"simulated less on {words}")
-        for (_, cells), c in zip(rows, part.conditions, strict=True):
-            cells.append(_starred(drops.get(c.level), part))
-    return heads, [row for row in rows if any(cell != "–" for cell in row[1])]
-
-
-def _starred(mean: Mean | None, part: TaskPart | None = None) -> str:
-    """A difference as displayed, in a task's unit or as a score: "0.12 ± 0.05 *"."""
-    if mean is None:
-        return "–"
-    value, half = part.show(mean) if part else (number(mean.value, 1), f"± {number(mean.half, 1)}")
-    return " ".join(one for one in (value, half, mean.star) if one and "nan" not in one)
