@@ -53,11 +53,6 @@ class Mean:
     count: int
     deviation: float = math.nan
 
-    @property
-    def star(self) -> str:
-        """A star where the interval excludes zero."""
-        return "*" if abs(self.value) > self.half > 0 else ""
-
 
 def mean_of(values: ArrayLike) -> Mean | None:
     """The mean of some values with Student's interval, None without any."""
@@ -338,7 +333,7 @@ def curves_figure(
     ax.set(xlim=(0, longest * 1.06), xlabel="evaluations")
     # Two runs' interval may be many times as high as they: it is cut.
     ax.set_ylim(low / scale, min(ax.get_ylim()[1], (1.1 * high - 0.1 * low) / scale) or None)
-    ax.set_ylabel("best fitness" + (f" ({unit})" if unit else ""))
+    ax.set_ylabel("best during evolution" + (f" ({unit})" if unit else ""))
     ax.grid(axis="y")
     ax.set_axisbelow(True)
     ax.legend()
