@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from realitygap.errors import CalibrationError, StudyError, StudyInterruptedError, UsageError
-from realitygap.files import atomic_write
+from realitygap.files import atomic_write, names_its_arguments
 from realitygap.work.progress import OnProgress, Progress, ProgressLine, counts
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ class ReproductionFields(StudyFields, total=False):
     starts: int | None
 
 
+@names_its_arguments
 def evolve(
     task: Place | Task,
     *,
@@ -134,6 +135,7 @@ def evolve(
     return study
 
 
+@names_its_arguments
 def merge(
     shards: Place | Iterable[Place],
     *,
@@ -171,11 +173,12 @@ def merge(
     target = whole_of(folders[0]) if out is None else Path(out)
     study = merge_runs(found, target)
     for difference in different_versions([study.versions()]):
-        warnings.warn(difference, stacklevel=2)
+        warnings.warn(difference, stacklevel=3)
     report(target, study, workers=workers, on_progress=on_progress)
     return study
 
 
+@names_its_arguments
 def reproduce(
     out: Place = "out/reproduce",
     *,
@@ -394,6 +397,7 @@ def different_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> list[str
     ]  # fmt: skip
 
 
+@names_its_arguments
 def calibrate(
     recordings: Place | Sequence[Place | Recording],
     base: Profile | Place | None = None,

@@ -1,9 +1,11 @@
 """Every error that a user can meet: what was expected, what came, and the cure."""
 
+from collections.abc import Iterable
+
 __all__ = [
     "BaudError", "CalibrationError", "ConfigError", "FilmError", "FrozenError", "GenotypeError",
-    "LineError", "RealityGapError", "RecordingError", "RobotError", "RobotStoppedError", "StudyBusyError",
-    "StudyError", "StudyInterruptedError", "TaskError", "TrackError", "UsageError",
+    "LineError", "NoSuchNameError", "RealityGapError", "RecordingError", "RobotError", "RobotStoppedError",
+    "StudyBusyError", "StudyError", "StudyInterruptedError", "TaskError", "TrackError", "UsageError",
 ]  # fmt: skip
 
 
@@ -17,6 +19,15 @@ class UsageError(RealityGapError, ValueError):
     """Something that the user can fix: exit code 2."""
 
     exit_code = 2
+
+
+class NoSuchNameError(UsageError, KeyError):
+    """A name that a mapping does not have; its own names are in the message."""
+
+    __str__ = Exception.__str__  # a KeyError's is quoted
+
+    def __init__(self, what: str, name: object, names: Iterable[object]) -> None:
+        super().__init__(f"{what}: expected one of {', '.join(map(str, names))}, got {name!r}.")
 
 
 class ConfigError(UsageError):

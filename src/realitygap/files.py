@@ -1,19 +1,21 @@
 """Files: text, TOML and CSV tables read with clear errors, and written whole or not at all."""
 
 import csv
+import inspect
 import io
 import json
 import math
 import os
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from difflib import get_close_matches
+from functools import wraps
 from os import PathLike
 from pathlib import Path
 from types import UnionType
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, ParamSpec, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +24,13 @@ from realitygap.errors import UsageError
 
 __all__ = [
     "LARGEST_TABLE", "Table", "as_path", "atomic_path", "atomic_write", "move_whole", "must_be",
-    "naming_errors", "parse_toml", "read_json", "read_table", "read_text", "read_toml", "refuse_separator",
-    "refuse_unknown", "to_csv", "to_toml", "written_together",
+    "names_its_arguments", "naming_errors", "parse_toml", "read_json", "read_table", "read_text",
+    "read_toml", "refuse_separator", "refuse_unknown", "to_csv", "to_toml", "written_together",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
+Given = ParamSpec("Given")
+Returned = TypeVar("Returned")
 
 LARGEST_TABLE = 10**9
 """Largest number in a table."""
@@ -123,6 +127,22 @@ def refuse_unknown(
             near = get_close_matches(key, names, n=1)
             said = f"Did you mean {near[0]!r}?" if near else f"Known keys: {', '.join(names)}. {cure}".strip()
             raise error(f"{where + ': ' if where else ''}{key}: unknown key. {said}")
+
+
+def names_its_arguments(function: Callable[Given, Returned]) -> Callable[Given, Returned]:
+    """The same function, which refuses an unknown argument by naming the nearest that it has."""
+    names = tuple(inspect.signature(function).parameters)
+
+    @wraps(function)
+    def called(*args: Given.args, **given: Given.kwargs) -> Returned:
+        for name in given:
+            if name not in names:
+                near = get_close_matches(name, names, n=1)
+                said = f"Did you mean {near[0]!r}?" if near else f"It has {', '.join(names)}."
+                raise UsageError(f"{function.__name__}: {name}: unknown argument. {said}")
+        return function(*args, **given)
+
+    return called
 
 
 def to_csv(rows: Iterable[Iterable[object]], *, end: str = "\n") -> str:

@@ -137,7 +137,7 @@ class Track:
         """
         if not len(self):
             raise UsageError("track: expected at least one row, got none.")
-        return Pose(x=float(self.x[-1]), y=float(self.y[-1]), heading=float(self.heading[-1]))
+        return Pose.reached(float(self.x[-1]), float(self.y[-1]), float(self.heading[-1]))
 
     def gaps(self) -> list[tuple[float, float]]:
         """When it was lost: first and last time of each stretch, s."""

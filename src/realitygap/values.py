@@ -69,13 +69,23 @@ def shown(value: object) -> str:
     return f"{value.dtype}{list(value.shape)}" if type(value) is np.ndarray else type(value).__name__
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Pose:
-    """Where a robot's centre is, cm, and where it looks, radians counter-clockwise from +x."""
+    """Where a robot's centre is, cm, and where it looks, radians counter-clockwise from +x.
+
+    Raises:
+        UsageError: a heading that is in degrees: beyond a turn, and a whole number or a half.
+    """
 
     x: float
     y: float
     heading: float
+
+    def __post_init__(self) -> None:
+        heading = self.heading
+        if isinstance(heading, int | float) and abs(heading) > math.tau and 2 * heading % 1 == 0:
+            cure = f"Pose.from_degrees({self.x}, {self.y}, {heading:g}) takes degrees."
+            raise UsageError(f"pose: expected a heading in radians, got {heading:g}. {cure}")
 
     @classmethod
     def from_degrees(cls, x_cm: float, y_cm: float, heading_deg: float) -> Self:
@@ -89,6 +99,13 @@ class Pose:
         except (TypeError, ValueError):
             given = f"{x_cm!r}, {y_cm!r}, {heading_deg!r}"
             raise UsageError(f"pose: expected three numbers, cm, cm and degrees, got {given}.") from None
+
+    @classmethod
+    def reached(cls, x: float, y: float, heading: float) -> Self:
+        """Where a robot came to: its heading may count any number of turns."""
+        made = cls(x, y, 0.0)
+        object.__setattr__(made, "heading", heading)
+        return made
 
     @property
     def heading_deg(self) -> float:

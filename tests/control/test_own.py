@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,7 @@ def test_functions_classes_and_objects_decide(tmp_path):
         "def steady(inputs):\n    return 3, -4\n\n\n"
         "class Counting:\n    def reset(self):\n        self.n = 0\n\n"
         "    def decide(self, inputs):\n        self.n += 1\n        return self.n, len(inputs)\n\n\n"
-        "def odd(inputs):\n    return 11, 0\n\n\n"
+        "def odd(inputs):\n    return 11, -2.6\n\n\n"
         "def broken(inputs):\n    return 1 / 0\n"
     )
     steady, counting = (named_controller(f"{file}:{name}", "", 8) for name in ("steady", "Counting"))
@@ -68,8 +69,13 @@ def test_functions_classes_and_objects_decide(tmp_path):
         counting.reset()
         assert [counting.decide([0] * 8).left for _ in range(3)] == [1, 2, 3]
     assert own_controller(lambda inputs: np.array([2, 2])).decide([]).left == 2
-    with pytest.raises(UsageError, match=r"mine.py: decide: expected \(left, right\), .* got \(11, 0\)"):
-        own_controller(f"{file}:odd").decide([0])
+    odd = own_controller(f"{file}:odd")
+    with pytest.warns(UserWarning, match=r"mine.py: decide: .* got \(11, -2.6\): .* rounded and clipped"):
+        command = odd.decide([0])
+    assert (command.left, command.right) == (10, -3) == (odd.decide([0]).left, odd.decide([0]).right)
+    for wrong in ((math.nan, 0), (True, 1), {1, 2}, (1,), None):
+        with pytest.raises(UsageError, match=r"decide: expected \(left, right\), whole numbers"):
+            own_controller(lambda _, wrong=wrong: wrong).decide([0])
     with pytest.raises(UsageError, match=r"mine.py, line 19: decide fails with ZeroDivisionError"):
         own_controller(f"{file}:broken").decide([0])
     with pytest.raises(UsageError, match=r"controller: .*expected 'none' in it. It has steady"):

@@ -13,8 +13,10 @@ import pytest
 
 from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype
+from realitygap.control.origin import Origin, remember
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels.rng import substream
+from realitygap.simulation.body import SimulatedBody
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.values import Pose
@@ -97,12 +99,22 @@ def test_poses_in_obstacles_are_refused(pose, words):
     import re
 
     simulation = Simulation(AVOIDANCE, PAPER, 0)
-    at = Pose(x=pose[0], y=pose[1], heading=pose[2])
     words = "|".join(re.escape(word) for word in words.split("|"))
     with pytest.raises(UsageError, match=words):
-        simulation.trajectory(networks(1)[1], stream=0, pose=at)
+        simulation.trajectory(networks(1)[1], stream=0, pose=Pose(*pose))
     with pytest.raises(UsageError, match=words):
-        simulation.probe(at)
+        simulation.probe(Pose(*pose))
+
+
+def test_a_heading_in_degrees_is_refused_at_once_but_a_robot_may_turn_on_and_on():
+    """Whole and half numbers beyond a turn; a robot that came to such a heading is set down there again."""
+    for heading in (90, -45.0, 22.5, np.float64(180)):
+        with pytest.raises(UsageError, match=r"Pose.from_degrees\(25, 30, -?[0-9.]+\) takes degrees"):
+            Pose(25, 30, heading)
+    assert Pose(25, 25, 6.28).heading_deg == pytest.approx(-0.18, abs=0.01)
+    body = SimulatedBody(Simulation(AVOIDANCE))
+    body.reset(Pose.reached(25.0, 25.0, 9.0))
+    assert body.pose.heading == 9.0 and body.pose == Pose.reached(25.0, 25.0, 9.0)
 
 
 def one_over_contact(path, room):
@@ -158,3 +170,28 @@ def test_threads_leave_no_scratch_behind():
     assert all(np.array_equal(one, simulation.scores(nets, streams)) for one in found)
     gc.collect()
     assert not any(one() is not None for one in left)
+
+
+def test_a_simulation_takes_what_the_command_line_would():
+    """The printed robot and stream 0; streams as any whole numbers, one row for every network."""
+    simulation, pair = Simulation(AVOIDANCE), Genotype.braitenberg("proximity").networks()
+    assert simulation.profile == PAPER
+    assert simulation.trajectory(pair)[1] == simulation.trajectory(pair, stream=0)[1]
+    rows = np.arange(3, dtype=np.uint64).reshape(1, 3)
+    assert (simulation.scores(pair, np.arange(3)) == simulation.scores(pair, rows)).all()
+    assert simulation.tracks(pair, np.arange(3)).x.shape == (1, 3, 200)
+    for wrong in (np.array([-1]), np.arange(3.0), [1, 2]):
+        with pytest.raises(UsageError, match="streams: expected an array uint64"):
+            simulation.scores(pair, wrong)
+
+
+def test_networks_of_another_task_are_warned_about():
+    """Of which it is remembered where they evolved, as of a study's."""
+    made = remember(Genotype.braitenberg("ambient").networks(), Origin("light-seeking", "ambient"))
+    with pytest.warns(UserWarning, match="evolved at light-seeking with ambient sensors; .* fed proximity"):
+        Simulation(AVOIDANCE).trajectory(made)
+    Simulation("light").trajectory(made)
+    assert Origin.told("# run 3, corner/zero/2, seed 7\nrealitygap genotype 1") == ("corner", "")
+    with pytest.warns(UserWarning, match="evolved at corner; here it drives at light-seeking"):
+        Origin("corner", "").warn("light-seeking", "ambient")
+    Origin("light-seeking", "ambient").warn("light-seeking-spread-10", "ambient")

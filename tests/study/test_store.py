@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.errors import StudyError
+from realitygap.api import evolve
+from realitygap.errors import StudyError, UsageError
 from realitygap.experiments.noise import NoiseConfig
 from realitygap.experiments.robots import RobotsConfig
 from realitygap.study.folder import gather, open_folder
@@ -182,3 +183,38 @@ def test_sql_that_cannot_be_is_refused(finished, tmp_path, monkeypatch, sql, wor
     with pytest.raises(StudyError, match=words):
         finished.query(sql)
     assert not list(tmp_path.iterdir())
+
+
+def test_runs_and_tests_by_what_a_person_says(finished, monkeypatch):
+    """A Run stands for its number, a level's name for the level, the database for its folder; the best run is
+    that of the highest test score; a name that is not there is refused with those that are."""
+    first, second = finished.runs
+    assert load_study(finished.folder / DATABASE).digest() == finished.digest()
+    assert finished.evaluations(second)["run"].tolist() == finished.evaluations(2)["run"].tolist()
+    assert (first.tests["champion", "double"] == first.tests["champion", 2.0]).all()
+    assert ("fittest", "zero") in first.tests and ("fittest", 5) not in first.tests
+    assert first.fitness == pytest.approx(first.tests["champion", first.noise].mean(), abs=1e-12)
+    for run in finished.runs:
+        for name in (run.task, run.task.split("-")[1], f"{run.task}/{run.noise_name}"):
+            assert finished.run(f"best:{name}") is run
+    with pytest.raises(StudyError, match=r"scores of different tasks do not compare. Name best:obstacle"):
+        _ = finished.best
+    with pytest.raises(StudyError, match=r"best: expected a task or a noise level .*, got 'loud'"):
+        finished.run("best:loud")
+    for key in (("nobody", 1.0), ("champion", "loud"), "champion", 1):
+        with pytest.raises(UsageError, match=r"tests: expected one of \('fittest', 0.0\)") as refusal:
+            first.tests[key]
+        assert isinstance(refusal.value, KeyError)
+    with pytest.raises(UsageError, match=r"figures: expected one of robot, .* got 'x'"):
+        finished.figures()["x"]
+    monkeypatch.chdir(finished.folder.parent)
+    with pytest.raises(StudyError, match=r"\.: no study there .* Did you mean \./study\?"):
+        load_study(".")
+
+
+def test_a_slip_in_an_argument_is_named():
+    """Instead of a TypeError, or of words about a folder."""
+    with pytest.raises(UsageError, match=r"evolve: evals: unknown argument. Did you mean 'evaluations'"):
+        evolve("avoidance", evals=10)
+    with pytest.raises(StudyError, match=r"first argument is a folder; realitygap.evolve\('avoidance'\)"):
+        run_study("avoidance")

@@ -354,7 +354,7 @@ class FloorCamera:
         seen: dict[int, Pose] = {}
         for step in steps:
             row = int(np.searchsorted(truth.t, truth.t[0] + STEP_S * step + 1e-6, side="right")) - 1
-            pose = Pose(x=truth.x[row], y=truth.y[row], heading=truth.heading[row])
+            pose = Pose.reached(truth.x[row], truth.y[row], truth.heading[row])
             found = tracker.see(self._camera.frame(pose, FRAMES * (trial + 1) + step))
             if found is not None:
                 seen[step] = found[0]

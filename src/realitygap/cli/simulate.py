@@ -69,7 +69,7 @@ def simulate(
 
     simulation, place = _placed(task, profile, noise, noise_between, pose, arena)
     played = simulation.task
-    driver = named_controller(controller, played.feeds, len(played.sensors))
+    driver = named_controller(controller, played.feeds, len(played.sensors), played.name)
     trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=place, seconds=seconds)
     if picture is not None:
         save_path(picture, played, simulation.profile, trajectory)

@@ -267,15 +267,16 @@ def drive(
     from realitygap.transfer.drive import pairs
 
     simulation = Simulation(task, profile, noise, arena)
-    at = None if pose is None else options.checked_pose(pose, simulation.task.arena, simulation.profile)
-    driver = named_controller(controller, simulation.task.feeds, len(simulation.task.sensors))
+    place = None if pose is None else options.checked_pose(pose, simulation.task.arena, simulation.profile)
+    at = simulation.task
+    driver = named_controller(controller, at.feeds, len(at.sensors), at.name)
     made = list(
         pairs(
             simulation,
             driver,
             robot,
             starts=starts,
-            pose=at,
+            pose=place,
             seed=seed,
             seconds=seconds,
             twin_noise=twin_noise,

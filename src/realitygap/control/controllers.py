@@ -1,7 +1,9 @@
 """What drives a body: a controller of one's own, or one that a person names."""
 
+import math
 import os
 import re
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from realitygap.control.genotype import Genotype, NetworkController
-from realitygap.errors import UsageError
+from realitygap.control.origin import Origin
+from realitygap.errors import GenotypeError, UsageError
+from realitygap.files import read_text
 from realitygap.kernels.network import LIMIT
 from realitygap.plugins import blamed_on, named_object
 from realitygap.values import Command, shown
@@ -20,6 +24,8 @@ __all__ = ["OwnController", "as_controller", "named_controller", "own_controller
 class OwnController:
     """What drives a body as `decide(inputs) → (left, right)` says: whole numbers −10 … 10 in and out.
 
+    Other numbers are rounded and clipped, with one warning.
+
     Args:
         decide: the user's.
         reset: called before each trial.
@@ -29,7 +35,7 @@ class OwnController:
     def __init__(
         self, decide: Callable[..., Any], reset: Callable[[], Any] | None = None, place: str = "controller"
     ) -> None:
-        self._decide, self._reset, self._place = decide, reset, place
+        self._decide, self._reset, self._place, self._warned = decide, reset, place, False
 
     def reset(self) -> None:
         """Before a trial."""
@@ -41,22 +47,26 @@ class OwnController:
         """One step.
 
         Raises:
-            UsageError: it fails, or does not return two whole numbers −10 … 10.
+            UsageError: it fails, or does not return two numbers.
         """
         with blamed_on(self._place, UsageError, "decide fails"):
             given = self._decide(list(inputs))
         pair = (given.left, given.right) if isinstance(given, Command) else given
+        expected = f"(left, right), whole numbers from -{LIMIT} to {LIMIT}"
         try:
-            left, right = (int(value) for value in pair)
-            whole = (left, right) == tuple(pair) and max(abs(left), abs(right)) <= LIMIT
-            whole = whole and not isinstance(pair, set | frozenset | dict)
-            whole = whole and not any(isinstance(value, bool | np.bool_) for value in pair)
+            left, right = (max(-LIMIT, min(LIMIT, round(value))) for value in pair)
+            numbers = not isinstance(pair, set | frozenset | dict)
+            numbers &= not any(isinstance(value, bool | np.bool_) for value in pair)
+            numbers &= all(map(math.isfinite, pair))
         except (TypeError, ValueError, OverflowError):
-            whole = False
-        if not whole:
-            expected = f"(left, right), whole numbers from -{LIMIT} to {LIMIT}"
+            numbers = False
+        if not numbers:
             raise UsageError(f"{self._place}: decide: expected {expected}, got {given!r}.")
-        return Command(left=left, right=right)
+        if not self._warned and (left, right) != tuple(pair):
+            self._warned = True
+            told = f"decide: expected {expected}, got {given!r}: such commands are rounded and clipped"
+            warnings.warn(f"{self._place}: {told}.", stacklevel=2)
+        return Command(left=int(left), right=int(right))
 
 
 def own_controller(named: object) -> OwnController:
@@ -90,9 +100,10 @@ def as_controller(given: Any) -> Any:
     return given if ready else own_controller(given)
 
 
-def named_controller(spec: str, feeds: str, inputs: int) -> OwnController | NetworkController:
+def named_controller(spec: str, feeds: str, inputs: int, task: str = "") -> OwnController | NetworkController:
     """The controller that a person names for a task with so many inputs: "constant:L,R", "braitenberg",
-    `file.py:name`, or the file of a genotype or of a network written by hand (.toml).
+    `file.py:name`, or the file of a genotype or of a network written by hand (.toml). With the task's name, a
+    champion that evolved at another, or on other sensors, is warned about.
 
     Raises:
         UsageError: it is none of these; says why.
@@ -115,4 +126,8 @@ def named_controller(spec: str, feeds: str, inputs: int) -> OwnController | Netw
             f"the controller: expected constant:L,R, braitenberg, FILE.py:NAME, or a file with a genotype or "
             f"a network (.toml); there is no file {spec!r}."
         )
-    return Genotype.load(spec, inputs).controller()
+    made = Genotype.load(spec, inputs).controller()
+    origin = Origin.told(read_text(spec, GenotypeError, "")) if task else None
+    if origin is not None:
+        origin.warn(task, feeds)
+    return made

@@ -69,11 +69,13 @@ def _require_inside(trials: Sequence[Trial], task: Task) -> None:
     for t in trials:
         if not fits(task.arena, t.x, t.y, t.radius_cm):
             width, depth = task.arena.size_cm
+            metres = fits(task.arena, 100 * t.x, 100 * t.y, t.radius_cm)
+            cure = "Name another --task, or leave it out."
+            cure = "Are they in metres? Convert them to cm." if metres else cure
             raise TrackError(
                 f"{t.source}, start {t.start}: expected a track in the arena of task {task.name!r} "
                 f"({width:g} by {depth:g} cm, clear of its walls and cylinders), got x from {t.x.min():.1f} "
-                f"to {t.x.max():.1f} and y from {t.y.min():.1f} to {t.y.max():.1f} cm. Name another --task, "
-                "or leave it out."
+                f"to {t.x.max():.1f} and y from {t.y.min():.1f} to {t.y.max():.1f} cm. {cure}"
             )
 
 

@@ -357,7 +357,12 @@ def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
     if best > EXPLAINS and best > as_is + BETTER:
         raise TrackError(f"{found}: {cure}.")
     if as_is >= CONTRADICTS:
-        return list(trials)
+        far = max(float(np.abs((trial.x, trial.y)).max()) for trial in trials)
+        if far >= min(trial.radius_cm for trial in trials):
+            return list(trials)
+        reach = f"x_cm and y_cm reach {far:.2g} cm, less than the robot's radius"
+        doubt = f"{trials[0].source}: {reach}: are they in metres?"
+        return [replace(trial, doubt=doubt) for trial in trials]
     return [replace(trial, doubt=f"{found}: is it the robot's, in degrees?") for trial in trials]
 
 

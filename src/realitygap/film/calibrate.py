@@ -28,6 +28,9 @@ from realitygap.values import Floats, Pose
 
 __all__ = ["Calibration", "KnownFrame", "Residual", "calibrate_camera", "read_frames"]
 
+FLOOR_CM = 3.0
+"""Poses on a floor reach farther than that: a robot's radius."""
+
 LEAST_FRAMES, LEAST_FOR_RADIAL = 4, 6
 """Frames needed for a homography, and to fit how the lens bends."""
 
@@ -138,6 +141,12 @@ def read_frames(folder: str | Path, poses: str | Path) -> list[KnownFrame]:
             raise FilmError(f"{found[0]}: not a picture. Give frames as PNG or JPEG.")
         known = np.asarray(picture, np.uint8)
         frames.append(KnownFrame(name=found[0].name, picture=known, pose=Pose.from_degrees(*pose)))
+    reach = max((abs(value) for one in frames for value in (one.pose.x, one.pose.y)), default=FLOOR_CM)
+    if reach < FLOOR_CM:
+        raise FilmError(
+            f"{poses}: expected poses all over the floor in cm, got x and y of {reach:.2g} cm at most. "
+            "Are they in metres?"
+        )
     return frames
 
 

@@ -15,7 +15,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from realitygap.control.genotype import Genotype
-from realitygap.errors import StudyError
+from realitygap.errors import NoSuchNameError, StudyError
 from realitygap.files import atomic_write
 from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
@@ -65,6 +65,8 @@ class Gallery(Mapping[str, Figure]):
         self._figures = figures
 
     def __getitem__(self, name: str) -> Figure:
+        if name not in self._figures:
+            raise NoSuchNameError("figures", name, self)
         if "inline" in os.environ.get("MPLBACKEND", ""):  # shows figures once it is loaded
             import matplotlib.pyplot
 

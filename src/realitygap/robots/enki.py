@@ -338,7 +338,7 @@ class EnkiBody(Body):
         """Where it is."""
         self._catch_up()
         x, y, heading = self._now.poses[-1].tolist()
-        return Pose(x=x, y=y, heading=heading)
+        return Pose.reached(x, y, heading)
 
     @property
     def odometry(self) -> Odometry:

@@ -83,7 +83,7 @@ class SimulatedBody(Body):
     def pose(self) -> Pose:  # type: ignore[override]
         """Where the robot is."""
         x, y, heading = map(float, self._robots.pose[0])
-        return Pose(x=x, y=y, heading=heading)
+        return Pose.reached(x, y, heading)
 
     @property
     def wheels(self) -> tuple[float, float]:

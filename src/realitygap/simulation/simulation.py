@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from realitygap.compiled import routine
 from realitygap.control.encoding import count_networks
+from realitygap.control.origin import origin_of
 from realitygap.errors import TaskError, UsageError
 from realitygap.kernels import trial as loop
 from realitygap.kernels.rng import substream, uniform
@@ -119,7 +120,7 @@ class Simulation:
     def __init__(
         self,
         task: Task | str | PathLike[str],
-        profile: Profile | str | PathLike[str],
+        profile: Profile | str | PathLike[str] = "paper",
         noise: str | float = 1.0,
         arena: Arena | str | PathLike[str] | None = None,
         engine: str | MakeEngine = "cores",
@@ -179,13 +180,14 @@ class Simulation:
     def scores(self, networks: Networks, streams: Streams) -> Floats:
         """Scores of trials of N networks: streams [N, trials] → scores [N, trials].
 
-        Each trial is a function of its network and its stream alone.
+        Each trial is a function of its network and its stream alone. Streams [trials] are every network's.
 
         Raises:
             UsageError: networks of another task's layout, streams that are not a row for each, or an engine
                 of one's own that answers with something else.
             TaskError: a score was not a finite number.
         """
+        streams = self._rows(networks, streams)
         if self.engine is not None:
             scores = np.asarray(self.engine.scores(networks, streams))
             if not (scores.shape == streams.shape and np.isfinite(scores).all()):
@@ -205,17 +207,34 @@ class Simulation:
         return scores.reshape(streams.shape)
 
     def tracks(self, networks: Networks, streams: Streams) -> Path:
-        """What the scores of trials are taken from: streams [N, trials] → arrays [N, trials, steps].
+        """What the scores of trials are taken from: streams [N, trials] → arrays [N, trials, steps]; streams
+        [trials] are every network's.
 
         Raises:
             UsageError: as of `scores`.
         """
+        streams = self._rows(networks, streams)
         if self.engine is None:
             which, flat = self.checked(networks, streams)
             paths = np.zeros((flat.shape[0], len(Path._fields), self.trial.steps))
             self.run(loop.run_trials, networks, which, flat, paths, self.scratch(networks))
             return Path(*(paths[:, i].reshape(*streams.shape, paths.shape[2]) for i in range(paths.shape[1])))
         return self.engine.tracks(networks, streams)
+
+    def _rows(self, networks: Networks, streams: Any) -> Any:
+        """Streams as `checked` takes them: whole numbers of other types, or one row for every network."""
+        self._warn_of(networks)
+        whole = isinstance(streams, np.ndarray) and streams.dtype.kind in "iu" and streams.ndim in (1, 2)
+        if not whole or (streams.dtype.kind == "i" and (streams < 0).any()):
+            return streams
+        rows = streams if streams.ndim == 2 else np.tile(streams, (len(networks.inputs), 1))
+        return rows.astype(np.uint64, copy=False)
+
+    def _warn_of(self, networks: Networks) -> None:
+        """Warn of networks that a study evolved at another task, or on other sensors."""
+        origin = origin_of(networks) if isinstance(networks, Networks) else None
+        if origin is not None:
+            origin.warn(self.task.name, self.task.feeds)
 
     def checked(self, networks: Networks, streams: Streams) -> tuple[NDArray[np.int64], Streams]:
         """Which network each trial of a batch is of, and its stream.
@@ -279,7 +298,12 @@ class Simulation:
             )
 
     def trajectory(
-        self, networks: Networks, *, stream: int, pose: Pose | None = None, seconds: float | None = None
+        self,
+        networks: Networks,
+        *,
+        stream: int = 0,
+        pose: Pose | None = None,
+        seconds: float | None = None,
     ) -> tuple[Trajectory, float]:
         """One trial of one network, in full, and its score: the bits that `scores` goes by.
 
@@ -292,6 +316,7 @@ class Simulation:
         Raises:
             UsageError: more than one network, another task's, a pose that is not free, a wrong length.
         """
+        self._warn_of(networks)
         if count_networks(networks, self.trial.channels.shape[0]) != 1:
             raise UsageError(f"networks: expected one, got {len(networks.neurons)}. Decode one genotype.")
         steps = self.trial.steps if seconds is None else self.steps_of(seconds)
@@ -317,7 +342,7 @@ class Simulation:
             x=x, y=y, heading=heading,
             proximity=record.proximity, ambient=record.ambient, inputs=record.inputs,
             commands=record.commands, wheels=record.wheels, contact=path.contact > 0,
-            end=Pose(x=float(path.x[-1]), y=float(path.y[-1]), heading=float(path.heading[-1])),
+            end=Pose.reached(float(path.x[-1]), float(path.y[-1]), float(path.heading[-1])),
             period_s=self.profile.period_s,
         )  # fmt: skip
         return trajectory, float(score[0])
@@ -380,7 +405,7 @@ class Simulation:
         if not all(map(math.isfinite, (pose.x, pose.y, pose.heading))):
             raise UsageError(f"pose: expected finite numbers, got {pose}.")
         place = float(pose.x), float(pose.y), float(pose.heading)
-        if abs(place[2]) > MOST_RAD or (abs(place[2]) > math.tau and place[2].is_integer()):
+        if abs(place[2]) > MOST_RAD:
             raise UsageError(
                 f"pose: expected a heading in radians, got {place[2]:g}. Pose.from_degrees takes degrees."
             )

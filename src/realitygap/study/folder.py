@@ -181,7 +181,10 @@ def open_folder(folder: Path, requested: Materials | None, *, resume: bool) -> M
             trust_contents(requested.own_code())
         return read_materials(folder)
     if requested is None:
-        raise StudyError(f"{folder} holds no study ({DATABASE} is missing). Give the folder of a study.")
+        cure = "Give the folder of a study; for a new one, its configuration too."
+        if any(str(folder) in (name, *name.split("-")) for name in TASKS):
+            cure = f"The first argument is a folder; realitygap.evolve({str(folder)!r}) takes a task."
+        raise StudyError(f"{folder} holds no study ({DATABASE} is missing). {cure}")
     require_only_own(folder, "study", OURS)
     for task in requested.tasks:
         if task.source is not None:
@@ -245,6 +248,8 @@ def read_config(folder: Path) -> StudyConfig:
         if made is not None:
             again = f"`realitygap {made} --out {shlex.quote(str(folder))} --resume`"
             cure = f"It is an experiment's folder: {again} makes its results and page again."
+        elif folder.is_dir() and (near := sorted(file.parent for file in folder.glob(f"*/{DATABASE}"))):
+            cure = f"Did you mean {shlex.quote(os.path.join(folder, near[0].name))}?"
         raise StudyError(f"{folder}: {what}. {cure}")
     return StudyConfig.from_dict(_run_folder(folder).settings())
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from realitygap import lazy
 from realitygap.control.encoding import Encoding, genotype_of
 from realitygap.control.genotype import Genotype, NetworkController
-from realitygap.errors import StudyError
+from realitygap.control.origin import Origin, remember
+from realitygap.errors import ConfigError, NoSuchNameError, StudyError
 from realitygap.evolution.algorithm import Genes, State
 from realitygap.evolution.ga import Population
 from realitygap.files import as_path, must_be
@@ -35,9 +36,9 @@ from realitygap.study.store import DATABASE, WHO, Reader, Table
 from realitygap.tasks.task import Task
 from realitygap.values import Pose, as_count
 from realitygap.work.folder import flat
-from realitygap.world.robot import Profile, noise_name
+from realitygap.world.robot import Profile, noise_level, noise_name
 
-__all__ = ["Run", "Study", "as_study", "load_study"]
+__all__ = ["Run", "Study", "Tests", "as_study", "load_study"]
 
 
 def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
@@ -47,7 +48,7 @@ def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
     neither evolved with it nor agreed to it.
 
     Args:
-        path: the study's folder, or a Study, which is read again.
+        path: the study's folder, its study.db, or a Study, which is read again.
         trust: agree to run the task files that it brings, from now on.
 
     Raises:
@@ -55,6 +56,7 @@ def load_study(path: str | PathLike[str], *, trust: bool = False) -> Study:
             that is broken or has been edited since.
     """
     folder = as_path(path, "study")
+    folder = folder.parent if folder.name == DATABASE else folder
     must_be(trust, bool, "trust", "True agrees to run its files.")
     if trust:
         trust_programs(folder)
@@ -67,7 +69,11 @@ def as_study(study: object) -> Study:
 
 
 class Study:
-    """A study: its configuration, its runs as of loading, its tables; runs are given by number or name."""
+    """A study: its configuration, its runs as of loading, its tables.
+
+    A run is given by number or name, as a Run, or as "best": `best:light-seeking/observed` is the best of a
+    task and a noise level, of which either may be left out.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.absolute()  # the same study wherever the process goes
@@ -95,6 +101,15 @@ class Study:
     def __repr__(self) -> str:
         done = sum(run.finished for run in self.runs)
         return f"<Study {str(self.folder)!r}: {done} of {len(self.runs)} runs finished>"
+
+    @property
+    def best(self) -> Run:
+        """The run with the highest test score; while none is finished, with the best fitness so far.
+
+        Raises:
+            StudyError: several tasks, whose scores cannot be compared, or no run has begun.
+        """
+        return self.run("best")
 
     @cached_property
     def _materials(self) -> Materials:
@@ -143,7 +158,8 @@ class Study:
     def networks(self, task: str | Task, genes: Genes) -> Networks:
         """The network of one genotype, for the kernels."""
         must_be(genes, np.ndarray, "genotype", "run.champion is one.")
-        return self.encoding(task).decode(genes[np.newaxis])
+        facts = self.facts(task)
+        return remember(self.encoding(task).decode(genes[np.newaxis]), Origin(facts["name"], facts["feeds"]))
 
     def controller(self, task: str | Task, genes: Genes) -> NetworkController:
         """A controller that drives a body with a genotype's network."""
@@ -153,7 +169,7 @@ class Study:
         """A genotype as one of slots with the same network."""
         return genotype_of(self.encoding(task), genes)
 
-    def evaluations(self, run: int | str | None = None) -> Table:
+    def evaluations(self, run: AnyRun | None = None) -> Table:
         """Every evaluation of a run, or of all: run, number, fitness, score_1 …, parents, cell.
 
         Scores of tasks with fewer trials than others of the study end with NaN.
@@ -165,7 +181,7 @@ class Study:
             parts.append(_evaluations(one, found, trials))
         return _stacked(parts)
 
-    def genotypes(self, run: int | str) -> Genes:
+    def genotypes(self, run: AnyRun) -> Genes:
         """[n, ...]: all individuals of a run, in the order of evaluation; of slots [n, slots, fields]."""
         run = self._id(run)
         genes: Genes | None = self._reader.evaluated(run, "genes").get("genes")
@@ -174,7 +190,7 @@ class Study:
         facts = json.loads(self._rows[run - 1]["encoding"])
         return np.zeros((0, *facts["shape"]), facts["dtype"])
 
-    def genotype(self, run: int | str, number: int) -> Genes:
+    def genotype(self, run: AnyRun, number: int) -> Genes:
         """The individual of one evaluation, of its run's type and shape.
 
         Raises:
@@ -185,11 +201,11 @@ class Study:
             genes = self.genotypes(of)
             self._genes = of, genes
         if number >= len(genes):
-            raise StudyError(f"{self.folder}: run {run} has no evaluation {number}.")
+            raise StudyError(f"{self.folder}: run {of} has no evaluation {number}.")
         one: Genes = genes[number].copy()
         return one
 
-    def tests(self, run: int | str | None = None) -> Table:
+    def tests(self, run: AnyRun | None = None) -> Table:
         """Fresh trials: run, who (fittest or champion), noise, trial, score.
 
         `noise` is the one tested under, which `query` and `to_pandas` call tested_noise.
@@ -203,7 +219,7 @@ class Study:
                 parts.append(_trials({"run": [one] * len(who), "who": who, "noise": noise}, scores))
         return _stacked(parts)
 
-    def retests(self, run: int | str | None = None) -> Table:
+    def retests(self, run: AnyRun | None = None) -> Table:
         """The last populations' retest: run, cell, number, trial, score."""
         parts = [_trials({"run": [0], "cell": [0], "number": [0]}, np.zeros((1, 0)))]
         for one in self._some(run):
@@ -328,21 +344,42 @@ class Study:
                     found[name].append(version)
         return found
 
-    def _some(self, run: int | str | None) -> Sequence[int]:
+    def _some(self, run: AnyRun | None) -> Sequence[int]:
         """The number of a run, or all."""
         return range(1, len(self._rows) + 1) if run is None else [self._id(run)]
 
-    def _id(self, run: int | str) -> int:
+    def _id(self, run: AnyRun) -> int:
+        if isinstance(run, Run):
+            run = run.id
+        if isinstance(run, str) and (run == "best" or run.startswith("best:")):
+            return self._best(run.removeprefix("best").removeprefix(":")).id
         could = isinstance(run, Hashable) and not isinstance(run, bool)
         for row in self._rows:
             if could and run in (row["id"], row["name"], str(row["id"])):
                 return int(row["id"])
         raise StudyError(
-            f"{self.folder}: expected a run, 1 to {len(self._rows)} or a name such as "
+            f"{self.folder}: expected a run, 1 to {len(self._rows)}, best, or a name such as "
             f"{self._rows[0]['name']!r}, got {run!r}."
         )
 
-    def run(self, id_or_name: int | str) -> Run:
+    def _best(self, of: str) -> Run:
+        """The best run of "TASK", "LEVEL", "TASK/LEVEL" or ""."""
+        words = [word for word in of.split("/") if word]
+        found = [run for run in self.runs if run.best_fitness is not None and all(map(run.is_of, words))]
+        tasks = dict.fromkeys(run.task for run in found)
+        if not found:
+            known = dict.fromkeys(name for run in self.runs for name in (run.task, run.noise_name))
+            raise StudyError(
+                f"{self.folder}: best: expected a task or a noise level of runs that have begun "
+                f"({', '.join(known)}), got {of!r}."
+            )
+        if len(tasks) > 1:
+            named = " or ".join(f"best:{'/'.join([task, *words])}" for task in tasks)
+            raise StudyError(f"{self.folder}: best: scores of different tasks do not compare. Name {named}.")
+        worth = [(-math.inf if run.fitness is None else run.fitness, run.best_fitness) for run in found]
+        return found[worth.index(max(worth))]
+
+    def run(self, id_or_name: AnyRun) -> Run:
         """One run.
 
         Raises:
@@ -370,7 +407,7 @@ class Study:
     def _repr_html_(self) -> str:
         return str(lazy.notebook().study_html(self))
 
-    def state(self, run: int) -> State | None:
+    def state(self, run: AnyRun) -> State | None:
         """The state in a run's last checkpoint; None before the first. This may run a user's file."""
         kept = self._reader.checkpoint(self._id(run))
         if kept is None:
@@ -404,6 +441,16 @@ class Run(Plan):
     def noise_name(self) -> str:
         """The noise level in words."""
         return noise_name(self.noise)
+
+    @property
+    def fitness(self) -> float | None:
+        """The test score: mean of the champion's new trials at the noise it evolved under."""
+        scores = self.tests.get(("champion", self.noise))
+        return None if scores is None else math.fsum(scores.tolist()) / len(scores)
+
+    def is_of(self, word: str) -> bool:
+        """Whether a task (or a word of its name) or a noise level is this run's."""
+        return word in (self.task, *self.task.split("-"), self.noise_name, f"{self.noise:g}")
 
     @property
     def fittest(self) -> Genes | None:
@@ -469,11 +516,33 @@ class Run(Plan):
         return None if state is None else state.genes
 
     @cached_property
-    def tests(self) -> dict[tuple[str, float], NDArray[np.float64]]:
-        """Scores on fresh trials by (who, noise level); empty before the run is finished."""
+    def tests(self) -> Tests:
+        """Scores of new trials by (who, noise level or its name); empty before the run is finished."""
         table = self.study.tests(self.id)
         pairs = dict.fromkeys(zip(table["who"].tolist(), table["noise"].tolist(), strict=True))
-        return {(w, n): table["score"][(table["who"] == w) & (table["noise"] == n)] for w, n in pairs}
+        return Tests({(w, n): table["score"][(table["who"] == w) & (table["noise"] == n)] for w, n in pairs})
+
+
+class Tests(Mapping[tuple[str, float], NDArray[np.float64]]):
+    """Scores of new trials: `run.tests["champion", "double"]` is `run.tests["champion", 2.0]`."""
+
+    def __init__(self, scores: Mapping[tuple[str, float], NDArray[np.float64]]) -> None:
+        self._scores = scores
+
+    def __getitem__(self, key: tuple[str, str | float]) -> NDArray[np.float64]:
+        with suppress(ConfigError, TypeError, ValueError, KeyError):
+            who, noise = key
+            return self._scores[who, noise_level(noise)]
+        raise NoSuchNameError("tests", key, self._scores)
+
+    def __iter__(self) -> Iterator[tuple[str, float]]:
+        return iter(self._scores)
+
+    def __len__(self) -> int:
+        return len(self._scores)
+
+
+AnyRun = int | str | Run
 
 
 def _evaluations(run: int, found: Mapping[str, NDArray[Any]], trials: int) -> Table:

@@ -84,7 +84,7 @@ def drive(
         expected = "a Pose, such as Pose.from_degrees(25, 25, 90)"
         raise UsageError(f"start: expected {expected}, unless the body knows its place, got {start!r}.")
     if isinstance(controller, str):
-        controller = named_controller(controller, task.feeds, len(task.of(profile).sensors))
+        controller = named_controller(controller, task.feeds, len(task.of(profile).sensors), task.name)
     controller = as_controller(controller)
     check_fit(body, profile, task.kinds)
     body.reset(start)

@@ -113,7 +113,7 @@ def trial_specs(study: Study, options: Transfer) -> Iterator[TrialSpec]:
     tasks = dict.fromkeys(run.task for run in runs)
     if own is not None:
         for task in tasks:
-            controller_for(study, task, own)  # refuses an invalid one before anything is done
+            controller_for(study, task, own, at=task)  # refuses an invalid one before anything is done
     who = options.individual if own is None else own.name
     seed = study.config.seed if options.seed is None else options.seed
     for robot in options.bodies:
@@ -185,14 +185,14 @@ def _check_films(driven: set[int], options: Transfer) -> None:
             raise UsageError(f"film: expected {expected}, got {one}.")
 
 
-def controller_for(study: Study, task: str, named: Named) -> OwnController | NetworkController:
-    """A controller of your own at a task of a study.
+def controller_for(study: Study, task: str, named: Named, at: str = "") -> OwnController | NetworkController:
+    """A controller of your own at a task of a study; `at` as the task of `named_controller`.
 
     Raises:
         UsageError: no such controller; says why.
     """
     facts = study.facts(task)
-    return named_controller(named.spec, str(facts["feeds"]), len(facts["sensors"]))
+    return named_controller(named.spec, str(facts["feeds"]), len(facts["sensors"]), at)
 
 
 def transfer_stream(seed: int, run: Run, start: int) -> int:

@@ -469,7 +469,7 @@ def _shown(truth: Track, fps: float) -> list[tuple[float, Pose]]:
     times = np.arange(int((end - start) * fps + 1e-6) + 1) / fps
     rows = np.searchsorted(truth.t, start + times + 1e-9, side="right") - 1
     columns = (column.tolist() for column in (times, truth.x[rows], truth.y[rows], truth.heading[rows]))
-    return [(t, Pose(x=x, y=y, heading=heading)) for t, x, y, heading in zip(*columns, strict=True)]
+    return [(t, Pose.reached(x, y, heading)) for t, x, y, heading in zip(*columns, strict=True)]
 
 
 def _exposed(picture: Pixels, noise: Pixels) -> Frame:

@@ -114,7 +114,7 @@ class Server:
         try:
             if word == "place":
                 x_cm, y_cm, heading = map(float, rest.split())
-                self.firmware.place(Pose(x=x_cm, y=y_cm, heading=heading))
+                self.firmware.place(Pose.reached(x_cm, y_cm, heading))
             elif word == "film":
                 self.firmware.film(Path(rest) if rest else None)
             elif word == "quit":

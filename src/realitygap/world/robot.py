@@ -1,6 +1,7 @@
 """A robot as frozen values: profile, body, wheels, noise, and where constants come from (§3.1, §3.2)."""
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -440,6 +441,14 @@ class Profile(Value):
     def _repr_html_(self) -> str:
         return str(lazy.notebook().profile_html(self))
 
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether every sensor that is off the middle looks across the robot to its other side."""
+        sensors = (*self.infrared.sensors, *self.ambient.sensors)
+        sides = [one.y_cm * math.sin(math.radians(one.direction_deg)) for one in sensors]
+        clear = [side for side in sides if abs(side) > 0.1 * self.body.radius_cm]
+        return len(clear) > 1 and max(clear) < 0
+
     def channel(self, kind: str) -> Infrared | Ambient:
         """The sensors of a kind: "infrared" (or "proximity", as a task feeds them) or "ambient"."""
         return self.ambient if kind == "ambient" else self.infrared
@@ -526,7 +535,15 @@ def load_profile(name_or_path: str | PathLike[str] | Profile) -> Profile:
     Raises:
         ConfigError: names the file and the key, what was expected and what came.
     """
-    return load(Profile, name_or_path, folder="profiles")
+    made = load(Profile, name_or_path, folder="profiles")
+    if made is not name_or_path and made.is_mirrored:
+        warnings.warn(
+            f"profile {made.name!r}: each sensor on the left looks to the right, across the robot, and the "
+            "other way round: is the sign of y_cm or direction_deg exchanged? y is to the left, and angles "
+            "are counter-clockwise.",
+            stacklevel=2,
+        )
+    return made
 
 
 def profile_names() -> tuple[str, ...]:
