@@ -37,7 +37,8 @@ from llvmlite.binding import get_host_cpu_features
 from numba.extending import overload, register_jitable
 
 __all__ = [
-    "compiled", "entry_for", "folder", "frozen", "helper", "kernel", "naming", "routine", "step", "used",
+    "compiled", "entry_for", "folder", "frozen", "helper", "kept", "kernel", "naming", "routine", "step",
+    "used",
 ]  # fmt: skip
 
 SAFE = {"nnan", "ninf", "nsz"}
@@ -291,6 +292,25 @@ def _digest(name: str, data: bytes) -> bytes:
 def _is_whole(file: Path) -> bool:
     data = file.read_bytes()
     return data[-32:] == _digest(file.name, data[:-32])
+
+
+def kept(home: str, key: str, make: Callable[[], bytes]) -> bytes:
+    """What is made of a file's functions (its path is `home`) and a key, once while their text stays."""
+    versions = [_text_of(Path(home)), numba.__version__, llvmlite.__version__]
+    name, text = (hashlib.sha256(repr(one).encode()).hexdigest()[:16] for one in ((home, key), versions))
+    file = folder() / f"{Path(home).stem}-{name}-{text}.made"
+    with suppress(OSError):
+        if _is_whole(file):
+            return file.read_bytes()[:-32]
+    made = make()
+    with suppress(OSError):  # it cannot be kept
+        folder().mkdir(mode=0o700, parents=True, exist_ok=True)
+        for old in folder().glob(f"{Path(home).stem}-{name}-*"):
+            old.unlink(missing_ok=True)
+        own = file.with_suffix(f".{os.getpid()}")
+        own.write_bytes(made + _digest(file.name, made))
+        own.replace(file)
+    return made
 
 
 _COMPILES = re.compile(rf"^from {__package__}\S*compiled import", re.MULTILINE)

@@ -407,21 +407,33 @@ def keep(record, k, commands, robot, feed, state, scratch):
 
 
 @step
+def begin(brain, n, scratch):
+    """Controller `n`'s robot at rest at scratch.start."""
+    start(scratch.start, scratch.state)
+    load(brain, n, scratch.state, scratch)  # §5.3: a network without a past
+
+
+@step
+def live_step(world, brain, n, stream, k, record, scratch):
+    """Step `k` of a trial of controller `n`."""
+    state = scratch.state
+    draw_noise(world.level, stream, k, scratch)  # §6
+    sense(world, stream, k, state, scratch)  # §3.2.3 proximity, §3.3 ambient light
+    to_inputs(world.robot, world.task, scratch.readings, state)  # §7.2
+    commands = decide(brain, n, state, scratch)  # §5.3
+    turn_wheels(world.robot, commands, world.level, scratch.noise, state)  # §3.2.2
+    if record.pose.shape[0] > 0:
+        keep(record, k, commands, world.robot, world.task.feed, state, scratch)
+    move(world.robot, world.arena, state)  # §3.2.2
+
+
+@step
 def run_trial(world, brain, n, stream, path, record, scratch):
     """One trial of controller `n` from scratch.start, stored in `path`, and in `record` if that has rows."""
-    state = scratch.state
-    start(scratch.start, state)
-    load(brain, n, state, scratch)  # §5.3: a network without a past
+    begin(brain, n, scratch)
     for k in range(world.task.steps):  # §3.2: every 100 ms
-        draw_noise(world.level, stream, k, scratch)  # §6
-        sense(world, stream, k, state, scratch)  # §3.2.3 proximity, §3.3 ambient light
-        to_inputs(world.robot, world.task, scratch.readings, state)  # §7.2
-        commands = decide(brain, n, state, scratch)  # §5.3
-        turn_wheels(world.robot, commands, world.level, scratch.noise, state)  # §3.2.2
-        if record.pose.shape[0] > 0:
-            keep(record, k, commands, world.robot, world.task.feed, state, scratch)
-        move(world.robot, world.arena, state)  # §3.2.2
-        store(path, k, state)  # for the score: §6.1, §6.2
+        live_step(world, brain, n, stream, k, record, scratch)
+        store(path, k, scratch.state)  # for the score: §6.1, §6.2
 
 
 @step
