@@ -11,6 +11,7 @@ from scipy import stats
 
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.load import load_recording
+from realitygap.calibration.model import wheel_speeds
 from realitygap.calibration.odometry import Odometry, measure_odometry
 from realitygap.calibration.recordings import WheelRecording
 from realitygap.errors import CalibrationError
@@ -148,11 +149,56 @@ def test_floors_that_disagree_are_named():
     assert measured(one).halves is None
 
 
-def test_a_dead_zone_is_said():
-    """Commands that move nothing, and others that move no faster: not proportional."""
+def bent(commands: Floats) -> Floats:
+    """Settled speeds, in units: none up to 2, none more from 6 on; the right wheel's a tenth lower."""
+    return np.where(np.abs(commands) <= 2, 0, np.clip(commands, -6, 6)) * [1.0, 0.9]
+
+
+@pytest.mark.parametrize("counted", [True, False])
+def test_a_dead_zone_and_an_end_become_curves(counted, tmp_path):
+    """By counters or by a camera alone; and the speeds that the profile makes are the robot's."""
     seen = drive(6, mixed=True)
-    bent = np.where(np.abs(seen.commands) <= 2, 0, np.clip(seen.commands, -6, 6))
-    made = calibrate([replace(drive_of(seen, bent), commands=seen.commands)], PAPER)
+    seen = replace(drive_of(seen, bent(seen.commands)), commands=seen.commands)
+    if not counted:
+        seen = replace(seen, counters=np.full_like(seen.counters, np.nan))
+    made = calibrate([seen], PAPER)
+    assert not any("proportional" in said or "another unit" in said for said in made.warnings)
+    assert made.wheels.law.chosen < (0.05 if counted else 0.2) < 0.5 < made.wheels.law.constant
+    (tmp_path / "robot.toml").write_text(made.profile.to_toml(), "utf-8")
+    read = load_profile(tmp_path / "robot.toml")
+    asked = np.repeat(np.arange(-8.0, 9.0)[:, None], 2, axis=1)
+    settled = read.wheels.proportional(asked) * read.wheels.speed_per_unit_cm_s
+    truth = SPEED * bent(asked)
+    assert np.abs(settled - truth).max() < 0.05 * truth.max()
+    assert read.wheels.track_cm == pytest.approx(TRACK, rel=0.02)
+    off = (wheel_speeds(read, seen) - SPEED * bent(seen.commands))[seen.since_change().min(axis=1) > 10]
+    assert np.abs(off).max() < 0.05 * truth.max()
+
+
+def test_speeds_of_commands_left_out_lie_on_the_curve():
+    """A motor under a duty cycle: every second level is left out, and predicted within 1 cm/s of 20."""
+
+    def duty(c):
+        return np.sign(c) * 20.0 * (1 - np.exp(-np.maximum(np.abs(c) - 30, 0) / 100))
+
+    seen, random = drive(7), np.random.default_rng(7)
+    levels = random.choice([-1, 1], (40, 2)) * random.choice(np.arange(25, 256, 46), (40, 2))
+    commands = np.where(seen.commands != 0, np.repeat(levels, 30, axis=0), 0.0)
+    seen = replace(drive_of(seen, duty(commands) / SPEED), commands=commands)
+    law = {"top_command": 255.0, "speed_per_unit_cm_s": (0.1, 0.1)}
+    base = replace(PAPER, body=replace(PAPER.body, radius_cm=3), wheels=replace(PAPER.wheels, **law))
+    wheels = calibrate([seen], base).profile.wheels
+    asked = np.repeat(np.arange(2.0, 256.0, 23)[:, None], 2, axis=1)
+    settled = wheels.proportional(asked) * wheels.speed_per_unit_cm_s
+    assert np.abs(settled - duty(asked)).max() < 1.0
+
+
+def test_a_law_that_too_few_runs_tell_is_said():
+    """Two runs, one of which does not move: the constant is kept, and said not to be proportional."""
+    seen = drive(6, runs=2)
+    commands = np.where(seen.commands != 0, np.where(seen.trial == 0, 2.0, [[8.0], [5.0]]).T, 0.0)
+    made = calibrate([replace(drive_of(seen, bent(commands)), commands=commands)], PAPER)
+    assert not made.profile.wheels.curves
     assert any("not proportional to the command" in said for said in made.warnings)
 
 
@@ -167,7 +213,10 @@ def logs() -> Path:
 def test_a_lag_at_its_bound_is_said(logs):
     """Commands that act two steps late are beyond the law: the lag is at its bound, and said to be."""
     made = calibrate([load_recording(logs / "wheels-lag-two-steps")], PAPER)
-    assert any("lag: at its bound" in said for said in made.warnings)
+    assert any(
+        "lag: at its bound of one step: commands act later than a step, about 0.2 s" in said
+        for said in made.warnings
+    )
 
 
 @pytest.mark.parametrize(("fitted", "unseen"), [("runs-1-2", "runs-3-4"), ("runs-3-4", "runs-1-2")])

@@ -255,7 +255,9 @@ def _provenance(made: Calibration) -> Provenance:
     if any(map(tells_heights, recordings)):
         notes.append("body.height_cm, ambient.sensor_height_cm: as the recordings state them, not fitted")
     if wheels is not None:
-        fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=wheels.rmse[wheels.form]))
+        held_out = wheels.law.chosen if wheels.law.curves else 0.0
+        rmse = wheels.rmse[wheels.form]
+        fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=rmse, held_out_rmse=held_out))
         told["wheels"] = wheels.constants
     return Provenance(
         base=made.profile.name,

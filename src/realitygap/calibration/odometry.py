@@ -8,7 +8,7 @@ pulses, whose length is then the speed per unit.
 
 import math
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from realitygap.world.robot import Constant, Profile
 
 __all__ = ["Odometry", "measure_odometry", "measured_speeds"]
 
+Without = Callable[[Collection[int]], WheelRecording]
 KEYS = ("cm_per_pulse_left", "cm_per_pulse_right", "track_cm", "marker_ahead_cm", "marker_left_cm",
         "marker_turn_deg", "poses_late_s")  # fmt: skip
 PRIOR = np.diag(np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.3, 0.3]) ** -2)
@@ -205,8 +206,11 @@ def _left_out(pieces: Sequence[Floats]) -> tuple[Floats, Floats]:
     return -bread @ whole[1:, 0], np.sqrt(spread)
 
 
-def measure_odometry(recording: WheelRecording, base: Profile) -> Odometry | None:
-    """Lengths and slip of a recording; None if a camera did not see enough of it.
+def measure_odometry(
+    recording: WheelRecording, base: Profile, without: Without | None = None
+) -> Odometry | None:
+    """Lengths and slip of a recording; None if a camera did not see enough of it. `without`: the recording as
+    it was straightened without some trials, for the errors of runs held out.
 
     Raises:
         CalibrationError: the heading runs the other way round.
@@ -242,7 +246,7 @@ def measure_odometry(recording: WheelRecording, base: Profile) -> Odometry | Non
         slip=slip.value, place_cm=float(fit.error[0]), heading_deg=math.degrees(fit.error[2]),
         drift_deg_per_m=_drift(recording, fit.theta), constants=(*constants, slip),
         halves=_halves(fit) if runs.count >= FEWEST_PIECES else None, theta=fit.theta,
-        held_out=_held_out(recording, known, fit.theta),
+        held_out=_held_out(recording, without or (lambda _: recording), known, fit.theta),
         by_base=_medians(_ends(_Runs(recording, sys.maxsize), known)), ways=ways, beyond=beyond,
     )  # fmt: skip
 
@@ -269,13 +273,15 @@ def _medians(ends: Floats) -> tuple[float, float]:
     return float(place), math.degrees(heading)
 
 
-def _held_out(recording: WheelRecording, known: Floats, theta: Floats) -> tuple[float, float]:
+def _held_out(
+    recording: WheelRecording, without: Without, known: Floats, theta: Floats
+) -> tuple[float, float]:
     """Ends of runs by constants fitted to the others; NaN of a single run."""
     trials, found = np.unique(recording.trial).tolist(), []
     for k in range(min(FOLDS, len(trials))):
         out = trials[k::FOLDS]
-        rest = _Runs(recording, LONG, set(trials).difference(out))
-        left = _Runs(recording, sys.maxsize, out)
+        seen = without(out)
+        rest, left = _Runs(seen, LONG, set(trials).difference(out)), _Runs(seen, sys.maxsize, out)
         if rest.count and left.count:
             found.append(_ends(left, _fitted(rest, known, theta).theta))
     return _medians(np.concatenate(found)) if found else (math.nan, math.nan)
