@@ -41,9 +41,8 @@ FIRST_GAINS: dict[str, tuple[tuple[float, ...], ...]] = {
     ),
 }  # fmt: skip
 """Starting values of a form: gains, lag and play."""
-NOISE_CM_S, UNSTABLE_CM_S, SETTLING = 0.1, 1e3, 0.999
-"""Deviation by which residuals are weighed; misfit of gains with which a wheel does not settle; the largest
-pole that is tried."""
+NOISE_CM_S, SETTLING = 0.1, 0.999
+"""Deviation by which residuals are weighed; the largest pole that is tried."""
 SETTLED, BENT, AT_BOUND = 5, 0.1, 0.98
 """Steps after which a wheel has its speed; share of the top speed by which a settled one may be off the
 fitted law before it is called not proportional; share of a bound from which on a constant is at it."""
@@ -292,7 +291,7 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) 
         return (
             wheel_speeds(_with(base, law), recording)
             if _stable(base, law)
-            else np.nan_to_num(measured) + UNSTABLE_CM_S
+            else np.full_like(measured, np.inf)
         )
 
     tried = []
