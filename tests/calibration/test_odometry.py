@@ -91,6 +91,18 @@ def test_late_poses_are_found():
     assert told["track_cm"].value == pytest.approx(TRACK, rel=0.01)
 
 
+@pytest.mark.parametrize(("late", "each"), [(2, 1), (0, 2), (1, 3)])
+def test_late_and_repeated_pictures_are_no_slip(late, each):
+    """Poses stamped late, or written again until the next picture: slip, track and drift stay the same."""
+    seen = drive(1, late=late, slip=0.06, heading_deg=0.5, mixed=True)
+    taken = np.arange(len(seen.t_s))
+    seen = replace(seen, pose=seen.pose[taken - taken % 30 % each])
+    made = measured(seen)
+    assert made.slip == pytest.approx(0.06, abs=0.025)
+    assert made.track_cm == pytest.approx(TRACK, rel=0.01)
+    assert made.place_cm == pytest.approx(0.05, rel=0.15)
+
+
 def test_pictures_of_something_else_cost_nothing():
     """At the end of every third run the robot is seen 5 cm and a quarter turn from where it is."""
     seen = drive(1, mixed=True)
