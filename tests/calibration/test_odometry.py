@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.optimize import least_squares
 
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.load import load_recording
@@ -243,3 +244,42 @@ def test_a_real_robots_other_runs_are_predicted(logs, fitted, unseen):
     assert told["marker_ahead_cm"] == pytest.approx(-22, abs=1.5)
     for place, heading in made.ends(other):
         assert place < 12.5 and heading < np.radians(5)
+
+
+def plain(recording: WheelRecording, weight: float) -> Floats:
+    """cm per pulse, track and marker [5] by least squares over whole runs: counters to poses, one start pose
+    each, headings weighed by so many cm a rad."""
+    runs, pose = recording.trials(), recording.pose
+
+    def off(z):
+        out = []
+        for k, rows in enumerate(runs):
+            way = np.diff(recording.counters[rows], axis=0, prepend=recording.counters[rows[:1]])
+            left, right = (way * z[:2] * 1e-4).T
+            turn = (right - left) / z[2]
+            heading = z[7 + 3 * k] + np.cumsum(turn)
+            c, s = np.cos(heading), np.sin(heading)
+            x = z[5 + 3 * k] + np.cumsum((left + right) / 2 * np.cos(heading - turn / 2))
+            y = z[6 + 3 * k] + np.cumsum((left + right) / 2 * np.sin(heading - turn / 2))
+            by = np.stack([x + c * z[3] - s * z[4], y + s * z[3] + c * z[4], heading], 1) - pose[rows]
+            by[:, 2] = weight * ((by[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+            out.append(by.ravel())
+        return np.concatenate(out)
+
+    begin = np.concatenate([[2.5, 2.5, 58, 0, 0], *(pose[rows[0]] for rows in runs)])
+    return least_squares(off, begin, x_scale="jac").x[:5] * [1e-4, 1e-4, 1, 1, 1]
+
+
+@pytest.mark.parametrize("weight", [0.0, 50.0])
+def test_a_real_robots_runs_end_no_farther_off_than_by_plain_least_squares(logs, weight):
+    """Over the held-out runs of both halves, in place and in heading."""
+    trento = logs / "trento-wheels"
+    base = load_profile(trento / "base.toml")
+    one, other = (load_recording(trento / f"runs-{name}").of_robot(base) for name in ("1-2", "3-4"))
+    ours, theirs = [], []
+    for fitted, unseen in ((one, other), (other, one)):
+        made = measure_odometry(fitted, base)
+        ours.append(made.ends(unseen))
+        theirs.append(replace(made, theta=np.append(plain(fitted, weight), [0.0, 0.0])).ends(unseen))
+    (place, heading), (by_place, by_heading) = (np.mean(np.concatenate(x), axis=0) for x in (ours, theirs))
+    assert place <= by_place and heading <= by_heading
