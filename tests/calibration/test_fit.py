@@ -87,3 +87,26 @@ def test_readings_of_a_cluster_err_together():
     one = Parameter(key="p", start=np.full(1, 5.0), low=0, high=10)
     (found,) = fit([one], lambda v: np.repeat(v["p"][None], 1200, axis=0), data).constants
     assert (found.high - found.low) / 2 == pytest.approx(1.96 * off.std() / 40**0.5, rel=0.1)
+
+
+def test_values_that_no_robot_can_have_are_not_asked_for_a_slope():
+    """Beside such values the derivative is taken on the other side: the interval is as without them."""
+    x = np.linspace(1, 2, 200)[:, None]
+    counts = x * [1.0, 2.0] + 0.01 * np.random.default_rng(0).normal(size=(200, 2))
+    data = Observed(counts=counts, noise=0.01, use=np.ones((200, 2), bool), clusters=np.arange(200))
+    frees = [
+        Parameter(key=k, start=np.full(1, s), low=0, high=9) for k, s in zip("abc", (0.9, 1, 1), strict=True)
+    ]
+
+    def free(v):
+        return x * [1.0, 2.0] * v["a"] + np.hstack([v["b"] - 1 + 0 * x, v["c"] - 1 + 0 * x])
+
+    wide = fit(frees, free, data)
+    edge = wide.constants[0].value + 9e-4
+
+    def bounded(v):
+        return free(v) if v["a"][0] < edge else np.full_like(counts, np.inf)
+
+    near = fit(frees, bounded, data)
+    assert near.constants[0].high == pytest.approx(wide.constants[0].high, abs=1e-4)
+    assert near.constants[0].low == pytest.approx(wide.constants[0].low, abs=1e-4)

@@ -167,7 +167,9 @@ def calibrate(
     near, lit = (_of_kind(recordings, kind) for kind in ("infrared", "ambient"))
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     if len(driven) > 1:
-        raise CalibrationError(f"expected one recording of wheels, got {len(driven)}. Give the best one, or list several logs in one MAP.toml.")
+        raise CalibrationError(
+            f"expected one recording of wheels, got {len(driven)}. Give the best one, or list several logs in one MAP.toml."
+        )
     infrared_form, light_form, wheel_form = FORMS[form]
     light_form = light or light_form
     total = len(driven) + ticks(near, infrared_form, beside=beside) + ticks(lit, light_form, beside=beside)
@@ -256,7 +258,9 @@ def _provenance(made: Calibration) -> Provenance:
         notes.append("body.height_cm, ambient.sensor_height_cm: as the recordings state them, not fitted")
     if wheels is not None:
         if wheels.rmse:
-            fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=wheels.rmse[wheels.form]))
+            held_out = wheels.law.chosen if wheels.law is not None and wheels.law.curves else 0.0
+            rmse = wheels.rmse[wheels.form]
+            fits.append(FittedChannel(channel="wheels", form=wheels.form, rmse=rmse, held_out_rmse=held_out))
         told["wheels"] = wheels.constants
     return Provenance(
         base=made.profile.name,

@@ -22,7 +22,7 @@ from realitygap.world.robot import Constant, Profile
 Values = Mapping[str, Floats]
 """The values of parameters by name: [1], or [S] one per sensor."""
 Model = Callable[[Values], Floats]
-"""Noise-free readings [n, S] of values."""
+"""Noise-free readings [n, S] of values; infinite for values that no robot can have."""
 Use = NDArray[np.bool_]
 Tick = Callable[[], None]
 
@@ -35,6 +35,8 @@ SIGMAS = 1.96
 """Intervals hold 95 %."""
 ALIKE, BLIND = 0.95, 1e-5
 """Correlation from which two constants count as inseparable."""
+FORBIDDEN = 1e4
+"""Residual, in noise deviations, of values that no robot can have."""
 FEW = 3
 SCAN = 17
 """Steps of a scan of directions."""
@@ -182,6 +184,7 @@ class _Packed:
 
     def residuals(self, theta: Floats) -> Floats:
         off = (self.readings(theta) - self._data.counts)[self._data.use] / self._data.noise
+        off[np.isinf(off)] = FORBIDDEN
         return np.concatenate([off, [float(row @ (theta - self._starts)) for row, _ in self._prior_rows]])
 
     def _columns(self, theta: Floats) -> Floats:
@@ -189,10 +192,15 @@ class _Packed:
         base = self.readings(theta)
         out = np.zeros((*base.shape, len(theta)))
         for p, where in self._parts:
-            steps = np.where(theta[where] + p.step > p.high, -p.step, p.step)
-            moved = theta.copy()
-            moved[where] += steps
-            change = (self._model(self.unpack(moved)) - base) / self._data.noise
+            ahead = np.where(theta[where] + p.step > p.high, -p.step, p.step)
+            for steps in (ahead, -ahead):  # the side that a robot can have
+                moved = theta.copy()
+                moved[where] += steps
+                read = self._model(self.unpack(moved))
+                if not np.isinf(read).any():
+                    break
+            real = ~(np.isinf(read) | np.isinf(base))
+            change = np.subtract(read, base, where=real, out=np.zeros(base.shape)) / self._data.noise
             for k, step in enumerate(steps):
                 own = slice(None) if len(steps) == 1 else k
                 out[:, own, where.start + k] = change[:, own] / step

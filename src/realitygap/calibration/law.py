@@ -17,15 +17,16 @@ __all__ = ["Law", "fit_law"]
 
 SETTLED, FEWEST_ROWS = 5, 3
 """Steps after which a wheel has its speed; known speeds that a settled one is the mean of, at least."""
-MOST_KNOTS = 24
+MOST_KNOTS = 40
 """In one direction; of more levels a curve has knots at quantiles."""
 FOLDS = 4
 FEWEST_TRIALS, ROWS = 10, 20
 """With fewer trials the rows are grouped by this many (2 s)."""
 NEGLIGIBLE = 0.01
 """Share of the fastest settled speed by which a constant may err before a curve is thought of."""
-REST, TOP = 0.02, 0.98
-"""Shares of a wheel's top speed below which it rests, and above which it drives no faster."""
+REST, TOP, WELL_BELOW = 0.02, 0.98, 0.9
+"""Shares of a wheel's top speed below which it rests, and above which it drives no faster; and of the largest
+command, below which that is said."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,10 +63,10 @@ class Law:
                 command, speed = np.abs(curve[side * curve[:, 0] >= 0].T)
                 rest.append(command[speed <= REST * speed.max()].max())
                 full.append(command[speed >= TOP * speed.max()].min())
-        most = min(np.abs(curve[[0, -1], 0]).min() for curve in self.curves)
         parts = [f"nothing up to {_span(rest)}"] if max(rest) > 0 else []
-        parts += [f"none more from {_span(full)} on"] if max(full) < most else []
-        return " and ".join(parts)
+        ends = max(full) < WELL_BELOW * np.abs(self.holds[:, 1]).max()
+        parts += [f"none more from {_span(full)} on"] if ends else []
+        return " and ".join(parts) or "steeper here than there"
 
 
 def _span(values: list[float]) -> str:
@@ -152,28 +153,37 @@ def _better(errors: Floats, holds: Floats) -> bool:
 
 
 def _curves(holds: Floats, reach: float) -> tuple[Floats, ...]:
-    """Of each wheel, [K, 2], from −reach or below to reach or above, by non-negative least squares of the
-    rises between knots. What a direction was never told, slow or fast, is taken from the others."""
-    from scipy.optimize import nnls
-
+    """Of each wheel, [K, 2], from −reach or below to reach or above. At commands that one direction was never
+    told, it does as all of them do together, in its proportion to them."""
     wheel, command, speed, _ = holds.T
-    side = np.sign(command)
-    level, speed = np.abs(command), side * speed
+    way = np.sign(command)
+    level, speed = np.abs(command), way * speed
+    every = _rising(level, speed, reach)
     made = []
     for w in range(2):
         knots = [(0.0, 0.0)]
-        for way in (-1, 1):
-            own = (wheel == w) & (side == way)
-            use = own | ~((level >= level[own].min(initial=np.inf)) & (level <= level[own].max(initial=0.0)))
-            knot = np.unique(level[use])
-            if len(knot) > MOST_KNOTS:
-                knot = np.unique(np.quantile(level[use], np.linspace(0, 1, MOST_KNOTS)))
-            below = np.append(0.0, knot[:-1])
-            ramps = np.clip((level[use][:, None] - below) / (knot - below), 0.0, 1.0)
-            rises = nnls(ramps, speed[use])[0]
-            if knot[-1] < reach:  # goes on as it ends
-                rises = np.append(rises, rises[-1] * (reach - knot[-1]) / (knot[-1] - below[-1]))
-                knot = np.append(knot, reach)
-            knots += zip(way * knot, way * np.cumsum(rises) + 0.0, strict=True)
+        for side in (-1, 1):
+            own = (wheel == w) & (way == side)
+            common = np.interp(level[own], *every)
+            share = speed[own] @ common / (common @ common) if common.any() else 1.0
+            more = np.setdiff1d(level, level[own])
+            told = np.append(speed[own], share * np.interp(more, *every))
+            knot, settled = _rising(np.append(level[own], more), told, reach)
+            knots += zip(side * knot[1:], side * settled[1:] + 0.0, strict=True)
         made.append(np.array(sorted(knots)))
     return tuple(made)
+
+
+def _rising(level: Floats, speed: Floats, reach: float) -> tuple[Floats, Floats]:
+    """Knots from 0 to reach or above and speeds there, by non-negative least squares of the rises between."""
+    from scipy.optimize import nnls
+
+    knot = np.unique(level)
+    if len(knot) > MOST_KNOTS:
+        knot = np.unique(np.quantile(level, np.linspace(0, 1, MOST_KNOTS)))
+    below = np.append(0.0, knot[:-1])
+    rises = nnls(np.clip((level[:, None] - below) / (knot - below), 0.0, 1.0), speed)[0]
+    if knot[-1] < reach:  # goes on as it ends
+        rises = np.append(rises, rises[-1] * (reach - knot[-1]) / (knot[-1] - below[-1]))
+        knot = np.append(knot, reach)
+    return np.append(0.0, knot), np.append(0.0, np.cumsum(rises))

@@ -53,9 +53,7 @@ STEP_COLUMNS = (
     "t_s", "command_left", "command_right", "counter_left", "counter_right",
     "speed_left", "speed_right", "trial", "kind",
 )  # fmt: skip
-COMMANDS, COUNTERS, SPEEDS = (
-    (f"{what}_left", f"{what}_right") for what in ("command", "counter", "speed")
-)
+COMMANDS, COUNTERS, SPEEDS = ((f"{what}_left", f"{what}_right") for what in ("command", "counter", "speed"))
 """Of which one is needed."""
 WHEEL_COUNTS = (*COUNTERS, *SPEEDS)
 """Columns that only wheels with counters have; no fit needs their speeds."""
@@ -419,7 +417,9 @@ def _read_map(path: Path, object: str | None) -> Recording:
         )
     asked = [key for key, value in facts.items() if value == ASKED]
     if asked and not (object and asked == ["object"]):
-        raise RecordingError(f'{path}: {asked[0]}: `realitygap look` could not tell it: write it instead of "?".')
+        raise RecordingError(
+            f'{path}: {asked[0]}: `realitygap look` could not tell it: write it instead of "?".'
+        )
     origin = {"source": str(path), "hash": mapped.hash, "notes": str(facts.get("notes", "")), "facts": facts}
     for name in POSE[2:] + POLAR[1:]:
         if name in columns:
@@ -443,11 +443,15 @@ def _read_map(path: Path, object: str | None) -> Recording:
             seen[place] += 1
     _check_facts(path, facts)
     rows = [["" if v != v else f"{v:.12g}" for v in row] for row in zip(*made.values(), strict=True)]
-    table = _Rows(path, tuple(made), rows, 0, list(mapped.lines), RecordingError, f"Correct {path} or its log.")
+    table = _Rows(
+        path, tuple(made), rows, 0, list(mapped.lines), RecordingError, f"Correct {path} or its log."
+    )
     if mapped.kind != "wheels":
         return _read_sensors(table, path, facts, mapped.kind, object, origin)
     recording = _read_wheels(table, path, facts, origin)
-    recording = replace(recording, warnings=(*(f"{path}: {note}" for note in mapped.notes), *recording.warnings))
+    recording = replace(
+        recording, warnings=(*(f"{path}: {note}" for note in mapped.notes), *recording.warnings)
+    )
     if recording.pulses_said or not math.isfinite(found := first_pulses(recording)):
         return recording
     return replace(recording, pulses_per_mm=found, pulses_said=True)

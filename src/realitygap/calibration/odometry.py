@@ -8,7 +8,7 @@ pulses, whose length is then the speed per unit.
 
 import math
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from realitygap.world.robot import Constant, Profile
 
 __all__ = ["Odometry", "measure_odometry", "measured_speeds"]
 
+Without = Callable[[Collection[int]], WheelRecording]
 KEYS = ("cm_per_pulse_left", "cm_per_pulse_right", "track_cm", "marker_ahead_cm", "marker_left_cm",
         "marker_turn_deg", "poses_late_s")  # fmt: skip
 PRIOR = np.diag(np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.3, 0.3]) ** -2)
@@ -99,8 +100,12 @@ class _Runs:
         between = np.where(first, 1000.0, np.diff(recording.t_s, prepend=0.0))
         self.t_s, self.rolled = np.cumsum(between), np.cumsum(pulses, axis=0)
         pose = recording.pose
-        same = np.concatenate([[False], (np.diff(pose, axis=0) == 0).all(axis=1)])
-        good = np.isfinite(pose[:, :2]).all(axis=1) & ~(same & (pulses != 0).any(axis=1))  # no old picture
+        moved = np.diff(pose, axis=0)
+        same = (moved[:, :2] == 0).all(axis=1) & ((moved[:, 2] == 0) | np.isnan(moved[:, 2]))
+        same = np.concatenate([[False], same]) & ~first
+        taken = np.maximum.accumulate(np.where(same, 0, np.arange(len(pose))))
+        old = (self.rolled != self.rolled[taken]).any(axis=1)  # the picture from before the wheels turned
+        good = np.isfinite(pose[:, :2]).all(axis=1) & ~old
         if trials is not None:
             good &= np.isin(recording.trial, list(trials))
         piece = np.zeros(len(pose), np.int64)
@@ -111,6 +116,10 @@ class _Runs:
         self.pose = pose[self.seen]
         _, self.first, self.piece = np.unique(piece[self.seen], return_index=True, return_inverse=True)
         self.count = len(self.first)
+
+    def earlier(self, sums: Floats, by_s: float) -> Floats:
+        """[n, 2] running sums so many seconds before each row."""
+        return np.stack([np.interp(self.t_s - by_s, self.t_s, column) for column in sums.T], 1)
 
     def start(self, theta: Floats) -> Floats:
         """[pieces, 3] poses of the axle's middle at each piece's first picture, as seen there."""
@@ -131,14 +140,14 @@ class _Runs:
             way = np.cumsum(np.hypot(*np.diff(whole[a:b], axis=0, prepend=whole[a : a + 1]).T))
             part = slice(a, a + max(2, int(np.searchsorted(way, way[-1] / 3)) + 1))
             model, seen = (z - z.mean(axis=0) for z in (whole[part], self.pose[part, :2]))
-            along[j] = np.arctan2((model[:, 0] * seen[:, 1] - model[:, 1] * seen[:, 0]).sum(), (model * seen).sum())
+            along[j] = np.arctan2(
+                (model[:, 0] * seen[:, 1] - model[:, 1] * seen[:, 0]).sum(), (model * seen).sum()
+            )
         return np.array(along)
 
     def predicted(self, theta: Floats, start: Floats) -> Floats:
         """[m, 3] poses of the marker at each picture, from the axle's at each piece's first."""
-        rolled = np.stack(
-            [np.interp(self.t_s - theta[6], self.t_s, self.rolled[:, w]) * theta[w] for w in range(2)], 1
-        )
+        rolled = self.earlier(self.rolled, theta[6]) * theta[:2]
         heading = (rolled[:, 1] - rolled[:, 0]) / theta[2]
         turn = np.diff(heading, prepend=heading[:1])
         chord = np.diff(rolled.mean(axis=1), prepend=rolled[:1].mean()) * np.sinc(turn / math.tau)
@@ -224,8 +233,11 @@ def _left_out(pieces: Sequence[Floats]) -> tuple[Floats, Floats]:
     return -bread @ whole[1:, 0], np.sqrt(spread)
 
 
-def measure_odometry(recording: WheelRecording, base: Profile) -> Odometry | None:
-    """Lengths and slip of a recording; None if a camera did not see enough of it.
+def measure_odometry(
+    recording: WheelRecording, base: Profile, without: Without | None = None
+) -> Odometry | None:
+    """Lengths and slip of a recording; None if a camera did not see enough of it. `without`: the recording as
+    it was straightened without some trials, for the errors of runs held out.
 
     Raises:
         CalibrationError: the heading runs the other way round.
@@ -262,7 +274,7 @@ def measure_odometry(recording: WheelRecording, base: Profile) -> Odometry | Non
         heading_deg=math.degrees(fit.error[2]) if np.isfinite(recording.pose[:, 2]).any() else math.nan,
         drift_deg_per_m=_drift(recording, fit.theta), constants=(*constants, slip),
         halves=_halves(fit) if runs.count >= FEWEST_PIECES else None, theta=fit.theta,
-        held_out=_held_out(recording, known, fit.theta),
+        held_out=_held_out(recording, without or (lambda _: recording), known, fit.theta),
         by_base=_medians(_ends(_Runs(recording, sys.maxsize), known)), ways=ways, beyond=beyond,
     )  # fmt: skip
 
@@ -296,13 +308,15 @@ def _medians(ends: Floats) -> tuple[float, float]:
     return float(place), math.degrees(heading)
 
 
-def _held_out(recording: WheelRecording, known: Floats, theta: Floats) -> tuple[float, float]:
+def _held_out(
+    recording: WheelRecording, without: Without, known: Floats, theta: Floats
+) -> tuple[float, float]:
     """Ends of runs by constants fitted to the others; NaN of a single run."""
     trials, found = np.unique(recording.trial).tolist(), []
     for k in range(min(FOLDS, len(trials))):
         out = trials[k::FOLDS]
-        rest = _Runs(recording, LONG, set(trials).difference(out))
-        left = _Runs(recording, sys.maxsize, out)
+        seen = without(out)
+        rest, left = _Runs(seen, LONG, set(trials).difference(out)), _Runs(seen, sys.maxsize, out)
         if rest.count and left.count:
             found.append(_ends(left, _fitted(rest, known, theta).theta))
     return _medians(np.concatenate(found)) if found else (math.nan, math.nan)
@@ -363,58 +377,76 @@ def _segments(recording: WheelRecording, theta: Floats, apart: int) -> tuple[Flo
     """Of pictures so many steps apart, between which the wheels turned: their rows [m, 2], the ways by the
     counters [m, 2], and what they are seen to go further [m, 2]."""
     assert recording.pose is not None
-    seen, pieces = np.asarray(np.isfinite(recording.pose).all(axis=1)), []
+    runs, pieces = _Runs(recording, sys.maxsize), []
+    seen = runs.seen[np.isfinite(runs.pose[:, 2])]
     for rows in recording.trials():
-        kept = rows[seen[rows]]
+        kept = rows[np.isin(rows, seen)]
         kept = kept[np.unique((kept - rows[0]) // apart, return_index=True)[1]]
         pieces.append(np.stack([kept[:-1], kept[1:]], 1))
     pairs = np.concatenate(pieces)
     a, b = pairs.T
-    ways = (recording.counters[b] - recording.counters[a]) * theta[:2]
-    moved = (ways != 0).any(axis=1)
+    late_s = 0.0 if recording.from_commands else theta[6]
+    rolled = runs.earlier(runs.rolled, late_s)
+    ways = (rolled[b] - rolled[a]) * theta[:2]
+    whole = runs.earlier(runs.rolled, _steps_late(recording, theta) * recording.period_s)
+    moved = (np.abs(whole[b] - whole[a]) > 1e-6).any(axis=1)
     beyond = _ways(recording.pose[a], recording.pose[b], theta) - ways
     return pairs[moved], ways[moved], beyond[moved]
 
 
-def _slip(recording: WheelRecording, theta: Floats, known: float) -> Constant:
-    """Relative deviation of a step's way, beside the camera's own error: error² = s²·way² + c²; leaps left
-    out. From pictures of single steady steps if they tell it, since slip over several is another where it is
-    correlated; else over several; else as known."""
-    from scipy.optimize import nnls
+def _steps_late(recording: WheelRecording, theta: Floats) -> int:
+    """By how many rows pictures are late; none without counters, where it is the wheels that follow late."""
+    return 0 if recording.from_commands else round(theta[6] / recording.period_s)
 
-    squares = np.cumsum(np.diff(recording.counters, axis=0, prepend=recording.counters[:1]) ** 2, axis=0)
-    steady = STEADY_STEPS if recording.from_commands else 1
-    since = recording.since_change().min(axis=1)
+
+def _slip(recording: WheelRecording, theta: Floats, known: float) -> Constant:
+    """Relative deviation of a step's way, beside the camera's own error: error² = s²·way² + c². From single
+    steady steps if they tell it, since slip over several is larger where it is correlated; over several where
+    those tell less (a camera's errors that last or times that jitter are no slip); else as known."""
     within = np.diff(recording.trial) == 0
     off = np.abs(np.diff(recording.t_s)[within] - recording.period_s)
     even = bool((off < 0.2 * recording.period_s).mean() > EVEN)
-    for apart in (1, APART) if even else ():
-        (a, b), _, beyond = (part.T for part in _segments(recording, theta, apart))
-        use = (b == a + 1) & (since[b - 1] >= steady) if apart == 1 else b > a
-        if use.sum() < (FEWEST_STEPS if apart == 1 else FEWEST):
-            continue
-        terms = np.stack(
-            [((squares[b] - squares[a]) * theta[:2] ** 2)[use].ravel(), np.ones(2 * use.sum())], 1
-        )
-        left, found = beyond.T[use].ravel() ** 2, np.array([0.06**2, 0.1**2])
-        for _ in range(20):
-            likely = terms @ found
-            near = left < LEAP**2 * likely
-            rows = terms[near] / likely[near, None]
-            found = np.maximum(nnls(rows, left[near] / likely[near])[0], (1e-8, 1e-6))
-        deviation = math.sqrt(2.0 * np.linalg.inv(rows.T @ rows)[0, 0])  # a square's: √2 times itself
-        if found[0] > SURE * deviation:
-            slip = math.sqrt(found[0])
-            half = SIGMAS * deviation / slip / 2
-            return Constant(key="noise.wheel", value=slip, low=slip - half, high=slip + half, told=apart == 1)
-    return Constant(key="noise.wheel", value=known, low=0.0, high=max(known, 1.0), told=False)
+    one, several = (_slip_over(recording, theta, apart) if even else None for apart in (1, APART))
+    if one and several and one.low > several.high:
+        one = None
+    unknown = Constant(key="noise.wheel", value=known, low=0.0, high=max(known, 1.0), told=False)
+    return one or several or unknown
+
+
+def _slip_over(recording: WheelRecording, theta: Floats, apart: int) -> Constant | None:
+    """From pictures so many steps apart, leaps left out; None where they do not tell it."""
+    from scipy.optimize import nnls
+
+    squares = np.cumsum(np.diff(recording.counters, axis=0, prepend=recording.counters[:1]) ** 2, axis=0)
+    (a, b), _, beyond = (part.T for part in _segments(recording, theta, apart))
+    use = b > a
+    if apart == 1:
+        steady = STEADY_STEPS if recording.from_commands else 1
+        asked = np.maximum(b - 1 - _steps_late(recording, theta), 0)
+        use = (b == a + 1) & (recording.since_change().min(axis=1)[asked] >= steady)
+    if use.sum() < (FEWEST_STEPS if apart == 1 else FEWEST):
+        return None
+    terms = np.stack([((squares[b] - squares[a]) * theta[:2] ** 2)[use].ravel(), np.ones(2 * use.sum())], 1)
+    left, found = beyond.T[use].ravel() ** 2, np.array([0.06**2, 0.1**2])
+    for _ in range(20):
+        likely = terms @ found
+        near = left < LEAP**2 * likely
+        rows = terms[near] / likely[near, None]
+        found = np.maximum(nnls(rows, left[near] / likely[near])[0], (1e-8, 1e-6))
+    deviation = math.sqrt(2.0 * np.linalg.inv(rows.T @ rows)[0, 0])  # a square's: √2 times itself
+    if found[0] <= SURE * deviation:
+        return None
+    slip = math.sqrt(found[0])
+    half = SIGMAS * deviation / slip / 2
+    return Constant(key="noise.wheel", value=slip, low=slip - half, high=slip + half, told=apart == 1)
 
 
 def _drift(recording: WheelRecording, theta: Floats) -> float:
     """Drift of the heading under equal commands, degrees a metre; NaN without any."""
     pairs, ways, beyond = _segments(recording, theta, 1)
     unequal = np.concatenate([[0], np.cumsum(recording.commands[:, 0] != recording.commands[:, 1])])
-    way = (ways + beyond)[unequal[pairs[:, 1]] == unequal[pairs[:, 0]]]
+    begin, end = np.maximum(pairs - _steps_late(recording, theta), 0).T
+    way = (ways + beyond)[unequal[end] == unequal[begin]]
     metres = np.abs(way.mean(axis=1)).sum() / 100.0
     turned = np.sign(way.mean(axis=1)) @ (way[:, 1] - way[:, 0]) / theta[2]
     return math.degrees(turned) / metres if metres > 0.2 else math.nan

@@ -4,6 +4,7 @@ Counters show how a wheel follows its command, in pulses; pulses per millimetre,
 be seen from outside (odometry.py).
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import NamedTuple
@@ -42,12 +43,13 @@ FIRST_GAINS: dict[str, tuple[tuple[float, ...], ...]] = {
     ),
 }  # fmt: skip
 """Starting values of a form: gains, lag and play."""
-NOISE_CM_S, UNSTABLE_CM_S, SETTLING = 0.1, 1e3, 0.999
-"""Deviation by which residuals are weighed; misfit of gains with which a wheel does not settle; the largest
-pole that is tried."""
-SETTLED, BENT, LATE = 5, 0.1, 0.98
+NOISE_CM_S, SETTLING = 0.1, 0.999
+"""Deviation by which residuals are weighed; the largest pole that is tried."""
+SETTLED, BENT, AT_BOUND = 5, 0.1, 0.98
 """Steps after which a wheel has its speed; share of the top speed by which a settled one may be off the
-fitted law before it is called not proportional; lag that is at its bound of a step."""
+fitted law before it is called not proportional; share of a bound from which on a constant is at it."""
+LATEST = 10
+"""Steps by which commands are tried to act late."""
 ROUNDS = 3
 """Of odometry by commands and of curves by that odometry, where wheels have no counters."""
 FEW = 0.01
@@ -82,6 +84,7 @@ class WheelFit:
         law: of command to settled speed; None without commands.
         camera: whether there are any pictures.
         pulses_per_mm: of both counters, measured or known in advance; empty without counters.
+        late_s: how late, in whole steps, the wheels follow their commands best.
         bent: wheel, command, and the share of the fitted speed at which it settles, where that is not
             proportional to the command though one constant was kept.
         unused: steps that last no whole number of periods: no form is fitted to them.
@@ -98,6 +101,7 @@ class WheelFit:
     law: Law | None
     camera: bool
     pulses_per_mm: tuple[float, ...]
+    late_s: float
     bent: tuple[str, float, float] | None
     unused: int
     measured: Floats = field(repr=False)
@@ -113,21 +117,17 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
     base = replace(base, wheels=replace(base.wheels, curve_left=(), curve_right=()))
     given = recording = recording.of_robot(base)
     refuse_odd(given)
+    straightened = None
     for _ in range(ROUNDS):
-        odometry = measure_odometry(recording, base)
+        odometry = measure_odometry(recording, base, straightened)
         if odometry is not None:
             refuse_lengths(recording, odometry, base)
         per_pulse = odometry.cm_per_pulse if odometry else (0.1 / recording.pulses_per_mm,) * 2
         measured = measured_speeds(recording, odometry, per_pulse)
         refuse_few_steps(recording, measured)
-        law = fit_law(given, measured, base.wheels.top_command)
-        if not law.curves:
-            recording = given
-            break
-        # From here on the commands of wheels without curves.
-        straight = law.straight(given.commands, base.wheels.top_command)
-        recording = replace(given, commands=straight).of_robot(base)
-        if not given.from_commands:
+        straightened = Straightened(given, base, measured)
+        law, recording = straightened.law, straightened()
+        if not (law.curves and given.from_commands):
             break
     # With a camera alone it is unknown in which step a wheel began to turn.
     friction = measure_friction(recording, measured) if recording.counted else None
@@ -153,7 +153,8 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
         friction=friction, odometry=odometry, law=law,
         camera=recording.pose is not None and bool(np.isfinite(recording.pose).any()),
         pulses_per_mm=_pulses(recording, per_pulse), unused=_unused(recording, measured),
-        bent=None if law.curves else _bent(recording, profile, measured), measured=measured, model=model,
+        late_s=_late(recording, profile, measured), measured=measured, model=model,
+        bent=None if law.curves else _bent(recording, profile, measured),
     )  # fmt: skip
 
 
@@ -173,9 +174,8 @@ def _odometry_only(recording: WheelRecording, base: Profile) -> WheelFit:
             noise=replace(base.noise, wheel=odometry.slip),
         ),
         form=ODOMETRY, constants=odometry.constants, alike=(), rmse={}, friction=None, odometry=odometry,
-        law=None,
-        camera=True, pulses_per_mm=_pulses(recording, odometry.cm_per_pulse), bent=None, unused=0,
-        measured=measured, model=np.full_like(measured, np.nan),
+        law=None, camera=True, pulses_per_mm=_pulses(recording, odometry.cm_per_pulse), late_s=0.0, bent=None,
+        unused=0, measured=measured, model=np.full_like(measured, np.nan),
     )  # fmt: skip
 
 
@@ -188,6 +188,24 @@ def _pulses(recording: WheelRecording, cm_per_pulse: tuple[float, float]) -> tup
 def _unused(recording: WheelRecording, measured: Floats) -> int:
     """Steps within trials whose speeds [n, 2] nobody knows."""
     return int((np.isnan(measured[:-1]).any(axis=1) & (np.diff(recording.trial) == 0)).sum())
+
+
+class Straightened:
+    """A recording with the commands of wheels without curves that settle at the same speeds [n, 2], cm/s."""
+
+    def __init__(self, recording: WheelRecording, base: Profile, measured: Floats) -> None:
+        self._given, self._base, self._measured = recording, base, measured
+        self.law = fit_law(recording, measured, base.wheels.top_command)
+
+    def __call__(self, without: Collection[int] = ()) -> WheelRecording:
+        """By a law that is chosen and fitted without some trials; as it was where that is one constant."""
+        given, top, law = self._given, self._base.wheels.top_command, self.law
+        if len(without):
+            out = np.isin(given.trial, list(without))[:, None]
+            law = fit_law(given, np.where(out, np.nan, self._measured), top)
+        if not law.curves:
+            return given
+        return replace(given, commands=law.straight(given.commands, top)).of_robot(self._base)
 
 
 def doubts(wheels: WheelFit, base: Profile) -> list[str]:
@@ -226,10 +244,14 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             f"wheels: the printed gains leave {wheels.rmse['printed']:.2f} cm/s, refitted ones "
             f"{wheels.rmse['refitted']:.2f}: this misfit is no noise"
         )
-    if any(c.key == "lag" and c.value > LATE for c in wheels.constants):
-        out.append(
-            "wheels: lag: at its bound of one step: commands act later than the law of the wheels has it"
-        )
+    for key, value in ((c.key, c.value) for c in wheels.constants if c.key in GAINS):
+        low, high, _ = GAINS[key]
+        if value > AT_BOUND * high or value < low / AT_BOUND:  # 0 is no bound: without it
+            late = f"commands act later than a step, about {wheels.late_s:.2g} s late"
+            late = late if wheels.late_s > wheels.profile.period_s else "commands act a whole step late"
+            bound = "one step" if key == "lag" else f"{high if value > low / AT_BOUND else low:g}"
+            why = late if key == "lag" else "these wheels follow another law"
+            out.append(f"wheels: {key}: at its bound of {bound}: {why}")
     if wheels.bent is not None:
         side, command, share = wheels.bent
         out.append(
@@ -260,6 +282,14 @@ def _bent(recording: WheelRecording, profile: Profile, measured: Floats) -> tupl
     top = max((abs(value) for *_, value, _ in found), default=0.0) * max(profile.wheels.speed_per_unit_cm_s)
     worst = max(found, default=None)
     return worst[1:] if worst is not None and worst[0] > BENT * top else None
+
+
+def _late(recording: WheelRecording, profile: Profile, measured: Floats) -> float:
+    """By how many seconds the speeds [n, 2] follow best what was asked, from 0 to LATEST steps."""
+    asked = recording.commands * np.array(profile.wheels.speed_per_unit_cm_s)
+    rows = np.concatenate([rows[LATEST:] for rows in recording.trials()])
+    off = [np.nansum((measured[rows] - asked[rows - late]) ** 2) for late in range(LATEST + 1)]
+    return float(np.argmin(off)) * profile.period_s
 
 
 def _refuse_assumed(recording: WheelRecording, profile: Profile, base: Profile) -> None:
@@ -314,7 +344,7 @@ def _fit(form: str, base: Profile, recording: WheelRecording, measured: Floats) 
         return (
             wheel_speeds(_with(base, law), recording)
             if _stable(base, law)
-            else np.nan_to_num(measured) + UNSTABLE_CM_S
+            else np.full_like(measured, np.inf)
         )
 
     tried = []

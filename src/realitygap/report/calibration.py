@@ -81,6 +81,9 @@ def calibration_figures(made: Calibration) -> Figures:
         if made.wheels.rmse:
             draw = partial(steps_figure, made.wheels, driven[0])
             figures.add("wheels-steps", draw, "Speed steps, measured and modelled.")
+        if made.wheels.law is not None and len(made.wheels.law.holds):
+            alt = "Settled speed over command, measured and fitted."
+            figures.add("wheels-law", partial(law_figure, made.wheels), alt)
         if made.wheels.odometry is not None and len(made.wheels.odometry.ways):
             figures.add("wheels-slip", partial(slip_figure, made.wheels), "Camera minus counters.")
     return figures
@@ -238,7 +241,8 @@ def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
     figure, panels = _panels(len(trials), "time, s", "speed of the left wheel, cm/s")
     for rows, axes in zip(trials, panels, strict=True):
         t = recording.t_s[rows] + recording.period_s
-        asked = recording.commands[rows, 0] * fit.profile.wheels.speed_per_unit_cm_s[0]
+        wheels = fit.profile.wheels
+        asked = wheels.proportional(recording.commands[rows])[:, 0] * wheels.speed_per_unit_cm_s[0]
         axes.step(recording.t_s[rows], asked, where="post", color=MUTED, lw=0.8, label="asked for")
         axes.plot(t, fit.model[rows, 0], color=COLOURS[1], lw=1.0, label="model")
         axes.plot(t, fit.measured[rows, 0], "o", ms=2.2, color=COLOURS[0], mew=0, label="measured")
@@ -246,6 +250,24 @@ def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
         axes.set_title(f"trial {int(recording.trial[rows[0]])}")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3)
+    return figure
+
+
+def law_figure(fit: WheelFit) -> Figure:
+    """Settled speeds, a dot a hold of a command, and the law that was fitted."""
+    figure = new_figure(PAGE, 2.6, layout="constrained")
+    axes, wheels = figure.subplots(), fit.profile.wheels
+    wheel, command, speed, _ = fit.law.holds.T
+    reach = np.abs(command).max()
+    asked = np.linspace(-reach, reach, 401)
+    settled = wheels.proportional(np.stack([asked, asked], 1)) * np.array(wheels.speed_per_unit_cm_s)
+    for w, name in enumerate(("left", "right")):
+        axes.plot(asked, settled[:, w], LINES[w], lw=1.0, color=COLOURS[w], label=f"{name} wheel, fitted")
+        here, label = wheel == w, f"{name} wheel, measured"
+        axes.plot(command[here], speed[here], MARKS[w], ms=3, mew=0, alpha=0.5, color=COLOURS[w], label=label)
+    axes.grid(True, color=GRID, lw=0.5)
+    axes.set(xlabel="command, the robot's units", ylabel="settled speed, cm/s")
+    axes.legend(fontsize=6.5)
     return figure
 
 
