@@ -7,7 +7,7 @@ from realitygap import streams
 TABLE = {
     "a study's seed": ("PICTURES",),
     "a run": ("BREEDING", "TRIALS", "RETEST", "FRESH", "TRANSFER", "NAMED"),
-    "a trial": ("UNFED", "TWIN_NOISE", "CONSTANTS"),
+    "a trial": ("UNFED", "TWIN_NOISE", "CONSTANTS", "BETWEEN"),
     "an evaluation": ("CELL", "MATE", "REPLACED", "OFFSPRING"),
     "an individual": (
         "CROSSOVER", "MUTATION", "ADD_NEURON", "DELETE_NEURON", "ADD_LINK", "DELETE_LINK", "START",
@@ -37,7 +37,8 @@ def test_no_number_ever_changes():
     """A study's seed means the same draws in every version."""
     assert numbers() == {
         "PICTURES": 5, "BREEDING": 1, "TRIALS": 2, "RETEST": 3, "FRESH": 4, "TRANSFER": 6,
-        "NAMED": 7, "UNFED": 1, "TWIN_NOISE": 2, "CONSTANTS": 3, "CELL": 0, "MATE": 1, "REPLACED": 2,
+        "NAMED": 7, "UNFED": 1, "TWIN_NOISE": 2, "CONSTANTS": 3, "BETWEEN": 4, "CELL": 0,
+        "MATE": 1, "REPLACED": 2,
         "OFFSPRING": 3, "CROSSOVER": 0, "MUTATION": 1, "ADD_NEURON": 2, "DELETE_NEURON": 3, "ADD_LINK": 4,
         "DELETE_LINK": 5, "START": 6,
     }  # fmt: skip

@@ -62,6 +62,7 @@ def evolve(
     task: Place | Task,
     *,
     noise: str | float | Sequence[str | float] = (),
+    noise_between: bool | None = None,
     spread: float | Sequence[float] | None = None,
     profile: Place | None = None,
     arena: Place | None = None,
@@ -87,6 +88,8 @@ def evolve(
     Args:
         task: "obstacle-avoidance", "light-seeking", a Python file, or a Task.
         noise: a level, or several, each a condition; "observed" if none.
+        noise_between: draw, once a trial for each sensor, how the profile's readings differ between
+            recordings, times the level; None: no.
         spread: share, 0 to 0.9, within which constants are drawn anew for each trial; several: a
             condition each.
         profile: the robot, a shipped name or a TOML file; "paper" if None.
@@ -121,7 +124,8 @@ def evolve(
         noise=[noise_level(level) for level in _several(noise)],
         spread=_several(() if spread is None else spread),
         settings=[f"{key}={json.dumps(value, default=repr)}" for key, value in (settings or {}).items()],
-        arena=_text(arena), profile=_text(profile), seed=seed, runs=runs, evaluations=evaluations,
+        arena=_text(arena), profile=_text(profile), noise_between=noise_between, seed=seed, runs=runs,
+        evaluations=evaluations,
     )  # fmt: skip
     study, _ = carry_out(
         folder, chosen, workers=workers, engine=engine, resume=resume, shard=share, watch=watch,
@@ -326,6 +330,7 @@ def study_config(
     spread: Sequence[float],
     settings: Iterable[str],
     arena: str | None = None,
+    noise_between: bool | None = None,
     **fields: Unpack[StudyFields],
 ) -> StudyConfig:
     """The configuration of a study of one task.
@@ -338,7 +343,7 @@ def study_config(
         trust: agree to run the programs that `config` names.
         noise, spread: a condition for each pair; those that it starts from where there are none.
         settings: KEY=VALUE each, as in --set.
-        arena: the task's; None: as it starts from; likewise the `fields`.
+        arena: the task's; None: as it starts from; likewise `noise_between` and the `fields`.
 
     Raises:
         StudyError: `config` names a program that this user neither named nor agreed to run.
@@ -374,7 +379,7 @@ def study_config(
         require_trusted(config, programs, "--trust")
     if arena is not None:
         made = replace(made, arenas={name: arena})
-    return replace(made, **_given(**fields))
+    return replace(made, **_given(noise_between=noise_between, **fields))
 
 
 def different_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> list[str]:

@@ -17,9 +17,9 @@ population, the fresh trials of the fittest and the champion."""
 TRANSFER, NAMED = 6, 7
 """Under a run's stream too: its transfers' trials, and those by which its behaviour is named."""
 
-UNFED, TWIN_NOISE, CONSTANTS = 1, 2, 3
+UNFED, TWIN_NOISE, CONSTANTS, BETWEEN = 1, 2, 3, 4
 """Under a trial's stream: noise of the sensors that feed nobody, the noise of a twin's unit, constants that
-are drawn anew."""
+are drawn anew, what differs from one recording to another."""
 
 CELL, MATE, REPLACED, OFFSPRING = 0, 1, 2, 3
 """Under an evaluation's of the algorithm: the draws of selection, and all that makes the individual."""

@@ -9,9 +9,12 @@ import pytest
 from scipy import stats
 
 from realitygap.control.genotype import Genotype
+from realitygap.errors import ConfigError
 from realitygap.simulation.simulation import Simulation
+from realitygap.streams import BETWEEN
 from realitygap.tasks import load_task
 from realitygap.values import Pose
+from tests.kernels.reference.draws import normals, substream
 from tests.kernels.reference.motion import Wheel
 from tests.kernels.scenes import PAPER, readings
 
@@ -161,3 +164,26 @@ def test_channels_are_independent():
         assert np.abs(correlations).max() < 5 / np.sqrt(REPEAT)
         serial = [np.corrcoef(table[1:, k], table[:-1, k])[0, 1] for k in range(table.shape[1])]
         assert np.abs(serial).max() < 5 / np.sqrt(REPEAT)
+
+
+@pytest.mark.parametrize("level", [1.0, 2.0])
+def test_noise_between_recordings_is_drawn_once_a_trial(level):
+    """Each sensor's reading is shifted by one normal number, times a deviation by the reading, all along; by
+    nothing if the profile is not told to draw it. Reference: NumPy and the streams' published draws."""
+    table = (4.0, 20.0, 60.0)
+    law = replace(PAPER.infrared, between=table)
+    plain = replace(PAPER.noise, proximity=0.0, proximity_dark=0.0)
+    profile = replace(PAPER, infrared=law, noise=plain)
+    free, _ = readings(PAPER, AVOIDANCE.arena, (AT_WALL.x, AT_WALL.y, AT_WALL.heading))
+    nets = Genotype.constant(0, 0).networks()
+    z = np.array(normals(substream(7, BETWEEN), 0, 16)[:8])
+    size = np.interp(free, np.linspace(0.0, law.top, 3), table)
+    expected = np.floor(np.clip(free + level * size * z, 0.0, law.top) + 0.5)
+    seen, _ = Simulation(AVOIDANCE, profile.with_between(), level).trajectory(nets, stream=7, pose=AT_WALL)
+    assert (seen.proximity == expected).all() and not np.array_equal(expected, np.floor(free + 0.5))
+    still, _ = Simulation(AVOIDANCE, profile, level).trajectory(nets, stream=7, pose=AT_WALL)
+    assert (still.proximity == np.floor(free + 0.5)).all()
+    counts, _ = Simulation(AVOIDANCE, profile.with_between(), level).probe(AT_WALL, stream=18, repeat=REPEAT)
+    assert consistent(spread_out(counts[:, 2]) - free[2], with_rounding(level * size[2]))
+    with pytest.raises(ConfigError, match="noise between recordings: profile 'paper': expected"):
+        PAPER.with_between()

@@ -98,6 +98,7 @@ def reproduce(
 @click.command()
 @click.argument("task")
 @options.noise(None, " May be repeated, for several conditions. [default: observed]", several=True)
+@options.noise_between
 @options.spread
 @options.profile(None, " [default: paper]")
 @options.arena
@@ -123,6 +124,7 @@ def reproduce(
 def evolve(
     task: str,
     noise: tuple[float, ...],
+    noise_between: bool,
     spreads: tuple[float, ...],
     arena: str | None,
     out: Path | None,
@@ -159,6 +161,7 @@ def evolve(
         spread=spreads,
         settings=settings,
         arena=arena,
+        noise_between=noise_between or None,
         **fields,
     )
     if not resume:

@@ -246,6 +246,14 @@ def noise(
     return click.option("--noise", type=NOISE, default=default, multiple=several, help=says)
 
 
+noise_between = click.option(
+    "--noise-between",
+    is_flag=True,
+    help="Draw once a trial, for each sensor, how its readings differ between recordings (days, units), as "
+    "the profile has it, times the noise level.",
+)
+
+
 def seed(default: int | None = 0, says: str = "") -> Callable[[Decorator], Decorator]:
     """`--seed S`."""
     kind = click.IntRange(0)

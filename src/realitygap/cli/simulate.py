@@ -37,6 +37,7 @@ EVERY = 10
 @options.profile()
 @options.arena
 @options.noise()
+@options.noise_between
 @options.seed()
 @options.seconds
 @options.picture
@@ -48,6 +49,7 @@ def simulate(
     profile: str,
     arena: str | None,
     noise: float,
+    noise_between: bool,
     seed: int,
     seconds: float | None,
     picture: Path | None,
@@ -65,7 +67,7 @@ def simulate(
     from realitygap.control.controllers import named_controller
     from realitygap.simulation.body import drive_simulated
 
-    simulation, place = _placed(task, profile, noise, pose, arena)
+    simulation, place = _placed(task, profile, noise, noise_between, pose, arena)
     played = simulation.task
     driver = named_controller(controller, played.feeds, len(played.sensors))
     trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=place, seconds=seconds)
@@ -83,11 +85,19 @@ def simulate(
 @options.profile()
 @options.arena
 @options.noise()
+@options.noise_between
 @options.seed()
 @click.option("--repeat", type=click.IntRange(1, 10**6), default=1, metavar="N", help="Read N times.")
 @options.as_json
 def probe(
-    task: str, pose: options.Numbers, profile: str, arena: str | None, noise: float, seed: int, repeat: int
+    task: str,
+    pose: options.Numbers,
+    profile: str,
+    arena: str | None,
+    noise: float,
+    noise_between: bool,
+    seed: int,
+    repeat: int,
 ) -> None:
     """Read a robot's sensors at a place in TASK's arena.
 
@@ -98,7 +108,7 @@ def probe(
     Example: what the paper's model reads facing a cylinder, without noise
         realitygap probe avoidance --pose 25,15,180 --noise zero
     """
-    simulation, place = _placed(task, profile, noise, pose, arena)
+    simulation, place = _placed(task, profile, noise, noise_between, pose, arena)
     proximity, ambient = simulation.probe(place, stream=seed, repeat=repeat)
     found, lines = {"proximity": proximity, "ambient": ambient}, []
     for title, readings in found.items():
@@ -110,7 +120,7 @@ def probe(
 
 
 def _placed(
-    task: str, profile: str, noise: float, pose: options.Numbers, arena: str | None
+    task: str, profile: str, noise: float, between: bool, pose: options.Numbers, arena: str | None
 ) -> tuple[Simulation, Pose]:
     """The simulation that a person names, and the robot's pose there; task, profile and an arena instead of
     the task's own by name or file.
@@ -124,6 +134,7 @@ def _placed(
     from realitygap.world.robot import load_profile
 
     loaded, robot = load_task(task), load_profile(profile)
+    robot = robot.with_between() if between else robot
     place_in = loaded.arena if arena is None else load_arena(arena)
     place = options.checked_pose(pose, place_in, robot)
     note_dark(loaded, place_in)
@@ -136,7 +147,8 @@ def simulation_facts(simulation: Simulation, seed: int) -> dict[str, Any]:
     """What a person needs to reproduce the figures."""
     task, profile = simulation.task, simulation.profile
     names = {"task": task.name, "arena": task.arena.name, "profile": profile.name}
-    return {**names, "noise": simulation.noise, "seed": seed}
+    between = {"noise_between": True} if profile.noise.between else {}
+    return {**names, "noise": simulation.noise, **between, "seed": seed}
 
 
 def note_dark(task: Task, arena: Arena) -> None:

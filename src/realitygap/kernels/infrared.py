@@ -33,6 +33,7 @@ from realitygap.kernels.rays import (
     is_clear,
     place_sensors,
 )
+from realitygap.kernels.rng import normal_pair
 
 TURN = 0.15915494309189535
 """1/2π."""
@@ -187,6 +188,18 @@ def scale_noise(table, rise, readings, top, speed, noise):
     for k in range(readings.shape[0]):
         at = min(max(readings[k] * steps, 0.0), last)
         noise[k] *= between(table, k, at) * (1.0 + rise[k] * speed)
+
+
+@step
+def shift_readings(between, stream, first, top, level, readings):
+    """Add to noise-free readings what a whole trial has in common (draws `first` …): `between` [n] is its
+    deviation at equal steps of the reading."""
+    last = between.shape[0] - 1
+    for k in range(readings.shape[0]):
+        at = min(max(readings[k] / top * last, 0.0), float(last))
+        j = min(int(at), last - 1)
+        size = between[j] + (at - j) * (between[j + 1] - between[j])
+        readings[k] = min(max(readings[k] + level * size * normal_pair(stream, first + k)[0], 0.0), top)
 
 
 # By a look-up table: readings recorded round each kind of object, replayed (the paper's [15]).

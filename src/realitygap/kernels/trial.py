@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.compiled import kernel, step
-from realitygap.kernels.infrared import infrared, receive, scale_noise
+from realitygap.kernels.infrared import infrared, receive, scale_noise, shift_readings
 from realitygap.kernels.light import ambient, illuminate
 from realitygap.kernels.motion import (
     FASTEST,
@@ -27,7 +27,7 @@ from realitygap.kernels.network import LIMIT, ROWS, decide, load
 from realitygap.kernels.rays import INVERSE, MIRROR
 from realitygap.kernels.rng import normals, sin_cos, substream, uniform
 from realitygap.kernels.types import F32, F, Networks, Path, Robot, Trial
-from realitygap.streams import UNFED
+from realitygap.streams import BETWEEN, UNFED
 
 DRAWS = 8
 """Random draws of one block of noise, which give 16 normal numbers."""
@@ -182,6 +182,8 @@ def new_scratch(robot: Robot, task: Trial, nets: Networks | None = None, *, whol
 
 
 PROXIMITY, AMBIENT, BOTH = 0, 1, 2
+APART = 1024
+"""Draws of one kind of sensor before the next kind's."""
 
 
 @step
@@ -253,6 +255,15 @@ def read(robot, feed, level, speed, noise, readings):
 
 
 @step
+def draw_between(robot, kind, stream, level, readings):
+    """Move noise-free readings of a kind as they differ between recordings: the same throughout a trial."""
+    between = robot.ambient.between if kind == AMBIENT else robot.proximity.between
+    if between.shape[0] > 0 and level > 0.0:
+        top = robot.ambient.top if kind == AMBIENT else robot.proximity.top
+        shift_readings(between, substream(stream, BETWEEN), APART * kind, top, level, readings)
+
+
+@step
 def wheels_speed(state):
     """The wheels' mean absolute speed, cm/s, which the sensors' noise may rise with."""
     return 0.5 * (abs(state.wheel[0, 0]) + abs(state.wheel[1, 0]))
@@ -293,6 +304,7 @@ def sense(world, stream, k, state, scratch):
             infrared(robot, world.arena, state.pose, scratch.eyes, readings)
         else:
             ambient(robot, world.arena, state.pose, scratch.eyes, readings)
+        draw_between(robot, kind, stream, level, readings)
         if not fed and level > 0.0:
             normals(substream(stream, UNFED), DRAWS * noise_blocks(readings.shape[0]) * k, noise)
         read(robot, kind, level, wheels_speed(state), noise, readings)
@@ -515,6 +527,8 @@ def probe(world, streams, scratch, noise, proximity, ambients):
     for t in range(streams.shape[0]):
         infrared(robot, arena, pose, scratch.eyes, proximity[t])
         ambient(robot, arena, pose, scratch.eyes, ambients[t])
+        draw_between(robot, PROXIMITY, streams[t], level, proximity[t])
+        draw_between(robot, AMBIENT, streams[t], level, ambients[t])
         if level > 0.0:
             normals(streams[t], 0, noise)
             read(robot, PROXIMITY, level, 0.0, noise, proximity[t])

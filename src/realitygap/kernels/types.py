@@ -117,6 +117,8 @@ class Proximity(NamedTuple):
     noise: F
     rise: F
     """[P, n] deviation at equal steps of the reading, 0 … top; [P] its rise with the wheels' speed, s/cm."""
+    between: F
+    """[n] deviation, at equal steps of the reading, of what a trial draws once a sensor; empty: none."""
     table: Table | tuple[()]
     """Replaces equation and rays; (): none."""
 
@@ -142,6 +144,7 @@ class Ambient(NamedTuple):
     knee: float
     noise: F
     rise: F
+    between: F
     """As for proximity, x the illumination times gain."""
     top: float
     """The converter's highest count."""

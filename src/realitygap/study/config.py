@@ -202,6 +202,8 @@ class StudyConfig(Value):
         fresh_trials: trials of the fittest and the champion at each of the paper's levels and at their own.
         checkpoint_every: evaluations that a kill can lose; does not affect results.
         profile: the robot, a shipped name or a TOML file.
+        noise_between: whether each trial draws, once for each sensor, how the profile's readings differ
+            between recordings, times the noise level.
         conditions: tasks and noise levels, in this order.
         task: changes to every task, such as `task.seconds`.
         evolution, encoding: the algorithm, and how genes encode networks; variation: rates of the operators
@@ -220,6 +222,7 @@ class StudyConfig(Value):
     fresh_trials: int = 200
     checkpoint_every: int = 100
     profile: str = "paper"
+    noise_between: bool = False
     conditions: tuple[Condition, ...] = ()
     task: TaskSettings = field(default_factory=TaskSettings)
     evolution: Evolution = field(default_factory=Evolution)
@@ -234,6 +237,8 @@ class StudyConfig(Value):
         for key in ("retest_trials", "fresh_trials"):
             whole(key, getattr(self, key), 1, 10**6)
         whole("checkpoint_every", self.checkpoint_every, 1, 10**5)
+        told = isinstance(self.noise_between, bool)
+        require(told, "noise_between", "true or false", self.noise_between)
         require(bool(self.conditions), "conditions", "one or more, each a task and a noise level", [])
         for key in SIZES:
             size = getattr(self.variation, key)

@@ -117,6 +117,7 @@ def gather(config: StudyConfig) -> Materials:
         UsageError: says which file, task or key cannot be used.
     """
     profile = load_profile(config.profile)
+    profile = profile.with_between() if config.noise_between else profile
     loaded = {c.task: load_task(c.task) for c in config.conditions}
     sources: dict[str, str | None] = {}
     for task in loaded.values():

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ __all__ = [
     "SourceFile", "Wheels", "largest_pole", "load_profile", "noise_level", "noise_name", "profile_names",
 ]  # fmt: skip
 
+
+P = TypeVar("P", types.Proximity, types.Ambient)
 
 NOISE_LEVELS = {"zero": 0.0, "observed": 1.0, "double": 2.0}
 """The paper's three levels."""
@@ -218,7 +220,7 @@ FEEDS = ("proximity", "ambient", "proximity+ambient")
 """What may be fed to a network; the index is `types.Trial.feed`."""
 MEASURED = {
     "lobe", "overlap", "aperture_deg", "width_cm", "range_cm", "curve_cm", "dead", "curve_light",
-    "curve", "table", "noise", "noise_rise",
+    "curve", "table", "noise", "noise_rise", "between",
 }  # fmt: skip
 """Keys that only sensors as measured have: left out of a file where they are 0 or empty."""
 PERIODS_S = (0.02, 0.2)
@@ -286,13 +288,17 @@ class Wheels(Value):
 
 @dataclass(frozen=True, kw_only=True)
 class Noise(Value):
-    """Observed deviations (§6): counts for the sensors, shares for wheel speed and friction."""
+    """Observed deviations (§6): counts for the sensors, shares for wheel speed and friction.
+
+    `between`: the share of the sensors' spread `between` recordings that each trial draws once.
+    """
 
     proximity: float
     proximity_dark: float
     ambient: float = 0.0
     wheel: float
     friction: float
+    between: float = 0.0
 
     def _check(self) -> None:
         for key, value in self.to_dict().items():
@@ -367,11 +373,28 @@ class Profile(Value):
                 half_play=wheels.play_cm / 2 / self.period_s,
                 **{key: getattr(wheels, key) for key in ("kp", "ki", "kd", "divisor", "lag", "top_command")},
             ),
-            proximity=self.infrared.to_kernel(),
-            ambient=ambient,
+            proximity=self._drawing(self.infrared.to_kernel()),
+            ambient=self._drawing(ambient),
             light=light,
-            noise=types.Noise(**self.noise.to_dict()),
+            noise=types.Noise(**{key: getattr(self.noise, key) for key in types.Noise._fields}),
         )
+
+    def _drawing(self, part: P) -> P:
+        """Sensors with as much of their spread between recordings as a trial draws."""
+        return part._replace(between=self.noise.between * part.between[: None if self.noise.between else 0])
+
+    def with_between(self) -> Self:
+        """A copy of which each simulated trial draws the spread between recordings, once for each sensor, as
+        `--noise-between` does.
+
+        Raises:
+            ConfigError: no calibration by several recordings of the same places has measured it.
+        """
+        there = bool(self.infrared.between or self.ambient.between)
+        cure = "Calibrate it by recordings of the same places on several days, or of several units."
+        expected = "infrared.between or ambient.between of some counts"
+        require(there, f"noise between recordings: profile {self.name!r}", expected, "none", cure)
+        return replace(self, noise=replace(self.noise, between=1.0))
 
     def _repr_html_(self) -> str:
         return str(lazy.notebook().profile_html(self))
@@ -434,6 +457,8 @@ class Profile(Value):
                 del table[key]
         if self.period_s == STEP_S:
             del table["period_s"]
+        if not self.noise.between:
+            del table["noise"]["between"]
         if not self.body.outline_cm:
             del table["body"]["outline_cm"]
         for part in ("infrared", "ambient"):

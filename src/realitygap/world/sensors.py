@@ -97,6 +97,7 @@ def kernel_both(own: Any) -> dict[str, Any]:
         "curve": _table([s.curve for s in sensors]),
         "noise": _table([s.noise for s in sensors]),
         "rise": np.array([s.noise_rise for s in sensors]),
+        "between": np.array(own.between),
         "top": own.top,
         "low": own.bands[0],
         "high": own.bands[1],
@@ -117,6 +118,9 @@ def check_both(own: Any) -> None:
         for i, sensor in enumerate(own.sensors):
             most = max(getattr(sensor, key), default=0.0)
             require(most <= own.top, f"sensors[{i}].{key}", f"at most top ({own.top:g})", most)
+    require(len(own.between) != 1, "between", "two values or more, or none", own.between)
+    fits = all(0 <= value <= own.top for value in own.between)
+    require(fits, "between", f"values from 0 to top ({own.top:g})", own.between)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +235,8 @@ class Infrared(Value):
     (0: no end), less `overlap` times what the outermost would see of a flat surface at the middle ray's d;
     d + offset counts from 0 on. A curve holds counts at equal steps of √x / (√x + 1/curve_cm) from 0 to 1;
     readings below `dead` are 0. A sensor's noise holds deviations at equal steps of the reading, 0 … top,
-    and its rise with the wheels' speed (a share for each cm/s). Sensors with a look-up `table` read by that.
+    and its rise with the wheels' speed (a share for each cm/s). `between` holds at the same steps how much
+    readings at one place differ between days or units. Sensors with a look-up `table` read by that.
     """
 
     exponent: float
@@ -246,6 +251,7 @@ class Infrared(Value):
     range_cm: float = 0.0
     curve_cm: float = 0.0
     dead: float = 0.0
+    between: tuple[float, ...] = ()
     table: LookUp = LookUp()
 
     @property
@@ -357,6 +363,7 @@ class Ambient(Value):
     rays: float = 10.0
     sensor_height_cm: float = 0.0
     curve_light: float = 0.0
+    between: tuple[float, ...] = ()
 
     @property
     def measured(self) -> bool:
