@@ -138,6 +138,17 @@ def test_a_target_beyond_the_motors_is_refused() -> None:
         body.act(Command(left=501, right=0))
 
 
+def test_a_count_beyond_the_full_scale_is_read_and_said() -> None:
+    """Some Thymios read up to 4525, and what was beyond 4500 had been cut off without a word."""
+    node = Node()
+    with at_a_node(node) as body:
+        body.reset()
+        node.set("prox.horizontal", 4525, *[1100] * 6)
+        with pytest.warns(RuntimeWarning, match="reads 4525, beyond the full scale of 4500"):
+            assert body.sense().proximity[0] == 4525
+        assert body.sense().proximity[0] == body.channel("proximity").high == 4525  # said once
+
+
 CHILD = """
 import sys
 from realitygap.robots.drive import drive

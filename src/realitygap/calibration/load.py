@@ -12,6 +12,7 @@ import numpy as np
 
 from realitygap.calibration.recordings import (
     BODY_RADIUS_CM,
+    EXCEEDED,
     HEIGHTS_CM,
     PULSES_PER_MM,
     Recording,
@@ -226,8 +227,8 @@ def _read_sensors(path: Path, facts: Mapping[str, Any], kind: str, name: str) ->
     else:
         table.need((*POLAR, "repeat"))
         distance, bearing = (table.numbers(column) for column in POLAR)
-    # A column without any reading is a sensor that was not recorded.
-    counts = np.stack([table.numbers(s, empty=not any(table.texts(s))) for s in sensors], 1)
+    # An empty cell is a reading that was not taken, an empty column a sensor that was not recorded.
+    counts = np.stack([table.numbers(s, empty=True) for s in sensors], 1)
     _check_readings(table, kind, distance, bearing, counts, full_scale)
     return SensorRecording(
         kind=kind,
@@ -260,9 +261,10 @@ def _check_readings(
         table.refuse(off, "distance_cm", f"0 to {FARTHEST_CM:g} cm from the body's edge", distance, mm)
         table.refuse(np.abs(bearing) > 360, "bearing_deg", "degrees from −360 to 360", bearing)
     top = math.inf if full_scale is None else full_scale
+    expected = f"counts from 0 to {top:g} (full_scale)"
     for k, values in enumerate(counts.T):
-        table.refuse((values < 0) | (values > top), f"s{k}", f"counts from 0 to {top:g} (full_scale)", values)
-    brightest = np.nan_to_num(counts).max(axis=1)  # a sensor may be unrecorded
+        table.refuse((values < 0) | (values > EXCEEDED * top), f"s{k}", expected, values)
+    brightest = np.nan_to_num(counts).max(axis=1)
     bright = BRIGHT * max(1.0, count_unit(full_scale or float(brightest.max())))
     if kind == "infrared":
         far = (distance > REACH_CM) & (brightest > bright)

@@ -108,10 +108,12 @@ def sample_noise(recording: SensorRecording, model: Floats, top: float) -> Sampl
     order = np.argsort(place, kind="stable")
     at, many = place[order], np.bincount(place)
     if np.median(many) >= 2:
-        sums = np.add.reduceat(counts[order], np.searchsorted(at, np.arange(len(many))))
-        mean = (sums / many[:, None])[at]
-        spread = np.sqrt(many / np.maximum(many - 1, 1))[at, None]
-        z = np.where(many[at, None] > 1, (counts[order] - mean) * spread, np.nan)
+        read, first = np.isfinite(counts[order]), np.searchsorted(at, np.arange(len(many)))
+        sums = np.add.reduceat(np.where(read, counts[order], 0.0), first)
+        each = np.add.reduceat(read.astype(float), first)
+        mean = np.where(each > 0, sums / np.maximum(each, 1.0), np.nan)[at]
+        spread = np.sqrt(each / np.maximum(each - 1, 1))[at]
+        z = np.where(each[at] > 1, (counts[order] - mean) * spread, np.nan)
         return Sample(z=z, level=mean, group=at, row=order)
     return _from_neighbours(recording, model, top)
 
@@ -369,7 +371,7 @@ def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yard
     """Each sensor's misfit of model and readings [n, S], with the noise of a place's mean removed."""
     off, lit, many = _at_places(counts, model, place, noise)
     size = max(noise.deviation, 1e-9)
-    noisy = noise.measured * noise.deviation**2 / many[:, None] * np.where(lit, 1.0, 0.0)
+    noisy = noise.measured * noise.deviation**2 / many * np.where(lit, 1.0, 0.0)
 
     def left(k: int, use: Use) -> float:
         """RMS over some places, noise removed."""
@@ -409,10 +411,13 @@ def within(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yards
 
 def _at_places(
     counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick
-) -> tuple[Floats, Use, NDArray[np.int64]]:
-    """[m, S] model minus measured at each place, and whether it is lit there; [m] number of its readings."""
-    many = np.bincount(place)
-    mean, said = (at_places(table, place) / many[:, None] for table in (counts, model))
+) -> tuple[Floats, Use, Floats]:
+    """[m, S] model minus measured at each place, whether it is lit there, and the number of its readings."""
+    use = np.isfinite(counts)
+    there = at_places(use, place)
+    many = np.maximum(there, 1.0)
+    said = at_places(np.where(use, model, 0.0), place) / many
+    mean = np.where(there > 0, at_places(np.where(use, counts, 0.0), place) / many, np.nan)
     if noise.kind != "infrared":
         return said - mean, np.isfinite(mean), many
     edge = 3 * noise.deviation
@@ -443,7 +448,9 @@ def explained(
 ) -> float:
     """RMS of a change [n, S] where readings [n, S] are neither dark nor saturated, in noise deviations; NaN
     without any. Other arguments as of `misfits`."""
-    mean = at_places(counts, place) / np.bincount(place)[:, None]
+    use = np.isfinite(counts)
+    with np.errstate(invalid="ignore"):
+        mean = at_places(np.where(use, counts, 0.0), place) / at_places(use, place)
     edge, dark = 3 * deviation, _dark(mean, deviation)
     lit = (counts > dark + edge) & (counts < top - edge) & np.isfinite(change)
     return float(np.sqrt(np.mean(change[lit] ** 2))) / max(deviation, 1e-9) if lit.any() else np.nan

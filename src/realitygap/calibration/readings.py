@@ -211,8 +211,8 @@ def signal(recording: SensorRecording, top: float) -> Floats:
     """[n, S] readings scaled to 0 (dark) to 1 (saturated)."""
     if recording.kind == "infrared":
         return np.nan_to_num(recording.counts) / top
-    low, high = np.percentile(recording.counts, [0.5, 99.5])
-    return np.asarray((high - recording.counts) / max(high - low, 1.0))
+    low, high = np.nanpercentile(recording.counts, [0.5, 99.5])
+    return np.nan_to_num((high - recording.counts) / max(high - low, 1.0))
 
 
 def recorded(recording: SensorRecording) -> list[int]:
@@ -285,10 +285,11 @@ def means(counts: Floats, place: NDArray[np.int64], most: Floats | float) -> Flo
 def repeated_noise(data: Readings) -> float:
     """Deviation of repeated readings at their places, counts; without any the paper's robot's."""
     lit = data.use & (data.counts > LIT_SHARE * data.top) & (data.counts < (1.0 - LIT_SHARE) * data.top)
-    many = np.maximum(np.bincount(data.place), 1)
-    mean = at_places(data.counts, data.place) / many[:, None]
-    off = ((data.counts - mean[data.place]) ** 2)[lit & (many > 1)[data.place][:, None]]
-    spread = 1.0 - 1.0 / np.median(many) if np.median(many) > 1 else 1.0
+    many = at_places(data.use, data.place)
+    mean = at_places(np.where(data.use, data.counts, 0.0), data.place) / np.maximum(many, 1.0)
+    off = ((data.counts - mean[data.place]) ** 2)[lit & (many > 1)[data.place]]
+    usual = float(np.median(many[many > 0])) if lit.any() else 1.0
+    spread = 1.0 - 1.0 / usual if usual > 1 else 1.0
     return float(np.sqrt(np.median(off) / MEDIAN / spread)) if len(off) else data.noise
 
 
@@ -314,7 +315,8 @@ def dead_zone(data: Readings) -> float:
 def refuse_slips(recordings: Sequence[SensorRecording], top: float) -> None:
     """Refuse recordings of one kind with another kind's counts, or too few distances."""
     for recording in recordings if recordings[0].kind == "ambient" else ():
-        ends = ((recording.counts >= top) | (recording.counts < DARKEST * count_unit(top))).mean()
+        counts = recording.counts[np.isfinite(recording.counts)]
+        ends = ((counts >= top) | (counts < DARKEST * count_unit(top))).mean()
         if ends > 0.5:
             raise CalibrationError(
                 f"{recording.source}: {ends:.0%} of the readings lie at the ends 0 and {top:g}, as "

@@ -40,6 +40,8 @@ PULSES_PER_MM = 12.0
 """Of a Khepera by most sources (0.08 mm per pulse by others): used where nothing was measured."""
 FOLLOWED_STEPS = 300
 """Number of successive steps seen by a camera from which on poses can replace counters."""
+EXCEEDED = 1.1
+"""Readings exceed a robot's full scale by up to this factor: beyond, they are another converter's."""
 HALL_CM = 1000.0
 """A room whose other walls are out of every sensor's range."""
 
@@ -127,12 +129,20 @@ class SensorRecording(Recorded):
                 f"{self.source}: expected {len(part.sensors)} sensors, as {whose} has, got {self.sensors}. "
                 f"Give the robot's own profile, or a copy with an [{self.kind}] of its own."
             )
-        got = self.full_scale or max(part.top, float(np.nanmax(self.counts, initial=0.0)))
-        if got != part.top:
+        most = float(np.nanmax(self.counts, initial=0.0))
+        got = max(self.full_scale or part.top, most)
+        if got != part.top and not part.top / EXCEEDED <= got <= EXCEEDED * part.top:
             raise RecordingError(
                 f"{self.source}: expected counts from 0 to {part.top:g}, the full scale of {whose}, got "
                 f"{got:g}. Give the robot's own profile, or a copy with another {self.kind}.top."
             )
+        if most > part.top:
+            said = f"{self.source}: readings go up to {most:g}, beyond the full scale {part.top:g} of {whose}"
+            return replace(self, warnings=(*self.warnings, f"{said}: {most:g} is taken"))._of_body(robot)
+        return self._of_body(robot)
+
+    def _of_body(self, robot: Profile) -> Self:
+        part, whose = robot.channel(self.kind), f"profile {robot.name!r}"
         if self.from_sensor is not None:
             return self._before(part.sensors[self.from_sensor])
         if self.body_said:
@@ -305,9 +315,20 @@ def tells_heights(recording: Recording) -> bool:
     return HEIGHTS_CM.keys() <= recording.facts.keys()
 
 
+def reaching(recordings: Sequence[Recording], base: Profile) -> Profile:
+    """The base with the full scales that recordings exceed raised to their highest reading."""
+    for kind in CHANNELS:
+        counts = [r.counts for r in recordings if isinstance(r, SensorRecording) and r.kind == kind]
+        part, most = base.channel(kind), max((float(np.nanmax(c, initial=0.0)) for c in counts), default=0.0)
+        base = replace(base, **{kind: replace(part, top=most)}) if most > part.top else base
+    return base
+
+
 def as_recorded(recordings: Sequence[Recording], base: Profile) -> Profile:
-    """The base with the body that its recordings state: its edge, from which distances are measured, and its
-    heights, which decide where light passes over it. A .sam table's body is the manufacturer's."""
+    """The base with what its recordings state: the body's edge, from which distances are measured, and its
+    heights, which decide where light passes over it; and with the full scale that they reach. A .sam table's
+    body is the manufacturer's."""
+    base = reaching(recordings, base)
     seen = [r for r in recordings if isinstance(r, SensorRecording) and r.from_sensor is None]
     said = [r for r in seen if "body_radius_cm" in r.facts or not r.body_said] or seen
     radius_cm = _same({r.body_radius_cm: r.source for r in said}, "body_radius_cm")

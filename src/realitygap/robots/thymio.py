@@ -12,7 +12,9 @@ import os
 import select
 import socket
 import time
+import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -228,8 +230,8 @@ def _connected(where: tuple[str, int]) -> socket.socket:
 
 
 SENSORS, FULL = 7, 4500
-"""Front left to front right, then back left and right. What is published of real ones ends at 4491; a count
-above this is taken for it."""
+"""Front left to front right, then back left and right. What is published of real ones ends at 4491, or at
+4525: a robot that reads more has more."""
 
 FASTEST = 500
 """The largest target of a motor, about 16 cm/s."""
@@ -294,7 +296,8 @@ class ThymioBody(WireBody):
             said = self._fetched(NEEDED, GIVE_UP_S)
         if said is not None:
             self.read_at = self.clock.now()
-            counts = np.clip(np.array(said[PROXIMITY], np.float64), 0, FULL)
+            counts = np.maximum(np.array(said[PROXIMITY], np.float64), 0)
+            self._reach(int(counts.max()))
             self._readings = Readings(proximity=counts, ambient=np.empty(0))
             self.speeds = said[SPEEDS[0]][0], said[SPEEDS[1]][0]
             if (*said[TARGETS[0]], *said[TARGETS[1]]) != (self._given.left, self._given.right):
@@ -302,6 +305,14 @@ class ThymioBody(WireBody):
                 self._send()
         assert self._readings is not None
         return self._readings
+
+    def _reach(self, most: int) -> None:
+        """Take a count beyond the full scale for the full scale, and say so."""
+        (one,) = self.channels
+        if most > one.high:
+            self.channels = (replace(one, high=most),)
+            said = f"a sensor reads {most}, beyond the full scale of {one.high}: {most} is taken"
+            warnings.warn(f"{self.line.device}: {said}", RuntimeWarning, stacklevel=3)
 
     def act(self, command: Command) -> None:
         """Motor targets from now on, −500 … 500.
