@@ -219,9 +219,9 @@ def test_noise_that_rises_with_the_wheels_is_found():
     z = 10.0 * (1 + speed / 4)[:, None] * random.normal(size=(n, 2))
     level = random.uniform(100, 900, (n, 2))
     sample = Sample(z=z, level=level, group=np.arange(n), row=np.arange(n))
-    table, rise = noise_tables(sample, level, level, speed, 1023.0, kind="infrared")
+    table, rise = noise_tables(sample, level, level, speed, 1023.0, knots=9)
     assert rise == pytest.approx([0.25, 0.25], abs=0.03) and table[:, 2:7] == pytest.approx(10.0, abs=1.2)
-    assert noise_tables(sample, level, level, 0 * speed, 1023.0, kind="infrared")[1].max() == 0
+    assert noise_tables(sample, level, level, 0 * speed, 1023.0, knots=9)[1].max() == 0
 
 
 def test_quiet_sensors_beside_loud_ones_keep_their_noise():
@@ -231,7 +231,7 @@ def test_quiet_sensors_beside_loud_ones_keep_their_noise():
     level = random.uniform(0, 4095, (60, 8))
     z = random.normal(size=(60, 7)) * true * (0.3 + 0.7 * level[:, :7] / 4095)
     sample = Sample(z=np.c_[z, np.full(60, np.nan)], level=level, group=np.arange(60), row=np.arange(60))
-    table, _ = noise_tables(sample, level, level, np.zeros(60), 4095.0, kind="infrared")
+    table, _ = noise_tables(sample, level, level, np.zeros(60), 4095.0, knots=9)
     right = np.append(true, np.sqrt((true**2).mean()))[:, None] * np.linspace(0.3, 1.0, 9)
     assert np.abs(np.log(table / right)).mean(axis=1).max() < 0.35
 

@@ -130,7 +130,7 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path, rows, says):
         ('kind = "infrared"', '"wall" or "cylinder:RADIUS_CM"'),
         (FACTS + 'units = "mm"', "units: expected"),
         (FACTS + "body_height_cm = 1\nsensor_height_cm = 1.2", "the sensors below the body's top"),
-        (FACTS + "full_scale = 79", "s7: expected counts from 0 to 79"),
+        (FACTS + "full_scale = 72", "s7: expected counts from 0 to 72"),
         (FACTS + "body_radius = 3", "body_radius: unknown key. Did you mean 'body_radius_cm'?"),
     ],
 )

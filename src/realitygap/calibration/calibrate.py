@@ -578,9 +578,9 @@ def _channel(
     )  # fmt: skip
     sizes = noise.by_sensor(noise.pooled_noise(recordings, models, data.top), kind, data.top, dead)
     uneven = bool(sizes) and max(sizes.values()) > noise.UNEVEN * min(sizes.values())
-    apart = form in (MEASURED, LOOKUP) or (form == "extended" and uneven)
     if made.measured:
-        profile = _with_noise(made, data) if apart else _with_one_noise(profile, kind)
+        apart = form in (MEASURED, LOOKUP) or (form == "extended" and uneven)
+        profile = _with_noise(made, data, constant=not apart)
     said = [*said, *_doubts(made), *hanging]
     if uneven and kind == "infrared":
         said.append(
@@ -693,15 +693,19 @@ def _with_one_noise(profile: Profile, kind: str) -> Profile:
     return replace(profile, **{kind: replace(law, sensors=sensors)})
 
 
-def _with_noise(made: ChannelFit, data: Readings) -> Profile:
-    """The profile with each sensor's noise as a function of its reading."""
+def _with_noise(made: ChannelFit, data: Readings, *, constant: bool) -> Profile:
+    """The profile with each sensor's noise as a function of its reading; with one figure for all if the
+    readings do not tell such a function and it is allowed (`constant`)."""
     # With one reading a place the table leaves no residual: its noise is in the readings themselves.
     read = np.ones_like(made.model) if made.form == LOOKUP else made.model
     sample = noise.pooled_noise(data.live_recordings(), data.split(read), data.top)
     still = (np.zeros(len(r.counts)) if r.speed_cm_s is None else r.speed_cm_s for r in data.recordings)
     speed = np.concatenate(list(still))[sample.row]
+    knots = noise.finest(sample, data.top, made.kind, constant=constant)
+    if not knots:
+        return _with_one_noise(made.profile, made.kind)
     dead = made.profile.infrared.dead if made.kind == "infrared" else 0.0
-    table, rise = noise.noise_tables(sample, data.live(), read, speed, data.top, kind=made.kind, dead=dead)
+    table, rise = noise.noise_tables(sample, data.live(), read, speed, data.top, knots=knots, dead=dead)
     columns = {"noise": [tuple(row) for row in table.round(3).tolist()], "noise_rise": rise.round(5).tolist()}
     law: Any = made.profile.channel(made.kind)
     law = model.checked(model.unchecked(law, sensors=model.with_columns(law.sensors, columns)))

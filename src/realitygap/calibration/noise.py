@@ -31,9 +31,13 @@ CLOSE_DEG, CLOSE_CM = 8.0, 0.5
 FEWEST, SCALINGS, LOUDEST = 30, 5, 1e4
 """Values from which on a sensor has a figure of its own; rounds in which sizes and the pooled table are
 found; and the largest ratio of a sensor's squares to the pooled ones."""
-KNOTS = {"infrared": 9, "ambient": 33}
-"""Knots of a table of noise over the reading; more for light, whose readings span less than half of the
-scale."""
+KNOTS = {"infrared": (9, 33, 129), "ambient": (33, 129)}
+"""Knots that a table of noise over the reading may have, the usual number first; more for light, whose
+readings span less than half of the scale."""
+CLEARLY, TELLING, OUTLYING = 3.0, 0.02, 5.0
+"""A finer table must make readings left out likelier: by so many standard errors, and by so much a reading in
+the mean (natural logarithms); deviations beyond the last count as that."""
+FOLDS = 4
 RESAMPLES = 200
 BINS = 4
 STEADY = 1.35
@@ -164,16 +168,53 @@ def _rings(
     return found
 
 
+def finest(sample: Sample, top: float, kind: str, *, constant: bool) -> int:
+    """Knots of the table of noise that the readings bear out: the usual number or more; 0 where one figure
+    does and is allowed (`constant`). Whole groups are left out in turn; a sensor's groups with a reading at
+    either end of the scale, which cuts noise off, throughout."""
+    groups, number = np.unique(sample.group, return_inverse=True)
+    reading = sample.level + sample.z
+    cut = ((sample.level <= 0) | (sample.level >= top) | (reading <= 0) | (reading >= top)) & np.isfinite(
+        reading
+    )
+    known = np.isfinite(sample.z) & (at_places(cut, number) == 0)[number]
+    fold = np.random.default_rng(0).permutation(len(groups))[number] % FOLDS
+
+    def likelihood(knots: int) -> Floats:
+        """[m] of each group under tables made without its fold."""
+        out = np.zeros(sample.z.shape)
+        for k in range(FOLDS):
+            fits, judged = known & (fold != k)[:, None], known & (fold == k)[:, None]
+            if not knots:
+                size = np.full(out.shape, np.sqrt(np.mean(sample.z[fits] ** 2)) if fits.any() else 1.0)
+            else:
+                size = table_at(_table_of(sample, fits, top, knots), np.nan_to_num(sample.level / top))
+            size = np.maximum(size, 0.3)  # of rounding
+            off = np.minimum(np.abs(sample.z) / size, OUTLYING)
+            out = np.where(judged, -np.log(size) - off**2 / 2, out)
+        return np.bincount(number, out.sum(axis=1))
+
+    best, *finer = ([0] if constant else []) + [*KNOTS[kind]]
+    if known.sum() < 2 * FEWEST:
+        return best
+    least, many = likelihood(best), int(known.sum())
+    for knots in finer:
+        gain = likelihood(knots) - least
+        if gain.sum() > CLEARLY * np.sqrt((gain**2).sum()) and gain.sum() > TELLING * many:
+            best, least = knots, least + gain
+    return best
+
+
 def noise_tables(
-    sample: Sample, counts: Floats, model: Floats, speed: Floats, top: float, *, kind: str, dead: float = 0.0
+    sample: Sample, counts: Floats, model: Floats, speed: Floats, top: float, *, knots: int, dead: float = 0.0
 ) -> tuple[Floats, Floats]:
-    """Each sensor's deviation at equal steps of the reading [S, KNOTS of the kind], and its rise with
-    speed [S], s/cm; none where the wheels always stood, or never did.
+    """Each sensor's deviation at equal steps of the reading [S, knots], and its rise with speed [S], s/cm;
+    none where the wheels always stood, or never did.
 
     `counts`, `model` [n, S]: in the dark noise is cut off at 0, and readings above the dead zone are none of
     it; `speed` [m] of the wheels at each of the sample's values, cm/s.
     """
-    known, knots = np.isfinite(sample.z), KNOTS[kind]
+    known = np.isfinite(sample.z)
     moving = known & (speed > 0)[:, None]
     rise = np.zeros(sample.z.shape[1])
     if moving.any() and (known & ~moving).any():
