@@ -392,8 +392,9 @@ def drive(
     """Drive a body with a controller, one step each of its periods.
 
     The time-table moves on with a step that is late by more than a whole one, as after a stall of the line
-    that stopped the wheels: the robot never has to catch up. Whatever ends the drive, an exception, Ctrl-C, Ctrl-Z, SIGTERM or a lost line, the wheels
-    are stopped first; then the recording is closed. Its steps are the `recorder`'s, however it ends.
+    that stopped the wheels: the robot never has to catch up. Whatever ends the drive, an exception, Ctrl-C,
+    Ctrl-Z, SIGTERM or a lost line, the wheels are stopped first; then the recording is closed. Its steps are
+    the `recorder`'s, however it ends.
 
     Args:
         seconds: length of the trial, which ends at the nearest step.

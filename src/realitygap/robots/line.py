@@ -320,8 +320,10 @@ class Line(Wire):
                 silent = self.clock.now() - heard
                 if silent < WAIT_S:
                     continue
-                raise LineError(f"no answer understood on {self.device} for {silent:.1f} s, though it was asked "
-                                f"again and again; the last: {error}") from None  # fmt: skip
+                told = (
+                    f"no answer understood on {self.device} for {silent:.1f} s, in which it was told to stop"
+                )
+                raise LineError(f"{told}; the last: {error}") from None
             self.stalls.append(self.clock.now() - heard)
             return self.clock.now() - begun
 
