@@ -24,7 +24,6 @@ from realitygap.robots.address import BAUD, Address
 from realitygap.robots.body import Body, Odometry
 from realitygap.robots.drive import Controller, Recorder, Recording, drive
 from realitygap.robots.wire import STALL_S
-from realitygap.simulation.body import SimulatedBody
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
 from realitygap.track import Track, read_track, settled
@@ -151,8 +150,14 @@ def driven(
         ended.append(body.odometry)
 
     body.attend(*task.kinds)
-    commands = controller if isinstance(body, SimulatedBody) else Scaled(controller, profile)
-    made = drive(body, commands, seconds=seconds, inputs=inputs, recorder=recorder, at_end=look_again)
+    made = drive(
+        body,
+        Scaled(controller, profile),
+        seconds=seconds,
+        inputs=inputs,
+        recorder=recorder,
+        at_end=look_again,
+    )
     last, unknown = ended[0], (np.nan, np.nan)
     counters = np.vstack([made.counters, last.counters or unknown])
     speeds = np.vstack([made.speeds, last.speeds or unknown])
