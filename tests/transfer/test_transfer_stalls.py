@@ -19,7 +19,8 @@ from realitygap.study.config import StudyConfig
 from realitygap.study.runner import run_study
 from realitygap.transfer.options import Transfer
 from realitygap.transfer.record import load_transfers
-from realitygap.transfer.run import STALLED, Operator, run_transfer
+from realitygap.transfer.run import Operator, run_transfer
+from realitygap.work.archive import STALLED
 from realitygap.world.robot import load_profile
 
 if not os.path.exists("/usr/include/enki/PhysicalEngine.h") or shutil.which("g++") is None:

@@ -53,7 +53,7 @@ from realitygap.transfer.record import (
 from realitygap.transfer.rig import DriveRecord, Rig, driven
 from realitygap.transfer.spec import FOLDER, TrialSpec, check_body, controller_for, trial_specs
 from realitygap.values import Pose, steps_in
-from realitygap.work.archive import SIMULATED, SITUATED, TRIAL
+from realitygap.work.archive import SIMULATED, SITUATED, STALLED, TRIAL
 from realitygap.work.folder import file_errors, lock
 from realitygap.work.pool import Pool, Setup, Tell, Workers, far, opened
 from realitygap.work.progress import OnProgress, Reporter
@@ -70,9 +70,6 @@ CONTROLLERS = "controllers"
 """In a study's folder: trials of controllers of your own, a folder each; the report omits them."""
 SEALED = "sealed.csv"
 """A twin's true states, kept with a film, to test the tracker."""
-
-STALLED = "stalled"
-"""Where a trial's folder keeps the first try, whose line stalled."""
 
 CALIBRATION_COST = 6.0
 DRIVE_COST, DRIVE_COST_S = 0.05, 0.03
