@@ -224,22 +224,11 @@ def compare_logs(a: Sequence[Log], b: Sequence[Log], *, poses: bool = False) -> 
                 f"{logs[0].source}: expected rows without gaps of more than {GAP_S:g} s, got none."
             )
     rows = [np.concatenate(side) for side in pieces]
-    deviation = np.sqrt((rows[0].var(axis=0) + rows[1].var(axis=0)) / 2)
-    change = np.array([np.median(np.abs(np.concatenate([np.diff(p, axis=0) for p in side])), axis=0)
-                       for side in pieces])  # fmt: skip
-    from scipy.stats import wasserstein_distance
-
+    deviation = np.concatenate(rows).std(axis=0)
     channels = tuple(
-        Channel(
-            name,
-            *(_pair(one[:, c] for one in stat) for stat in ([r.mean(axis=0)[None] for r in rows],
-                                                            [r.std(axis=0)[None] for r in rows],
-                                                            [r[None] for r in change])),
-            _pair(_alike_s([p[:, c] for p in side], step_s) for side in pieces),
-            float(wasserstein_distance(rows[0][:, c], rows[1][:, c]) / deviation[c]) if deviation[c] else 0.0,
-        )
+        _channel(name, [[piece[:, c] for piece in side] for side in pieces], step_s)
         for c, name in enumerate(kept)
-    )  # fmt: skip
+    )
     moves = deviation > 0  # a channel that never changes tells nothing of order
     unit = deviation[moves]
     middle = ((rows[0].mean(axis=0) + rows[1].mean(axis=0)) / 2)[moves]
@@ -251,9 +240,25 @@ def compare_logs(a: Sequence[Log], b: Sequence[Log], *, poses: bool = False) -> 
     )  # fmt: skip
 
 
-def _pair(values: Any) -> tuple[float, float]:
-    first, second = (float(np.ravel(value)[0]) for value in values)
-    return first, second
+def _channel(name: str, sides: Sequence[Sequence[Floats]], step_s: float) -> Channel:
+    """What two sets of pieces [rows] of a channel are like."""
+    from scipy.stats import wasserstein_distance
+
+    def both(of: Callable[[Sequence[Floats]], Any]) -> tuple[float, float]:
+        return float(of(sides[0])), float(of(sides[1]))
+
+    spread = both(lambda side: np.concatenate(side).std())
+    rows = [np.concatenate(side) for side in sides]
+    common = math.hypot(*spread) / math.sqrt(2) or float(np.concatenate(rows).std())
+    apart = float(wasserstein_distance(*rows))
+    return Channel(
+        name=name,
+        mean=both(lambda side: np.concatenate(side).mean()),
+        deviation=spread,
+        step_noise=both(lambda side: np.median(np.abs(np.concatenate([np.diff(piece) for piece in side])))),
+        alike_s=both(lambda side: _alike_s(side, step_s)),
+        distance=apart / common if common else 0.0,
+    )
 
 
 def pace_of(logs: Sequence[Log]) -> Pace:
@@ -314,7 +319,7 @@ def _changes(window: Floats) -> Floats:
     """Log of mean squared changes over two steps and over half a window, to those over one: 0 of white noise,
     more the smoother, whatever the scale."""
     square = [((window[k:] - window[:-k]) ** 2).mean(axis=0) + FINEST**2 for k in (1, 2, len(window) // 2)]
-    return np.log(np.concatenate(square[1:]) / np.tile(square[0], 2))
+    return np.asarray(np.log(np.concatenate(square[1:]) / np.tile(square[0], 2)))
 
 
 def _tested(sides: Sequence[Sequence[Floats]], feature: Callable[[Floats], Floats], step_s: float) -> Test:

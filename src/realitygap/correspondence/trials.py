@@ -202,8 +202,8 @@ def _jumps(track: Track, where: str) -> str:
     k = int(far[np.argmax(ways[far])])
     there = f"row {rows[k + 1] + 1} (t_s {track.t[rows[k + 1]]:g}): {ways[k]:.1f} cm in {steps[k]:.2g} s"
     return (
-        f"{where}: jumps {len(far)} × from row to row, the farthest to {there}. No robot does: did the "
-        "tracker mistake something for it, or was it lifted? Cut the track there, or leave the place empty."
+        f"{where}: jumps {len(far)} × from row to row, the farthest to {there}. Did the tracker "
+        "take something else for the robot, or was it lifted? Cut the track there, or leave the place empty."
     )
 
 
