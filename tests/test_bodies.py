@@ -155,6 +155,30 @@ def test_a_copy_of_a_body_goes_on_as_the_body_does() -> None:
     assert np.array_equal(copy.sense().proximity, body.sense().proximity)
 
 
+@pytest.mark.parametrize(("profile", "command"), [("e-puck", 318), ("thymio", 120), ("paper", 4)])
+def test_a_loop_written_for_a_robot_drives_the_simulated_one(profile: str, command: int) -> None:
+    """Its commands are the robot's own units: what makes a real one drive so fast does here, and counts."""
+    robot = load_profile(profile)
+    task = replace(load_task("avoidance"), arena=EMPTY, start=Start(x_cm=25, y_cm=25))
+    body = SimulatedBody(Simulation(task, robot, "zero"))
+    body.reset(Pose.from_degrees(12, 25, 0))
+    body.act(Command(left=command, right=command))
+    body.clock.sleep_until(2.0)
+    assert np.abs(np.array(body.wheels) - command).max() < 0.02 * command
+    gone = body.pose.x - 12
+    fast = command * np.mean(robot.wheels.speed_per_unit_cm_s)
+    assert 1.5 * fast < gone < 2.05 * fast
+    body.sense()
+    if robot.provenance.pulses_per_mm:
+        assert body.odometry.counters is not None
+        assert body.odometry.counters[0] == pytest.approx(
+            10 * gone * robot.provenance.pulses_per_mm[0], rel=0.05
+        )
+    most = int(12.7 * robot.wheels.top_command)
+    with pytest.raises(UsageError, match=f"left: expected a whole number of ±{most}, for the top command"):
+        body.act(Command(left=most + 1, right=0))
+
+
 def test_a_body_is_refused_what_it_cannot_do() -> None:
     """A pose in a wall, sensors that there are not, readings of the wrong kind."""
     simulation = _room()

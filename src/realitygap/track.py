@@ -4,8 +4,8 @@
     track.x[track.found], track.heading_deg
 
 A CSV file has columns t_s, x_cm, y_cm, heading_deg (−180 < h ≤ 180), and quality from a tracker;
-where the robot was lost the fields of place and heading are empty. Columns start and unit split it into
-several tracks.
+where the robot was lost the fields of place and heading are empty. Columns start (or trial) and unit split it
+into several tracks.
 """
 
 from collections.abc import Sequence
@@ -259,11 +259,13 @@ def read_tracks(path: str | Path, *, start: str = "1", unit: str = "") -> dict[t
         TrackError: no such table, or a row without a start; names file and line.
     """
     table = read_table(path, TrackError, needs=COLUMNS)
-    every, names = _track(table, ""), {"start": start, "unit": unit}
+    every = _track(table, "")
+    named = "start" if "start" in table.columns else "trial"  # as recordings of wheels have it
     starts, units = (
-        table.texts(name) if name in table.columns else [said] * len(every) for name, said in names.items()
+        table.texts(column) if column in table.columns else [said] * len(every)
+        for column, said in ((named, start), ("unit", unit))
     )
-    table.refuse(np.array([not name for name in starts], bool), "start", "a name or number", starts)
+    table.refuse(np.array([not name for name in starts], bool), named, "a name or number", starts)
     rows: dict[tuple[str, str], list[int]] = {}
     for k, key in enumerate(zip(starts, units, strict=True)):
         rows.setdefault(key, []).append(k)

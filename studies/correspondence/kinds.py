@@ -116,7 +116,7 @@ def live(
     poses = [body.pose]
     begun = body.clock.now()
     for k in range(steps):
-        body.act(controller.decide(body.sense()))
+        body.put_out(controller.decide(body.sense()))
         body.clock.sleep_until(begun + (k + 1) * 0.1)
         poses.append(body.pose)
     return Trial(

@@ -25,7 +25,7 @@ from realitygap.cli import realitygap
 from realitygap.errors import LineError, UsageError
 from realitygap.robots.address import Address
 from realitygap.robots.body import Body, Clock
-from realitygap.robots.drive import Recording, drive
+from realitygap.robots.drive import Recorder, Recording, drive
 from realitygap.robots.epuck import EpuckBody
 from realitygap.robots.khepera import KheperaBody
 from realitygap.testing import BodyContract
@@ -178,6 +178,49 @@ def test_a_drive_gets_through_bad_packets(wifi: WifiEpuck, spoil: Callable[[byte
         assert spoiler.answers > 40
         assert (body.line.faults > 0) is (len(spoil(b"\3")) != 2)
     assert len(recording.t) == 25 and wifi.stands()
+
+
+def test_a_stall_stops_the_wheels_and_is_waited_out(wifi: WifiEpuck, tmp_path: Path) -> None:
+    """As long as the longest of a real e-puck2: told to stand before anything else, then it drives on; the
+    recording counts it."""
+    stalled: list[int] = []
+
+    def once(packet: bytes) -> bytes:
+        if len(packet) > 1 and len(wifi.told) > 20 and not stalled:
+            stalled.append(len(wifi.told))
+            time.sleep(2.19)
+        return packet
+
+    with opened(wifi) as body:
+        wifi.spoil = once
+        folder = tmp_path / "r"
+        made = drive(body, Constant(300, 200), seconds=2, inputs=nothing, recorder=Recorder(folder))
+    assert made.ended == "finished" and len(made.t) == 20 and made.stalls == 1
+    assert 2.0 < made.stalled_s < 3.0 and "stalled" in (made.timing or "")
+    behind = wifi.told[stalled[0] :]
+    assert behind[0] == (0, 0) and (300, 200) in behind and wifi.stands()
+    end = tomllib.loads((folder / "drive.toml").read_text("utf-8"))["end"]
+    assert end["stalls"] == 1 and end["stalled_s"] == made.stalled_s
+    assert Recording.from_folder(folder).stalled_s == made.stalled_s
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda packet: b"", r"did not confirm that it stopped .* may still be moving: lift it"),
+        (lambda packet: packet[:99], r"packets are short: expected 104 bytes behind the first, got 98"),
+    ],
+    ids=["gone", "short"],
+)
+def test_a_robot_that_stays_silent_or_says_too_little_is_named(
+    wifi: WifiEpuck, spoil: Callable[[bytes], bytes], said: str
+) -> None:
+    """After five seconds in which it was told to stand, it is given up."""
+    with pytest.raises(LineError, match=said), opened(wifi) as body:
+        wifi.spoil = lambda packet: spoil(packet) if len(wifi.told) > 10 else packet
+        drive(body, Constant(300, 200), seconds=2, inputs=nothing)
+    last = max(k for k, told in enumerate(wifi.told) if told != (0, 0))
+    assert len(wifi.told) - last > 5
 
 
 @pytest.mark.parametrize("name", ["serial", "wifi"])

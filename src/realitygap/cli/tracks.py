@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from realitygap.correspondence.judging import Agreement, Pair
+    from realitygap.correspondence.logs import Log, LogComparison
     from realitygap.correspondence.score import Comparison
     from realitygap.correspondence.setting import Setting
     from realitygap.film.calibrate import Calibration
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from realitygap.tasks.task import Task
 
 __all__ = ["camera", "classify", "judge", "score"]
+
+TOLD_APART = 0.01
+"""p below which two logs are told apart."""
 
 
 @click.group()
@@ -198,7 +202,7 @@ def _track_lines(tracked: Tracked, seconds: float) -> Iterator[str]:
 )
 @options.as_json
 def score(a: str, b: str | None, task: str | None, ceiling: str | None) -> None:
-    """Score how alike two sets of tracks are.
+    """Score how alike two sets of tracks, or of logs, are.
 
     A (say, simulated) and B (on the robot) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
     a column start separates several trials and a column unit several robots; or what `realitygap camera
@@ -206,25 +210,121 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None) -> None:
     transfer` needs no B: its simulated trials are compared with those on the robot. 10 means as alike as the
     same robot twice, 0 a different behaviour; the output says what these ends were measured on.
 
+    Logs need no poses: a CSV file with t_s and columns of both by one name (proximity_0, command_left, …), or
+    the folder of a drive. They are compared by their readings and commands, the order in time included.
+
     \b
     Examples:
         realitygap score simulated.csv filmed/ --task avoidance
+        realitygap score simulated/steps.csv real/steps.csv
         realitygap score out/reproduce/transfer/twin-1/obstacle-avoidance-observed-1
     """
+    from realitygap.correspondence.logs import compare_logs
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
-    from realitygap.correspondence.trials import doubts_of, read_transfer, read_trials
+    from realitygap.correspondence.trials import TooSlowError, doubts_of, read_transfer, read_trials
     from realitygap.tasks.load import load_task
 
+    logs, why = _logs(a, b)
     whose = _task_of(Path(a)) if b is None and task is None else None
-    sets = read_transfer(a) if b is None else (read_trials(a), read_trials(b))
+    try:
+        if why and logs is not None:
+            raise _NoPosesError(why)
+        sets = read_transfer(a) if b is None else (read_trials(a), read_trials(b))
+    except (TooSlowError, _NoPosesError) as error:
+        if logs is None:
+            raise
+        _score_logs(a, b, logs, str(error))
+        return
     others = read_trials(ceiling) if ceiling is not None else None
     every = [trial for trials in (*sets, others or []) for trial in trials]
     setting = setting_of(every, load_task(task)) if task else setting_of([] if whose else every, whose)
     made = compare(sets[0], sets[1], setting, ceiling=others)
     warnings = doubts_of(every)
-    tell({"a": a, "b": b, **made.to_dict(), "warnings": warnings}, *_comparison_lines(made))
+    told = None if logs is None else compare_logs(*logs)
+    facts = {"a": a, "b": b, **made.to_dict(), **({} if told is None else {"logs": told.to_dict()})}
+    lines = () if told is None else ("", *_log_lines(told))
+    tell({**facts, "warnings": warnings}, *_comparison_lines(made), *lines)
     warn(warnings)
+
+
+class _NoPosesError(TrackError):
+    """A log that has none."""
+
+
+def _logs(a: str, b: str | None) -> tuple[tuple[list[Log], list[Log]] | None, str]:
+    """Both as logs, None if they cannot be read so; and which of them lack poses, "" if none does."""
+    from realitygap.correspondence.logs import read_logs
+
+    if b is None:
+        return None, ""
+    try:
+        both = read_logs(a), read_logs(b)
+    except TrackError:  # what reads them as tracks tells what is wrong
+        return None, ""
+    if not all(both):
+        return None, ""
+    lacking = [path for path, logs in zip((a, b), both, strict=True) if not all(one.faces for one in logs)]
+    there = [path for path in lacking if not _has_tracks(path)]
+    return both, f"no poses (x_cm, y_cm, heading_deg) in {' and in '.join(there)}" if there else ""
+
+
+def _has_tracks(path: str) -> bool:
+    """Whether poses are there in other files, as in a transfer's folder."""
+    from realitygap.correspondence.trials import TooSlowError, read_trials
+
+    try:
+        return bool(read_trials(path))
+    except TooSlowError:
+        return True
+    except TrackError:
+        return False
+
+
+def _score_logs(a: str, b: str | None, logs: tuple[list[Log], list[Log]], why: str) -> None:
+    """Compare logs only, and say why."""
+    from realitygap.correspondence.logs import compare_logs
+
+    made = compare_logs(*logs, poses=all(one.poses is not None for side in logs for one in side))
+    if made is None:
+        has = (f"{logs[0].source}: {', '.join(logs[0].channels) or 'nothing but poses'}" for logs in logs)
+        raise TrackError(
+            f"{why}, and no columns of one name to compare instead ({'; '.join(has)}). Give both poses, or "
+            "name alike what both read or do (proximity_0, command_left, …)."
+        )
+    left = f"correspondence score left out: {why}"
+    tell({"a": a, "b": b, "logs": made.to_dict(), "notes": [left]}, *_log_lines(made), f"note: {left}")
+
+
+def _log_lines(made: LogComparison) -> Iterator[str]:
+    rows = []
+    for one in made.channels:
+        pairs = (one.mean, one.deviation, one.step_noise, one.alike_s)
+        rows.append([one.name, *(f"{a:.3g} / {b:.3g}" for a, b in pairs), f"{one.distance:.2f}"])
+    yield table(("A / B", "mean", "deviation", "change a step", "alike for s", "distance"), rows)
+    noise = [one.step_noise for one in made.channels if min(one.step_noise) > 0]
+    ratio = max((max(pair) / min(pair) for pair in noise), default=1.0)
+    for name, test, more in (
+        ("levels (means, deviations)", made.levels, ""),
+        (
+            "order in time",
+            made.order,
+            f"; changes a step differ by up to {ratio:.3g} times" if ratio > 1 else "",
+        ),
+    ):
+        if test.p is None:
+            yield f"{name}: too short to test; needed are {test.needed_s:.0f} s of each without gaps{more}"
+        else:
+            apart = "told apart" if test.p < TOLD_APART else "not told apart"
+            yield f"{name}: {apart}, p = {test.p:.3f}, by windows of {test.window_s:.3g} s{more}"
+    for name, pace in zip("AB", made.pace, strict=True):
+        yield (
+            f"{name}: {pace.rows} rows, a step {pace.usual_s:.3g} s (99 % up to {pace.most_s:.3g}, longest "
+            f"{pace.longest_s:.3g}), {100 * pace.late:.1f} % late, {pace.gaps} gaps"
+        )
+    yield f"compared at steps of {made.step_s:.3g} s; distance is Wasserstein's, in deviations"
+    for note in made.notes:
+        yield f"note: {note}"
 
 
 def _task_of(folder: Path) -> Task | None:

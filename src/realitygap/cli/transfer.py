@@ -158,11 +158,16 @@ def transfer(
 
 def transfer_lines(made: list[TransferredTrial]) -> Iterator[str]:
     """A table with a line per trial, then what went wrong."""
-    rows = []
+    rows, stalled = [], any(one.stalls for one in made)
     for one in made:
         fitness = map(shown, (one.fitness_simulated, one.fitness_situated))
-        rows.append([one.robot, one.name, one.start, *fitness, one.situated_from, one.late_steps])
-    yield table(("robot", "run", "start", "simulated", "on the robot", "path from", "late steps"), rows)
+        stalls = [f"{one.stalls} × ({one.stalled_s:.1f} s)" if one.stalls else "–"] if stalled else []
+        rows.append([one.robot, one.name, one.start, *fitness, one.situated_from, one.late_steps, *stalls])
+    names = ("robot", "run", "start", "simulated", "on the robot", "path from", "late steps")
+    yield table((*names, *(["stalled"] if stalled else [])), rows)
+    if again := sum(one.repeated for one in made):
+        left = sum(one.stalls > 0 for one in made)
+        yield f"{again} of {len(made)} trials were repeated since the line stalled; {left} stalled again"
     for one in made:
         if one.missed_steps:
             missed = f"{one.missed_steps} steps had no answer in time; the last readings were used instead"

@@ -20,12 +20,12 @@ from realitygap.files import as_path, read_toml
 from realitygap.logs.mapped import read_map
 from realitygap.track import COLUMNS, Track, Trajectory, read_tracks
 from realitygap.values import Floats
-from realitygap.work.archive import SIMULATED, SITUATED, TRIAL, unpacked
+from realitygap.work.archive import SIMULATED, SITUATED, STALLED, TRIAL, unpacked
 from realitygap.world.robot import load_profile
 
 __all__ = [
-    "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "Trial", "doubt_of_disk", "doubts_of", "read_transfer",
-    "read_trials", "resampled", "trial_of",
+    "RADIUS_CM", "SHORTEST_S", "SLOWEST_HZ", "STEP_S", "TooSlowError", "Trial", "doubt_of_disk",
+    "doubts_of", "read_transfer", "read_trials", "resampled", "trial_of",
 ]  # fmt: skip
 
 RADIUS_CM = 2.9
@@ -43,6 +43,10 @@ SLOWEST_HZ = 4.5
 """Tracks with fewer rows a second do not resolve turns."""
 LARGEST_TURN = math.pi + 1e-6
 """From row to row, rad: an unwrapped heading's, but for rounding."""
+
+
+class TooSlowError(TrackError):
+    """Rows too far apart to show turns: a track that can be compared by its places and speeds only."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -159,7 +163,7 @@ def resampled(
     steps = np.diff(t)
     usual = float(np.median(steps))
     if usual > 1 / SLOWEST_HZ:
-        raise TrackError(
+        raise TooSlowError(
             f"{where}: expected at least 5 rows a second, got {1 / usual:.2g}. Turns would not show."
         )
     worst = int(np.argmax(steps))
@@ -179,7 +183,29 @@ def resampled(
     return Trial(
         x=x, y=y, heading=np.unwrap(heading), start=start, unit=unit, radius_cm=radius_cm, source=source,
         bridged_s=float((gaps - usual).sum()), rate_hz=min(RATE_HZ, 1 / usual),
+        doubt=_jumps(track, where),
     )  # fmt: skip
+
+
+JUMP_CM, JUMP_CM_S, JUMP_TIMES = 2.0, 20.0, 4.0
+"""From row to row: farther than this, and so fast and so many times as fast as nine tenths of the track."""
+
+
+def _jumps(track: Track, where: str) -> str:
+    """A warning where a robot jumps from row to row; "" for none."""
+    rows = np.flatnonzero(track.found)
+    ways, steps = np.hypot(np.diff(track.x[rows]), np.diff(track.y[rows])), np.diff(track.t[rows])
+    speeds = ways / steps
+    most = max(JUMP_CM_S, JUMP_TIMES * float(np.quantile(speeds, 0.9)))
+    far = np.flatnonzero((ways > JUMP_CM) & (speeds > most))
+    if not len(far):
+        return ""
+    k = int(far[np.argmax(ways[far])])
+    there = f"row {rows[k + 1] + 1} (t_s {track.t[rows[k + 1]]:g}): {ways[k]:.1f} cm in {steps[k]:.2g} s"
+    return (
+        f"{where}: jumps {len(far)} × from row to row, the farthest to {there}. Did the tracker "
+        "take something else for the robot, or was it lifted? Cut the track there, or leave the place empty."
+    )
 
 
 # From files
@@ -223,6 +249,7 @@ def _read(place: Path, path: str | Path) -> list[Trial]:
     if not place.is_dir():
         return _read_file(place, start="1", unit="")
     found = sorted(p for p in place.rglob("*") if p.suffix.lower() in (".csv", ".json") and _is_track(p))
+    found = [p for p in found if STALLED not in p.relative_to(place).parts]
     found = [p for p in found if p.name == SITUATED or not (p.parent / TRIAL).exists()]
     if not found:
         raise TrackError(
@@ -357,13 +384,14 @@ def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
     if best > EXPLAINS and best > as_is + BETTER:
         raise TrackError(f"{found}: {cure}.")
     if as_is >= CONTRADICTS:
-        far = max(float(np.abs((trial.x, trial.y)).max()) for trial in trials)
-        if far >= min(trial.radius_cm for trial in trials):
-            return list(trials)
+    far = max(float(np.abs((trial.x, trial.y)).max()) for trial in trials)
+    doubt = ""
+    if as_is < CONTRADICTS:
+        doubt = f"{found}: is it the robot's, in degrees?"
+    elif far < min(trial.radius_cm for trial in trials):
         reach = f"x_cm and y_cm reach {far:.2g} cm, less than the robot's radius"
         doubt = f"{trials[0].source}: {reach}: are they in metres?"
-        return [replace(trial, doubt=doubt) for trial in trials]
-    return [replace(trial, doubt=f"{found}: is it the robot's, in degrees?") for trial in trials]
+    return [replace(t, doubt="; ".join(filter(None, (doubt, t.doubt)))) for t in trials]
 
 
 def agreement(trials: Sequence[Trial], read: Callable[[Floats], Floats] = np.asarray) -> float:

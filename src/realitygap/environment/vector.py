@@ -34,7 +34,7 @@ __all__ = [
 Info = dict[str, Any]
 SETTINGS = ("noise", "profile")
 """What a reset may change."""
-NOWHERE, STILL = np.zeros((0, 3)), np.zeros((0, 2), np.int64)
+NOWHERE, STILL = np.zeros((0, 3)), np.zeros((0, 2))
 """No robot begins; none is commanded."""
 
 
@@ -227,7 +227,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
                 "choose another autoreset_mode."
             )
         moving = np.flatnonzero(~self._over)
-        commands = commands_of(actions, (self.num_envs, 2))[moving]
+        commands = commands_of(actions, (self.num_envs, 2))[moving].astype(np.float64)
         self._advance(moving, NOWHERE, commands)
         self._begin(begun)
         rewards = np.zeros(self.num_envs)
@@ -315,7 +315,7 @@ class RobotVectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[np.
         self._worth[which] = 0.0
         self._over[which] = False
 
-    def _advance(self, which: NDArray[np.int64], starts: Floats, commands: NDArray[np.int64]) -> None:
+    def _advance(self, which: NDArray[np.int64], starts: Floats, commands: Floats) -> None:
         """As of `loop.advance`: all robots at once, or each with the constants of its trial."""
         if not self.simulation.task.spread:
             world = self.simulation.world

@@ -18,7 +18,7 @@ Everything else has a default. `realitygap.testing.BodyContract` tests what ever
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -153,6 +153,8 @@ class Body(ABC):
         pose: where it truly is: the path of a transfer, if no camera sees it; else the path is computed from
             its counters.
         read_at: when what `sense` gives arrived, by its clock: of a body whose line may miss a step.
+        stalls: how long each stall of its line took so far, s, while its wheels stood: of a body whose line
+            may stall.
         infrared_grid: (bearings, distances in cm) of the infrared's plan (`record`), if not the usual ones:
             of a body that is set down at many places in no time.
     """
@@ -165,6 +167,7 @@ class Body(ABC):
     speeds: tuple[int, int] | None = None
     pose: Pose | None = None
     read_at: float | None = None
+    stalls: Sequence[float] = ()
     infrared_grid: tuple[int, tuple[float, ...]] | None = None
 
     @abstractmethod

@@ -97,7 +97,8 @@ class Recording:
     t, late [n] s; proximity [n, P or 0], ambient [n, A or 0] counts; inputs [n, I]; commands [n, 2]
     and speeds [n, 2] in the robot's units; counters [n, 2] pulses. Counters and speeds are NaN where
     the robot has none, or its line had no room for them. `read` [n] s is when what was read arrived, NaN
-    where the robot does not tell. `ended` is "finished", "killed", or what
+    where the robot does not tell. `stalls` counts how often the line stalled so that the wheels were stopped,
+    `stalled_s` says how long in all. `ended` is "finished", "killed", or what
     stopped the drive.
     """
 
@@ -112,6 +113,8 @@ class Recording:
     read: NDArray[np.float64]
     ended: str
     facts: Mapping[str, Any] = field(default_factory=dict)
+    stalls: int = 0
+    stalled_s: float = 0.0
 
     @property
     def late_steps(self) -> int:
@@ -123,7 +126,8 @@ class Recording:
         """Why its timing cannot be trusted: a gap, or too many late steps; None: it can."""
         gap = float(np.diff(self.t).max(initial=0.0))
         if gap > LONGEST_GAP_S:
-            return f"a gap of {gap:.1f} s between two steps"
+            stalled = ", while the line stalled and the wheels stood" if self.stalls else ""
+            return f"a gap of {gap:.1f} s between two steps{stalled}"
         if self.late_steps > LATE_SHARE * len(self.t):
             return f"{self.late_steps} of {len(self.t)} steps late"
         return None
@@ -135,9 +139,15 @@ class Recording:
 
     @classmethod
     def from_rows(
-        cls, columns: Sequence[str], rows: Sequence[Sequence[float]], *, ended: str, facts: Mapping[str, Any]
+        cls,
+        columns: Sequence[str],
+        rows: Sequence[Sequence[float]],
+        *,
+        ended: str,
+        facts: Mapping[str, Any],
+        stalls: Sequence[float] = (),
     ) -> Self:
-        """From the names of a file's columns and their rows [n, columns]."""
+        """From the names of a file's columns and their rows [n, columns]; stalls, s each."""
         table = np.array(rows, np.float64).reshape(len(rows), len(columns))
         column = dict(zip(columns, np.ascontiguousarray(table.T), strict=True))
 
@@ -160,6 +170,8 @@ class Recording:
             read=column.get("read_s", np.full(len(rows), np.nan)),
             ended=ended,
             facts=facts,
+            stalls=len(stalls),
+            stalled_s=round(sum(stalls), 3),
         )
 
     @classmethod
@@ -173,14 +185,16 @@ class Recording:
         if not facts_file.is_file():
             raise UsageError(f"{str(folder)!r} holds no recording: there is no {FACTS} in it")
         facts = read_toml(facts_file, UsageError, "It says what was recorded.")
-        ended = str(facts.pop("end", {}).get("ended", KILLED))
+        end = facts.pop("end", {})
+        ended, stalls = str(end.get("ended", KILLED)), int(end.get("stalls", 0))
         text = read_text(steps_file, UsageError, "It holds the steps.") if steps_file.is_file() else ""
         lines = text[: text.rfind("\n") + 1].splitlines()
         columns = next(csv.reader(lines[:1]), ALWAYS)
         if [columns.count(name) for name in ALWAYS] != [1] * len(ALWAYS):
             raise UsageError(f"{steps_file}, line 1: expected columns {', '.join(ALWAYS)} and others")
         rows = [_row(line, columns, f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
-        return cls.from_rows(columns, rows, ended=ended, facts=facts)
+        each = float(end.get("stalled_s", 0.0)) / max(stalls, 1)
+        return cls.from_rows(columns, rows, ended=ended, facts=facts, stalls=[each] * stalls)
 
 
 class Recorder:
@@ -194,6 +208,7 @@ class Recorder:
         self.facts = dict(facts or {})
         self.folder = Path(folder) if folder is not None else None
         self.ended = KILLED
+        self._stalls: Sequence[float] = ()
         self._columns = ALWAYS
         self._rows: list[list[float]] = []
         self._file: IO[str] | None = None
@@ -215,15 +230,17 @@ class Recorder:
         self._rows.append(row)
         self._write(f"{value:.10g}" for value in row)
 
-    def finish(self, ended: str) -> None:
-        """Say how the drive ended, and close the files."""
-        self.ended = ended
+    def finish(self, ended: str, stalls: Sequence[float] = ()) -> None:
+        """Say how the drive ended, and how long each stall of its line took (s), and close the files."""
+        self.ended, self._stalls = ended, stalls
         if self._file is None or self.folder is None:
             return
         self._file.close()
         self._file = None
         kept = self.recording()
         end: dict[str, Any] = {"ended": ended, "steps": len(self._rows), "late_steps": kept.late_steps}
+        if kept.stalls:
+            end |= {"stalls": kept.stalls, "stalled_s": kept.stalled_s}
         if "read_s" in self._columns:
             end["missed_steps"] = kept.missed_steps
         with (self.folder / FACTS).open("a", encoding="utf-8") as file:
@@ -231,7 +248,8 @@ class Recorder:
 
     def recording(self) -> Recording:
         """All that was kept so far."""
-        return Recording.from_rows(self._columns, self._rows, ended=self.ended, facts=self.facts)
+        told: dict[str, Any] = {"ended": self.ended, "facts": self.facts, "stalls": self._stalls}
+        return Recording.from_rows(self._columns, self._rows, **told)
 
     def _write(self, words: Iterable[str]) -> None:
         if self._file is not None:
@@ -373,9 +391,10 @@ def drive(
 ) -> Recording:
     """Drive a body with a controller, one step each of its periods.
 
-    The time-table moves on with a step that is late by more than a whole one: the robot never has to
-    catch up. Whatever ends the drive, an exception, Ctrl-C, Ctrl-Z, SIGTERM or a lost line, the wheels
-    are stopped first; then the recording is closed. Its steps are the `recorder`'s, however it ends.
+    The time-table moves on with a step that is late by more than a whole one, as after a stall of the line
+    that stopped the wheels: the robot never has to catch up. Whatever ends the drive, an exception, Ctrl-C,
+    Ctrl-Z, SIGTERM or a lost line, the wheels are stopped first; then the recording is closed. Its steps are
+    the `recorder`'s, however it ends.
 
     Args:
         seconds: length of the trial, which ends at the nearest step.
@@ -436,7 +455,7 @@ def _blamed(body: Body) -> AbstractContextManager[None]:
 @contextmanager
 def _closing(body: Body, recorder: Recorder, stopping: StopOnSignal) -> Iterator[None]:
     """At the end stop the body, undisturbed, and say in the recording what ended the drive."""
-    ended = "finished"
+    ended, before = "finished", len(body.stalls)
     try:
         yield
     except BaseException as error:
@@ -450,4 +469,4 @@ def _closing(body: Body, recorder: Recorder, stopping: StopOnSignal) -> Iterator
                 ended = f"{ended}; {type(error).__name__}: {error}"
                 raise
             finally:  # whether the robot confirmed or not
-                recorder.finish(ended)
+                recorder.finish(ended, body.stalls[before:])

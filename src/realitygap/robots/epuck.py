@@ -83,7 +83,7 @@ EPUCK = Protocol(
     rates=(115200,),
     usual=115200,
     stop_bits=1,
-    patience_s=0.3,  # Bluetooth
+    patience_s=0.35,  # Bluetooth; of an e-puck2 over WiFi 99 % of all answers
     top=1000,
 )
 
@@ -219,7 +219,7 @@ class PacketLine(Line):
 
     def _exchange(self, requests: Sequence[Request]) -> list[Answer]:
         self.discard_input()
-        until = self.clock.now() + self.protocol.patience_s
+        until = self._until(self.protocol.patience_s)
         for letter, numbers in requests:
             if letter == "D":
                 self._speeds = numbers[0], numbers[1]
@@ -261,12 +261,15 @@ class PacketLine(Line):
                     continue
             more = self._read(until, 0)
             if not more and self.clock.now() >= until:
-                raise GarbledError("no answer to a packet")
+                if not self._input:
+                    raise GarbledError("no answer to a packet")
+                got = f"expected {end - 1} bytes behind the first, got {len(self._input) - 1}"
+                raise GarbledError(f"its packets are short: {got}; is its firmware another?")
             self._input += more
 
     def _resynchronise(self) -> None:
         """Drop what comes in, until it is quiet: an answer that is late would be taken for the next one's."""
-        until = self.clock.now() + self.protocol.patience_s
+        until = self._until(self.protocol.patience_s)
         while self.clock.now() < until and self._read(self.clock.now() + QUIET_S, 0):
             pass
         self.discard_input()

@@ -8,11 +8,15 @@ On a serial line some of what is sent may be lost, duplicated, garbled or late. 
 until its answer is understood. Before that the line is brought back into step: a line end closes whatever
 half line the robot holds, and the answer to `B`, which nothing else asks for, shows that everything older has
 passed. (`B` is the Khepera's; a protocol names its own.)
+
+A line over the air may stall for seconds. A robot whose wheels may turn is then told to stop until it answers
+again; what was asked is asked once more.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +28,7 @@ import numpy as np
 
 from realitygap.errors import BaudError, LineError, RobotError, UsageError
 from realitygap.robots.body import KINDS, Clock, Odometry, RealClock
-from realitygap.robots.wire import LOOK_S, STAND_S, Wire, WireBody, why_not_opened
+from realitygap.robots.wire import LOOK_S, STALL_S, STAND_S, WAIT_S, Wire, WireBody, why_not_opened
 from realitygap.values import Command, Pose, Readings
 
 __all__ = [
@@ -261,22 +265,23 @@ class Line(Wire):
         self.protocol, self.baud, self.give_up_s = protocol, baud, give_up_s
         self.stop_message = protocol.wake + STOP.data
         self.odd = ""
-        self._batch_failures = 0
+        self._batch_failures, self._latest = 0, math.inf
         self._open()
 
     def ask(self, *requests: Request, give_up_s: float | None = None) -> list[Answer]:
         """The answers to some commands, sent together where the robot takes them so.
 
         Raises:
-            LineError: the line is lost, or no answer was understood in time.
+            LineError: the line is lost, no answer was understood in time, or a stall did not end.
             RefusedError: the robot refused a command each time.
         """
         together = len(requests) > 1 and self._batch_failures < BATCH_FAILURES
         once = next((r for r in requests if not self.protocol.commands[r.letter].repeatable), None)
         start, tries, wire_s = self.clock.now(), 0, self._wire_s(requests)
-        until = start + (self.give_up_s if give_up_s is None else give_up_s) + wire_s
+        heard, until = start, start + (self.give_up_s if give_up_s is None else give_up_s) + wire_s
         while tries < LEAST_TRIES or self.clock.now() < until:
             tries += 1
+            self._latest = heard + STALL_S if self.moving else math.inf
             groups = [requests] if together else [(request,) for request in requests]
             try:
                 if tries > 1:
@@ -291,10 +296,36 @@ class Line(Wire):
             together = False
             if once is not None:
                 raise LineError(f"{failure}; {once.text!r} is not sent twice: ask the robot for its state")
+            if self.clock.now() >= self._latest:
+                until += self._waited_out(heard)
+                heard = self.clock.now()
         if isinstance(failure, RefusedError):
             raise failure
         passed = f"{self.clock.now() - start:.1f} s, asked {tries} times"
         raise LineError(f"no answer understood on {self.device} for {passed}; the last: {failure}")
+
+    def _waited_out(self, heard: float) -> float:
+        """Tell the robot, last heard of then, to stop until it answers; how long that took, s.
+
+        Raises:
+            LineError: it does not.
+        """
+        begun, self._latest = self.clock.now(), math.inf
+        while True:
+            self.write(self.stop_message)
+            try:
+                self._resynchronise()
+                self._exchange((STOP,))
+            except (GarbledError, RefusedError) as error:
+                silent = self.clock.now() - heard
+                if silent < WAIT_S:
+                    continue
+                told = (
+                    f"no answer understood on {self.device} for {silent:.1f} s, in which it was told to stop"
+                )
+                raise LineError(f"{told}; the last: {error}") from None
+            self.stalls.append(self.clock.now() - heard)
+            return self.clock.now() - begun
 
     def read_line(self, within_s: float) -> str | None:
         """The next line that is not empty, without its end; None if there is none in time."""
@@ -312,7 +343,7 @@ class Line(Wire):
     def _exchange(self, requests: Sequence[Request]) -> list[Answer]:
         self.discard_input()
         self.write(b"".join(request.data for request in requests))
-        until = self.clock.now() + self.protocol.patience_s + self._wire_s(requests)
+        until = self._until(self.protocol.patience_s + self._wire_s(requests))
         answers: list[Answer] = []
         for request in requests:
             line = self._next_line(until, len(requests) - len(answers))
@@ -329,13 +360,13 @@ class Line(Wire):
         Raises:
             GarbledError: no answer came.
         """
-        until = self.clock.now() + self.protocol.patience_s
+        until = self._until(self.protocol.patience_s)
         while self.clock.now() < until and self.read_line(QUIET_S) is not None:
             pass
         self.discard_input()
         barrier = Request(self.protocol.barrier)
         self.write(self.protocol.wake + barrier.data)
-        until = self.clock.now() + self.protocol.patience_s + self._wire_s((barrier,))
+        until = self._until(self.protocol.patience_s + self._wire_s((barrier,)))
         while (line := self._next_line(until, 1)) is not None:
             with contextlib.suppress(GarbledError, RefusedError):
                 self.protocol.parse_answer(line, barrier)
@@ -357,6 +388,10 @@ class Line(Wire):
             more = self._read(until, lines)
             late = not more and self.clock.now() >= until
             self._input += more
+
+    def _until(self, patience_s: float) -> float:
+        """When to wait no longer: of a robot whose wheels may turn before it must be told to stop."""
+        return min(self.clock.now() + patience_s, self._latest)
 
     def _wire_s(self, requests: Sequence[Request]) -> float:
         return self.protocol.wire_ms(self.protocol.characters(*requests), self.baud) / 1000.0
@@ -596,6 +631,7 @@ class LineBody(WireBody):
     def act(self, command: Command) -> None:
         """Wheel speeds from now on, in the robot's own units."""
         self._guard.watch()
+        self.line.moving = True
         self.line.ask(self.protocol.request("D", command.left, command.right))
 
     def read(self, letter: str) -> tuple[int, ...]:

@@ -22,7 +22,8 @@ import numpy as np
 from realitygap.errors import LineError, RobotError, UsageError
 from realitygap.lazy import needed
 from realitygap.robots.body import Channel, RealClock
-from realitygap.robots.wire import LOOK_S, STAND_S, Wire, WireBody, why_not_opened
+from realitygap.robots.guard import SILENCE_S
+from realitygap.robots.wire import LOOK_S, STALL_S, STAND_S, WAIT_S, Wire, WireBody, why_not_opened
 from realitygap.values import Command, Pose, Readings
 
 __all__ = ["AsebaLine", "ThymioBody", "opened", "opened_port"]
@@ -240,7 +241,7 @@ SENSE_SHARE = 0.9
 """A reading not there after this share of a step is missed: the last one is used instead."""
 
 GIVE_UP_S = 1.0
-"""A robot that is silent for this long is lost."""
+"""A robot that is silent for this long when it is first asked is lost."""
 
 STANDS = 40
 """Measured speeds up to this count as standing still (standing motors say up to 20)."""
@@ -286,14 +287,17 @@ class ThymioBody(WireBody):
         self._readings = None
 
     def sense(self) -> Readings:
-        """What the sensors say; the last readings again if the answer does not come in time.
+        """What the sensors say; the last readings again if the answer does not come in time. After a few of
+        these the robot is told to stop, until it answers.
 
         Raises:
-            LineError: the robot has said nothing for a second.
+            LineError: it does not.
         """
         said = self.line.fetch(NEEDED, self.clock.now() + SENSE_SHARE * self.period_s)
-        if said is None and (self._readings is None or self.clock.now() - self.read_at > GIVE_UP_S):
+        if said is None and self._readings is None:
             said = self._fetched(NEEDED, GIVE_UP_S)
+        elif said is None and self.clock.now() - self.read_at > SILENCE_S:
+            said = self._waited_out()
         if said is not None:
             self.read_at = self.clock.now()
             counts = np.maximum(np.array(said[PROXIMITY], np.float64), 0)
@@ -326,6 +330,7 @@ class ThymioBody(WireBody):
                 f"{command.left} and {command.right}; the profile's top_command says how far they go"
             )
         self._guard.watch()
+        self.line.moving = True
         self._given = command
         self._send()
 
@@ -347,6 +352,19 @@ class ThymioBody(WireBody):
             if self.clock.now() >= until:
                 return False
             self.clock.sleep_until(self.clock.now() + LOOK_S)
+
+    def _waited_out(self) -> dict[str, list[int]]:
+        """What the robot says when it answers again, told to stop until then."""
+        self._given = Command(left=0, right=0)
+        while True:
+            self._send()
+            said = self.line.fetch(NEEDED, self.clock.now() + STALL_S)
+            silent = self.clock.now() - self.read_at
+            if said is not None:
+                self.line.stalls.append(silent)
+                return said
+            if silent > WAIT_S:
+                raise LineError(f"the robot on {self.line.device} has said nothing for {silent:.1f} s")
 
     def _send(self) -> None:
         self.line.write(self.line.targets(self._given.left, self._given.right))

@@ -21,13 +21,14 @@ from realitygap.robots.drive import Controller
 from realitygap.simulation.simulation import Simulation
 from realitygap.track import Trajectory
 from realitygap.values import Command, Floats, Pose, Readings, as_stream, fed
+from realitygap.world.robot import TOP_INPUT
 
 __all__ = ["SimulatedBody", "drive_simulated", "network_inputs"]
 
-PULSES_PER_STEP = 10
-"""Pulses that a wheel turns by in a step at one Khepera unit (a pulse per 10 ms)."""
+PULSES_PER_S = 100.0
+"""Pulses a second of a wheel at one unit: a Khepera's, for profiles that tell no pulses."""
 MOST = 127
-"""Largest command, Khepera units: beyond it none is heard."""
+"""Largest output, tenths of the top command: beyond it (a Khepera's largest command) none is heard."""
 STAND_STEPS = 20
 """Steps that the wheels may take to come to rest."""
 ONE, NOWHERE = np.zeros(1, np.int64), np.zeros((0, 3))
@@ -37,8 +38,10 @@ ONE, NOWHERE = np.zeros(1, np.int64), np.zeros((0, 3))
 class SimulatedBody(Body):
     """The robot of a simulation, which any controller may drive.
 
-    Driven by its task's network with `network_inputs`, it lives the same trial, to the bit, as
-    `Simulation.trajectory` with the same stream. Each reset begins that trial's noise anew.
+    Its commands are the robot's own units, as in its profile and as of every body. Driven by its task's
+    network with `network_inputs` and `put_out`, it lives the same trial, to the bit, as
+    `Simulation.trajectory` with the same stream; by `act`, as a robot does, which takes whole units. Each
+    reset begins that trial's noise anew.
 
     Args:
         simulation: task, robot, noise and arena.
@@ -76,6 +79,11 @@ class SimulatedBody(Body):
         self._scratch = new_scratch(robot, trial, whole=whole)
         self._robots = new_robots(1, 0, self._scratch)
         self.period_s = simulation.profile.period_s
+        wheels, told = simulation.profile.wheels, simulation.profile.provenance.pulses_per_mm
+        self._pulses_per_unit = [
+            self.period_s * (10.0 * told[w] * wheels.speed_per_unit_cm_s[w] if told else PULSES_PER_S)
+            for w in range(2)
+        ]
         self.clock = SteppedClock(self._step, self.period_s)
         self._set_down(simulation.start(stream))
 
@@ -87,7 +95,7 @@ class SimulatedBody(Body):
 
     @property
     def wheels(self) -> tuple[float, float]:
-        """What the wheels do, Khepera units."""
+        """What the wheels do, the robot's units."""
         speeds, units = self._robots.wheel[0, :, 0].tolist(), self._world.robot.wheels.speed_per_unit.tolist()
         return speeds[0] / units[0], speeds[1] / units[1]
 
@@ -116,15 +124,32 @@ class SimulatedBody(Body):
         return Readings(**kept)
 
     def act(self, command: Command) -> None:
-        """Wheel speeds from now on, as the network puts them out.
+        """Wheel speeds from now on, in the robot's own units.
 
         Raises:
-            UsageError: a command that no Khepera can be given.
+            UsageError: no whole units, or many times the profile's top command.
         """
+        self._give(command, self.simulation.profile.wheels.top_command / TOP_INPUT)
+
+    def put_out(self, outputs: Command) -> None:
+        """Wheel speeds from now on, as a network puts them out: −10 … 10 of the top command.
+
+        Raises:
+            UsageError: no whole numbers, or many times that.
+        """
+        self._give(outputs, 1.0)
+
+    def _give(self, command: Command, unit: float) -> None:
+        """A command of which so much is a tenth of the top one."""
+        most = int(MOST * unit)
         for name, value in (("left", command.left), ("right", command.right)):
-            if not -MOST <= value <= MOST or value != int(value):
-                raise UsageError(f"command: {name}: expected a whole number of ±{MOST}, got {value!r}.")
-        self._commands[:] = command.left, command.right
+            if not -most <= value <= most or value != int(value):
+                robot = f"profile {self.simulation.profile.name!r}"
+                raise UsageError(
+                    f"command: {name}: expected a whole number of ±{most}, for the top command of {robot} is "
+                    f"{TOP_INPUT * unit:g}, got {value!r}."
+                )
+        self._commands[:] = command.left / unit, command.right / unit
 
     def stop(self) -> None:
         """Stand; the clock goes on until the wheels rest."""
@@ -140,7 +165,7 @@ class SimulatedBody(Body):
 
     def _set_down(self, pose: Pose) -> None:
         free, stream = self.simulation.require_free(pose), as_stream(self.stream)
-        self._world, self._commands = self.simulation.world_of(int(stream)), np.zeros((1, 2), np.int64)
+        self._world, self._commands = self.simulation.world_of(int(stream)), np.zeros((1, 2))
         self._robots.stream[0] = stream
         self._advance(np.array([[free.x, free.y, free.heading]], float))
         self._pulses = [0.0, 0.0]
@@ -162,7 +187,7 @@ class SimulatedBody(Body):
     def _step(self) -> None:
         self._advance(NOWHERE)
         for i, speed in enumerate(self.wheels):
-            self._pulses[i] += PULSES_PER_STEP * speed
+            self._pulses[i] += self._pulses_per_unit[i] * speed
 
     def _wheel_counts(self) -> Odometry:
         (left, right), speeds = self._pulses, self.wheels
@@ -214,7 +239,7 @@ def drive_simulated(
         record.proximity[k], record.ambient[k] = readings.proximity, readings.ambient
         record.inputs[k] = make(readings)
         command = driver.decide(record.inputs[k].tolist())
-        body.act(command)
+        body.put_out(command)
         body.clock.sleep_until(body.clock.now() + body.period_s)
         record.commands[k] = command.left, command.right
         record.wheels[k] = body.wheels

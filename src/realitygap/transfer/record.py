@@ -58,7 +58,7 @@ __all__ = [
 
 FREE = (
     "film", "view", "pose", "wished", "fitness", "situated_from", "late_steps", "missed_steps", "lost_steps",
-    "film_lead_s", "timing", "trouble", "versions",
+    "film_lead_s", "timing", "stalls", "stalled_s", "repeated", "trouble", "versions",
 )  # fmt: skip
 """Keys of a trial's file that follow from others, or are not compared."""
 PLAIN = ("run", "name", "task", "noise", "individual", "start", "seconds", "situated_from", "late_steps")
@@ -87,6 +87,8 @@ class TransferredTrial:
         late_steps: steps that began more than 10 ms late.
         timing: why the robot's steps came too late to be compared (a gap of more than half a second, or more
             than a fifth of them late), so that the trial is left out of scores; None: they did not.
+        stalls, stalled_s: how often the line stalled, so that the wheels were stopped, and how long in
+            all, s; repeated: whether the trial is the second try, since the first one stalled.
         missed_steps: steps without an answer in time, None for a robot whose line misses none.
         lost_steps: rows of the situated path without a pose.
         trouble: problems with a live camera's film, or why the robot was lost in it; None: none.
@@ -114,6 +116,9 @@ class TransferredTrial:
     missed_steps: int | None
     lost_steps: int
     trouble: str | None
+    stalls: int = 0
+    stalled_s: float = 0.0
+    repeated: bool = False
 
     @cached_property
     def simulated(self) -> Track:
@@ -228,6 +233,9 @@ def _trial(file: Path, table: dict[str, Any]) -> TransferredTrial:
             fitness_simulated=float(table["fitness"]["simulated"]),
             fitness_situated=float(table["fitness"]["situated"]),
             lost_steps=table.get("lost_steps", 0),
+            stalls=table.get("stalls", 0),
+            stalled_s=float(table.get("stalled_s", 0.0)),
+            repeated=bool(table.get("repeated", False)),
             **{key: table[key] for key in PLAIN},
             **free,
         )

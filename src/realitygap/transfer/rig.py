@@ -23,7 +23,7 @@ from realitygap.kernels.rng import substream
 from realitygap.robots.address import BAUD, Address
 from realitygap.robots.body import Body, Odometry
 from realitygap.robots.drive import Controller, Recorder, Recording, drive
-from realitygap.simulation.body import SimulatedBody
+from realitygap.robots.wire import STALL_S
 from realitygap.streams import TWIN_NOISE
 from realitygap.tasks.task import Task
 from realitygap.track import Track, read_track, settled
@@ -129,6 +129,7 @@ def driven(
         recorder: records the steps.
     """
     poses: list[Pose] = []
+    read: list[float] = []
     ended: list[Odometry] = []
     sensors = task.of(profile).sensors
     seen = body if body.knows_pose else None
@@ -138,6 +139,7 @@ def driven(
             poses.append(seen.known_pose())
 
     def inputs(readings: Readings) -> list[int]:
+        read.append(body.clock.now())
         look()
         return profile.inputs(fed(readings, task.feeds).tolist(), task.feeds, sensors)
 
@@ -148,13 +150,21 @@ def driven(
         ended.append(body.odometry)
 
     body.attend(*task.kinds)
-    commands = controller if isinstance(body, SimulatedBody) else Scaled(controller, profile)
-    made = drive(body, commands, seconds=seconds, inputs=inputs, recorder=recorder, at_end=look_again)
+    made = drive(
+        body,
+        Scaled(controller, profile),
+        seconds=seconds,
+        inputs=inputs,
+        recorder=recorder,
+        at_end=look_again,
+    )
     last, unknown = ended[0], (np.nan, np.nan)
     counters = np.vstack([made.counters, last.counters or unknown])
     speeds = np.vstack([made.speeds, last.speeds or unknown])
     late = made.late[-1] if made.late[-1] <= body.period_s else 0.0  # as in the loop's schedule
     times = np.append(made.t, made.t[-1] - late + body.period_s)
+    waited = np.array(read) - read[0] - (made.t - made.t[0])
+    times[:-1] += np.where(waited > STALL_S, waited, 0.0)  # after a stall it was asked anew
     told = turned(body, profile, counters, speeds, times)
     return DriveRecord(made, *told, tuple(poses), body.period_s, times)
 

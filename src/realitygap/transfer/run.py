@@ -53,7 +53,7 @@ from realitygap.transfer.record import (
 from realitygap.transfer.rig import DriveRecord, Rig, driven
 from realitygap.transfer.spec import FOLDER, TrialSpec, check_body, controller_for, trial_specs
 from realitygap.values import Pose, steps_in
-from realitygap.work.archive import SIMULATED, SITUATED, TRIAL
+from realitygap.work.archive import SIMULATED, SITUATED, STALLED, TRIAL
 from realitygap.work.folder import file_errors, lock
 from realitygap.work.pool import Pool, Setup, Tell, Workers, far, opened
 from realitygap.work.progress import OnProgress, Reporter
@@ -86,7 +86,7 @@ class Operator(NamedTuple):
     Attributes:
         place_robot: has the robot put at a start, and returns when it is there.
         confirm_pose: decides whether to start where the camera sees it; without it, being seen is enough.
-        says: called with the reason why the camera does not see it, if known.
+        says: called with the reason why the camera does not see it, if known, and why a trial is repeated.
     """
 
     place_robot: PlaceRobot
@@ -297,41 +297,56 @@ class TrialWorker:
                 path = of_track(track, steps_in(spec.seconds, period_s), period_s=period_s)
             self._write(spec, folder, facts, path, record.recording)
 
-    def by_hand(
-        self, spec: TrialSpec, body: Body, place_robot: PlaceRobot, overhead: LiveOverhead | None
-    ) -> None:
-        """A whole trial on a robot that a person places.
+    def by_hand(self, spec: TrialSpec, body: Body, person: Operator, overhead: LiveOverhead | None) -> None:
+        """A whole trial on a robot that a person places; once more if the robot's line stalled.
 
         Args:
             spec: the trial.
             body: the robot.
-            place_robot: has it put at its start.
+            person: who puts it at its start.
             overhead: the camera above, if there is one.
         """
+        with new_trial(self._place / spec.folder, spec.robot) as folder:
+            record, path, facts = self._placed(spec, body, person, overhead, folder)
+            if stalled := record.recording.stalls:
+                if person.says is not None:
+                    took = f"{record.recording.stalled_s:.1f} s in all"
+                    person.says(
+                        f"The robot's line stalled ({stalled} ×, {took}); this trial is repeated, once."
+                    )
+                aside = folder / STALLED
+                aside.mkdir()
+                for file in [one for one in folder.iterdir() if one != aside]:
+                    file.rename(aside / file.name)
+                record, path, facts = self._placed(spec, body, person, overhead, folder)
+                facts["repeated"] = True
+            self._write(spec, folder, facts, path, record.recording)
+
+    def _placed(
+        self, spec: TrialSpec, body: Body, person: Operator, overhead: LiveOverhead | None, folder: Path
+    ) -> tuple[DriveRecord, Track, dict[str, Any]]:
+        """A drive from where a person has placed the robot: the record, its path, the trial's facts."""
         genes, task = self.genes(spec), self.study.task(spec.task)
         seen = overhead is not None and spec.source in ("camera", "film")
-        with new_trial(self._place / spec.folder, spec.robot) as folder:
-            pose = requested = self.simulation(spec.task, spec.noise).start(spec.stream)
-            body.attend(*task.kinds)  # refuses a line that is too slow
-            body.stop()
-            place_robot(spec, requested)
-            body.reset()
-            if overhead is not None:
-                pose = overhead.start(spec, requested)
-                body.reset()  # moving it again has turned its wheels
-            facts = self._simulate(spec, genes, pose, folder)
-            facts["wished"] = None if overhead is None else requested.to_dict()
-            with overhead.filming(spec, folder) if overhead is not None and seen else nullcontext():
-                record = driven(
-                    body, self._driver(spec, genes), task=task, profile=self.study.profile,
-                    seconds=spec.seconds, recorder=Recorder(folder, facts=facts),
-                )  # fmt: skip
-            if overhead is not None and seen:
-                path, found = overhead.path(spec, folder, self.study.profile.period_s)
-                facts |= found
-            else:
-                path = self._own_path(spec, record, pose)
-            self._write(spec, folder, facts, path, record.recording)
+        pose = requested = self.simulation(spec.task, spec.noise).start(spec.stream)
+        body.attend(*task.kinds)  # refuses a line that is too slow
+        body.stop()
+        person.place_robot(spec, requested)
+        body.reset()
+        if overhead is not None:
+            pose = overhead.start(spec, requested)
+            body.reset()  # moving it again has turned its wheels
+        facts = self._simulate(spec, genes, pose, folder)
+        facts["wished"] = None if overhead is None else requested.to_dict()
+        with overhead.filming(spec, folder) if overhead is not None and seen else nullcontext():
+            record = driven(
+                body, self._driver(spec, genes), task=task, profile=self.study.profile,
+                seconds=spec.seconds, recorder=Recorder(folder, facts=facts),
+            )  # fmt: skip
+        if overhead is not None and seen:
+            path, found = overhead.path(spec, folder, self.study.profile.period_s)
+            return record, path, {**facts, **found}
+        return record, self._own_path(spec, record, pose), facts
 
     def _driver(self, spec: TrialSpec, genes: Genes) -> Controller:
         if spec.controller is not None:
@@ -364,6 +379,7 @@ class TrialWorker:
             "film": spec.film,
             "situated_from": spec.source,
             "late_steps": kept.late_steps,
+            **({"stalls": kept.stalls, "stalled_s": kept.stalled_s} if kept.stalls else {}),
             "missed_steps": None if np.isnan(kept.read).all() else kept.missed_steps,
             "lost_steps": path.lost,
             "versions": self._versions(),
@@ -399,7 +415,7 @@ def _by_hand(
                 for spec in specs:
                     at_rate = replace(spec, baud=getattr(body, "baud", None))
                     with file_errors(place / spec.folder):
-                        worker.by_hand(at_rate, body, operator.place_robot, overhead)
+                        worker.by_hand(at_rate, body, operator, overhead)
             except BaseException:
                 body.abandon()  # it was told to stop first, wherever this came from
                 raise

@@ -22,6 +22,7 @@ __all__ = [
     "NAME",
     "SIMULATED",
     "SITUATED",
+    "STALLED",
     "TRIAL",
     "archived",
     "opened",
@@ -30,7 +31,7 @@ __all__ = [
     "unpacked",
 ]
 
-TRIAL, SIMULATED, SITUATED = "transfer.toml", "simulated.csv", "situated.csv"
+TRIAL, SIMULATED, SITUATED, STALLED = "transfer.toml", "simulated.csv", "situated.csv", "stalled"
 """A trial's files: its facts, without which it is not finished, and its two tracks."""
 PROFILE = "profile.toml"
 """A study's robot, with whose radius its trials are scored."""
