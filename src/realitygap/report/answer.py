@@ -77,10 +77,13 @@ class Answer:
         return dict(zip(levels[1:], map(float, found), strict=True))
 
     def text(self, level: float) -> str:
-        """A level's mean, with ± where its interval is known."""
+        """A level's mean with its unit, and ± where its interval is known."""
         mean = self.means[level]
         half = self.spread if mean.count == 1 else mean.half
-        return self._number(mean.value) + ("" if math.isnan(half) else f" ± {self._number(half)}")
+        value, spread = self._number(mean.value), "" if math.isnan(half) else f" ± {self._number(half)}"
+        if not self.unit:
+            return value + spread
+        return f"({value}{spread}) {self.unit}" if spread else f"{value} {self.unit}"
 
     def _number(self, value: float) -> str:
         return number(value, self.places)
@@ -92,8 +95,7 @@ class Answer:
             return "There is no score yet"
         level, *others = self.means
         if not others:
-            score = f"{self.what} {self.text(level)}{self._unit}"
-            return f"Champions evolved at {self.names[level]} noise: {score}"
+            return f"Champions evolved at {self.names[level]} noise: {self.what} {self.text(level)}"
         if len(self._highest) > 1:
             return f"{_listed(self._highest).capitalize()} noise came out alike"
         return f"{self.names[level].capitalize()} noise came out best"
@@ -110,7 +112,7 @@ class Answer:
             spread = f"({of} 95 % interval{self._paper_here(level)})"
             return f"{self.where} {spread}. One level has nothing to be compared with."
         rest = [f"{self._number(self.means[one].value)} at {self.names[one]}" for one in sorted(others)]
-        best = f"{self.what} {self.where} {self.text(level)}{self._unit}, against {_listed(rest)} noise"
+        best = f"{self.what} {self.where} {self.text(level)}, against {_listed(rest)} noise"
         return f"{best}{self._paper_order(level)}; {self._tested()}."
 
     @property
@@ -118,10 +120,6 @@ class Answer:
         """The levels whose means are shown as the highest."""
         shown = {level: self._number(mean.value) for level, mean in sorted(self.means.items())}
         return [self.names[level] for level, text in shown.items() if text == shown[next(iter(self.means))]]
-
-    @property
-    def _unit(self) -> str:
-        return f" {self.unit}" if self.unit else ""
 
     def _paper_mean(self, level: float) -> float:
         return float(np.mean([row.correspondence for row in self.paper[level]]))
@@ -182,8 +180,8 @@ def answer_of(part: TaskPart, tables: Sequence[ScoreTable]) -> Answer:
     scale, rows = part.task.fitness_scale, [row for c in part.conditions for row in c.rows]
     alone = rows[0].mean("champion", level) if len(rows) == 1 else None
     return Answer(
-        what="test score", where=f"at {part.levels.get(level, '')} noise, in simulation",
-        unit=part.task.fitness_unit, places=part.places,
+        what="test score", where=f"in simulation at {part.levels.get(level, '')} noise",
+        unit=part.unit, places=part.places,
         spread=math.nan if alone is None else alone.half / scale,
         names={c.level: c.name for c in part.conditions},
         values={c.level: [value / scale for value in c.means("champion", level)] for c in part.conditions},
@@ -239,11 +237,12 @@ def answer_figure(answer: Answer, levels: Sequence[float]) -> Figure:
             ax.plot([np.mean(theirs)], [y - 0.27], "*", color=MUTED, markersize=8, markeredgecolor=INK,
                     markeredgewidth=0.5, zorder=3)  # fmt: skip
     ax.set(ylim=(-0.55, len(rows) - 0.45), yticks=range(len(rows)))
-    ax.set_yticklabels([f"{answer.names[level]}" for level in reversed(rows)])
-    ax.set_ylabel("noise in evolution")
+    ax.set_yticklabels([f"{answer.names[level]} noise" for level in reversed(rows)])
     ax.set_xlabel(f"{answer.what} {answer.where}" + (f" ({answer.unit})" if answer.unit else ""))
     if bounded:
         ax.set_xlim(-0.2, TOP + 0.2)
+    elif ax.get_xlim()[0] > 0:
+        ax.set_xlim(left=0)
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="x")
     ax.set_axisbelow(True)
