@@ -108,9 +108,9 @@ class Answer:
         level, *others = self.means
         if not others:
             runs = counted(self.means[level].count, "run")
-            of = "one run’s, with its" if self.means[level].count == 1 else f"mean of {runs} with its"
-            spread = f"({of} 95 % interval{self._paper_here(level)})"
-            return f"{self.where} {spread}. One level has nothing to be compared with."
+            of = "one run" if self.means[level].count == 1 else f"mean of {runs}"
+            of += ", ± its 95 % interval" * ("±" in self.text(level)) + self._paper_here(level)
+            return f"{self.where} ({of}). No other level has a score to compare it with."
         rest = [f"{self._number(self.means[one].value)} at {self.names[one]}" for one in sorted(others)]
         best = f"{self.what} {self.where} {self.text(level)}, against {_listed(rest)} noise"
         return f"{best}{self._paper_order(level)}; {self._tested()}."
