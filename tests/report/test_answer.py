@@ -43,7 +43,7 @@ def test_the_best_level_is_named_with_its_test() -> None:
         ({0.0: [9.0, 9.0], 1.0: [9.0, 9.0]}, "some without any spread, no test is possible"),
         ({0.0: [9.1], 1.0: [3.0], 2.0: [4.0]}, "with one run a level chance may have chosen the order"),
         ({0.0: [9.0, 9.1, 9.3], 1.0: [3.0, 3.2]}, "with 2 to 3 runs a level"),
-        ({1.0: [9.1, 9.2]}, "Champions evolved at observed noise: correspondence score 9.1 ± 0.6"),
+        ({1.0: [9.1, 9.2]}, "The champions evolved at observed noise: correspondence score 9.1 ± 0.6"),
         ({1.0: [9.1]}, "(one run, ± its 95 % interval; the paper’s runs: 8.0). No other level has a score"),
     ],
 )  # fmt: skip

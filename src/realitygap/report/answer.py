@@ -95,7 +95,8 @@ class Answer:
             return "There is no score yet"
         level, *others = self.means
         if not others:
-            return f"Champions evolved at {self.names[level]} noise: {self.what} {self.text(level)}"
+            whose = "The champion" if self.means[level].count == 1 else "The champions"
+            return f"{whose} evolved at {self.names[level]} noise: {self.what} {self.text(level)}"
         if len(self._highest) > 1:
             return f"{_listed(self._highest).capitalize()} noise came out alike"
         return f"{self.names[level].capitalize()} noise came out best"
@@ -227,10 +228,9 @@ def answer_figure(answer: Answer, levels: Sequence[float]) -> Figure:
             ax.plot(ends, [y, y], color=look.colour, linestyle=look.line, marker="|", markersize=7)
         middle = {"color": look.colour, "markersize": 7, "markeredgecolor": INK, "zorder": 4}
         ax.plot([mean.value], [y], look.marker, **middle)
-        ax.plot(
-            values, np.full(len(values), y + 0.27), look.marker, color=look.colour, markersize=4,
-            markerfacecolor="none", zorder=3,
-        )  # fmt: skip
+        runs = values if mean.count > 1 else []
+        open_mark = {"color": look.colour, "markersize": 4, "markerfacecolor": "none", "zorder": 3}
+        ax.plot(runs, np.full(len(runs), y + 0.27), look.marker, **open_mark)
         theirs = [row.correspondence for row in answer.paper.get(level, ())]
         if theirs:
             ax.plot(theirs, np.full(len(theirs), y - 0.27), "x", color=MUTED, markersize=3.5)
