@@ -41,6 +41,7 @@ def test_the_best_level_is_named_with_its_test() -> None:
         ({0.0: [3.0, 8.1], 1.0: [4.0, 9.1], 2.0: [5.0, 5.1]}, "with two runs a level the difference is not"),
         ({0.0: [9.1, 9.2], 1.0: [3.0, 3.1]}, "(in the paper observed noise did best); with two runs"),
         ({0.0: [9.0, 9.0], 1.0: [9.0, 9.0]}, "some without any spread, no test is possible"),
+        ({0.0: [9.1], 1.0: [3.0]}, "score on the twin 9.1 ± 1.0, against 3.0 at observed noise"),
         ({0.0: [9.1], 1.0: [3.0], 2.0: [4.0]}, "with one run a level chance may have chosen the order"),
         ({0.0: [9.0, 9.1, 9.3], 1.0: [3.0, 3.2]}, "with 2 to 3 runs a level"),
         ({1.0: [9.1, 9.2]}, "The champions evolved at observed noise: correspondence score 9.1 ± 0.6"),
@@ -76,7 +77,7 @@ def test_the_plot_shows_runs_means_intervals_and_the_paper() -> None:
     paper = {level: PAPER_ROWS["obstacle-avoidance"][level] for level in values}
     names = {level: LEVELS[level] for level in values}
     common = {"what": "correspondence score", "where": "on the twin", "unit": "", "places": 1}
-    answer = Answer(**common, names=names, values=values, paper=paper)
+    answer = Answer(**common, names=names, values=values, own={}, paper=paper)
     (ax,) = answer_figure(answer, tuple(LEVELS)).axes
     drawn = [np.asarray(line.get_xdata(), float).tolist() for line in ax.lines]
     assert [4.0, 5.0] in drawn and [8.0, 9.9, 10.0] in drawn and [4.5] in drawn

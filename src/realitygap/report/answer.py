@@ -47,7 +47,7 @@ class Answer:
         what: is compared, such as "correspondence score"; where: such as "on the twin".
         unit: of the values; places: decimal places shown.
         names: of the levels with values, rising; values: of each run, in `unit`.
-        spread: of a single run's own value, half a 95 % interval, nan if unknown.
+        own: half the 95 % interval of a run's own value, by level; what a level with one run shows.
         paper: rows of the paper's table by level, where it has a score to compare with.
     """
 
@@ -57,7 +57,7 @@ class Answer:
     places: int
     names: Mapping[float, str]
     values: Mapping[float, Sequence[float]]
-    spread: float = math.nan
+    own: Mapping[float, float]
     paper: Mapping[float, Sequence[PaperRow]]
 
     @cached_property
@@ -76,11 +76,15 @@ class Answer:
             found = tukey_hsd(*(self.values[level] for level in levels), equal_var=False).pvalue[0, 1:]
         return dict(zip(levels[1:], map(float, found), strict=True))
 
+    def half(self, level: float) -> float:
+        """Half the 95 % interval of a level's mean; NaN if it is not known."""
+        mean = self.means[level]
+        return self.own.get(level, math.nan) if mean.count == 1 else mean.half
+
     def text(self, level: float) -> str:
         """A level's mean with its unit, and ± where its interval is known."""
-        mean = self.means[level]
-        half = self.spread if mean.count == 1 else mean.half
-        value, spread = self._number(mean.value), "" if math.isnan(half) else f" ± {self._number(half)}"
+        value, half = self._number(self.means[level].value), self.half(level)
+        spread = "" if math.isnan(half) else f" ± {self._number(half)}"
         if not self.unit:
             return value + spread
         return f"({value}{spread}) {self.unit}" if spread else f"{value} {self.unit}"
@@ -166,24 +170,23 @@ def answer_of(part: TaskPart, tables: Sequence[ScoreTable]) -> Answer:
     """A task's answer: by the first score table that has correspondence scores, else by test scores."""
     table = next((one for one in tables if any(c.values("correspondence") for c in one.classes)), None)
     if table is not None:
-        one = next(iter(table.marks)) if len(table.marks) == 1 else None
-        known = one is not None and one.low is not None and one.high is not None
-        spread = (one.high - one.low) / 2 if known else math.nan
+        ends = [(m.low, m.high, c.level) for c in table.classes for m in c.marks]
+        own = {level: (high - low) / 2 for low, high, level in ends if low is not None and high is not None}
         return Answer(
             what="correspondence score",
             where="on a robot" if table.kind == ROBOT else f"on the {table.kind}",
-            unit="", places=1, spread=spread,
+            unit="", places=1, own=own,
             names={c.level: c.name for c in table.classes},
             values={c.level: c.values("correspondence") for c in table.classes},
             paper={c.level: c.paper for c in table.classes if c.paper},
         )  # fmt: skip
     level = 1.0 if 1.0 in part.levels else min(part.levels, default=1.0)
-    scale, rows = part.task.fitness_scale, [row for c in part.conditions for row in c.rows]
-    alone = rows[0].mean("champion", level) if len(rows) == 1 else None
+    scale, tested = part.task.fitness_scale, [(c.level, row) for c in part.conditions for row in c.rows]
+    means = {at: mean for at, row in tested if (mean := row.mean("champion", level)) is not None}
     return Answer(
         what="test score", where=f"in simulation at {part.levels.get(level, '')} noise",
         unit=part.unit, places=part.places,
-        spread=math.nan if alone is None else alone.half / scale,
+        own={at: mean.half / scale for at, mean in means.items()},
         names={c.level: c.name for c in part.conditions},
         values={c.level: [value / scale for value in c.means("champion", level)] for c in part.conditions},
         paper={},
@@ -221,16 +224,17 @@ def answer_figure(answer: Answer, levels: Sequence[float]) -> Figure:
     ax, bounded = figure.add_subplot(), answer.what == "correspondence score"
     for y, level in enumerate(reversed(rows)):
         look, values, mean = styles[level], np.sort(answer.values[level]), answer.means[level]
-        half = answer.spread if mean.count == 1 else mean.half
-        ends = np.array([mean.value - half, mean.value + half])
+        ends = mean.value + np.array([-1.0, 1.0]) * answer.half(level)
         ends = np.clip(ends, 0.0, TOP) if bounded else ends
         if np.isfinite(ends).all():
             ax.plot(ends, [y, y], color=look.colour, linestyle=look.line, marker="|", markersize=7)
-        middle = {"color": look.colour, "markersize": 7, "markeredgecolor": INK, "zorder": 4}
-        ax.plot([mean.value], [y], look.marker, **middle)
-        runs = values if mean.count > 1 else []
-        open_mark = {"color": look.colour, "markersize": 4, "markerfacecolor": "none", "zorder": 3}
-        ax.plot(runs, np.full(len(runs), y + 0.27), look.marker, **open_mark)
+        ax.plot(
+            [mean.value], [y], look.marker, color=look.colour, markersize=7, markeredgecolor=INK, zorder=4
+        )
+        ax.plot(
+            values, np.full(len(values), y + 0.27), look.marker, color=look.colour, markersize=4,
+            markerfacecolor="none", zorder=3, visible=mean.count > 1,
+        )  # fmt: skip
         theirs = [row.correspondence for row in answer.paper.get(level, ())]
         if theirs:
             ax.plot(theirs, np.full(len(theirs), y - 0.27), "x", color=MUTED, markersize=3.5)
