@@ -47,7 +47,7 @@ class Answer:
         what: is compared, such as "correspondence score"; where: such as "on the twin".
         unit: of the values; places: decimal places shown.
         names: of the levels with values, rising; values: of each run, in `unit`.
-        spread: of a single run's own value, half a 95 % interval, nan if unknown.
+        own: half the 95 % interval of a run's own value, by level; what a level with one run shows.
         paper: rows of the paper's table by level, where it has a score to compare with.
     """
 
@@ -57,7 +57,7 @@ class Answer:
     places: int
     names: Mapping[float, str]
     values: Mapping[float, Sequence[float]]
-    spread: float = math.nan
+    own: Mapping[float, float]
     paper: Mapping[float, Sequence[PaperRow]]
 
     @cached_property
@@ -76,11 +76,18 @@ class Answer:
             found = tukey_hsd(*(self.values[level] for level in levels), equal_var=False).pvalue[0, 1:]
         return dict(zip(levels[1:], map(float, found), strict=True))
 
-    def text(self, level: float) -> str:
-        """A level's mean, with ± where its interval is known."""
+    def half(self, level: float) -> float:
+        """Half the 95 % interval of a level's mean; NaN if it is not known."""
         mean = self.means[level]
-        half = self.spread if mean.count == 1 else mean.half
-        return self._number(mean.value) + ("" if math.isnan(half) else f" ± {self._number(half)}")
+        return self.own.get(level, math.nan) if mean.count == 1 else mean.half
+
+    def text(self, level: float) -> str:
+        """A level's mean with its unit, and ± where its interval is known."""
+        value, half = self._number(self.means[level].value), self.half(level)
+        spread = "" if math.isnan(half) else f" ± {self._number(half)}"
+        if not self.unit:
+            return value + spread
+        return f"({value}{spread}) {self.unit}" if spread else f"{value} {self.unit}"
 
     def _number(self, value: float) -> str:
         return number(value, self.places)
@@ -92,8 +99,8 @@ class Answer:
             return "There is no score yet"
         level, *others = self.means
         if not others:
-            score = f"{self.what} {self.text(level)}{self._unit}"
-            return f"Champions evolved at {self.names[level]} noise: {score}"
+            whose = "The champion" if self.means[level].count == 1 else "The champions"
+            return f"{whose} evolved at {self.names[level]} noise: {self.what} {self.text(level)}"
         if len(self._highest) > 1:
             return f"{_listed(self._highest).capitalize()} noise came out alike"
         return f"{self.names[level].capitalize()} noise came out best"
@@ -106,11 +113,11 @@ class Answer:
         level, *others = self.means
         if not others:
             runs = counted(self.means[level].count, "run")
-            of = "one run’s, with its" if self.means[level].count == 1 else f"mean of {runs} with its"
-            spread = f"({of} 95 % interval{self._paper_here(level)})"
-            return f"{self.where} {spread}. One level has nothing to be compared with."
+            of = "one run" if self.means[level].count == 1 else f"mean of {runs}"
+            of += ", ± its 95 % interval" * ("±" in self.text(level)) + self._paper_here(level)
+            return f"{self.where} ({of}). No other level has a score to compare it with."
         rest = [f"{self._number(self.means[one].value)} at {self.names[one]}" for one in sorted(others)]
-        best = f"{self.what} {self.where} {self.text(level)}{self._unit}, against {_listed(rest)} noise"
+        best = f"{self.what} {self.where} {self.text(level)}, against {_listed(rest)} noise"
         return f"{best}{self._paper_order(level)}; {self._tested()}."
 
     @property
@@ -118,10 +125,6 @@ class Answer:
         """The levels whose means are shown as the highest."""
         shown = {level: self._number(mean.value) for level, mean in sorted(self.means.items())}
         return [self.names[level] for level, text in shown.items() if text == shown[next(iter(self.means))]]
-
-    @property
-    def _unit(self) -> str:
-        return f" {self.unit}" if self.unit else ""
 
     def _paper_mean(self, level: float) -> float:
         return float(np.mean([row.correspondence for row in self.paper[level]]))
@@ -167,24 +170,23 @@ def answer_of(part: TaskPart, tables: Sequence[ScoreTable]) -> Answer:
     """A task's answer: by the first score table that has correspondence scores, else by test scores."""
     table = next((one for one in tables if any(c.values("correspondence") for c in one.classes)), None)
     if table is not None:
-        one = next(iter(table.marks)) if len(table.marks) == 1 else None
-        known = one is not None and one.low is not None and one.high is not None
-        spread = (one.high - one.low) / 2 if known else math.nan
+        ends = [(m.low, m.high, c.level) for c in table.classes for m in c.marks]
+        own = {level: (high - low) / 2 for low, high, level in ends if low is not None and high is not None}
         return Answer(
             what="correspondence score",
             where="on a robot" if table.kind == ROBOT else f"on the {table.kind}",
-            unit="", places=1, spread=spread,
+            unit="", places=1, own=own,
             names={c.level: c.name for c in table.classes},
             values={c.level: c.values("correspondence") for c in table.classes},
             paper={c.level: c.paper for c in table.classes if c.paper},
         )  # fmt: skip
     level = 1.0 if 1.0 in part.levels else min(part.levels, default=1.0)
-    scale, rows = part.task.fitness_scale, [row for c in part.conditions for row in c.rows]
-    alone = rows[0].mean("champion", level) if len(rows) == 1 else None
+    scale, tested = part.task.fitness_scale, [(c.level, row) for c in part.conditions for row in c.rows]
+    means = {at: mean for at, row in tested if (mean := row.mean("champion", level)) is not None}
     return Answer(
-        what="test score", where=f"at {part.levels.get(level, '')} noise, in simulation",
-        unit=part.task.fitness_unit, places=part.places,
-        spread=math.nan if alone is None else alone.half / scale,
+        what="test score", where=f"in simulation at {part.levels.get(level, '')} noise",
+        unit=part.unit, places=part.places,
+        own={at: mean.half / scale for at, mean in means.items()},
         names={c.level: c.name for c in part.conditions},
         values={c.level: [value / scale for value in c.means("champion", level)] for c in part.conditions},
         paper={},
@@ -222,16 +224,16 @@ def answer_figure(answer: Answer, levels: Sequence[float]) -> Figure:
     ax, bounded = figure.add_subplot(), answer.what == "correspondence score"
     for y, level in enumerate(reversed(rows)):
         look, values, mean = styles[level], np.sort(answer.values[level]), answer.means[level]
-        half = answer.spread if mean.count == 1 else mean.half
-        ends = np.array([mean.value - half, mean.value + half])
+        ends = mean.value + np.array([-1.0, 1.0]) * answer.half(level)
         ends = np.clip(ends, 0.0, TOP) if bounded else ends
         if np.isfinite(ends).all():
             ax.plot(ends, [y, y], color=look.colour, linestyle=look.line, marker="|", markersize=7)
-        middle = {"color": look.colour, "markersize": 7, "markeredgecolor": INK, "zorder": 4}
-        ax.plot([mean.value], [y], look.marker, **middle)
+        ax.plot(
+            [mean.value], [y], look.marker, color=look.colour, markersize=7, markeredgecolor=INK, zorder=4
+        )
         ax.plot(
             values, np.full(len(values), y + 0.27), look.marker, color=look.colour, markersize=4,
-            markerfacecolor="none", zorder=3,
+            markerfacecolor="none", zorder=3, visible=mean.count > 1,
         )  # fmt: skip
         theirs = [row.correspondence for row in answer.paper.get(level, ())]
         if theirs:
@@ -239,11 +241,12 @@ def answer_figure(answer: Answer, levels: Sequence[float]) -> Figure:
             ax.plot([np.mean(theirs)], [y - 0.27], "*", color=MUTED, markersize=8, markeredgecolor=INK,
                     markeredgewidth=0.5, zorder=3)  # fmt: skip
     ax.set(ylim=(-0.55, len(rows) - 0.45), yticks=range(len(rows)))
-    ax.set_yticklabels([f"{answer.names[level]}" for level in reversed(rows)])
-    ax.set_ylabel("noise in evolution")
+    ax.set_yticklabels([f"{answer.names[level]} noise" for level in reversed(rows)])
     ax.set_xlabel(f"{answer.what} {answer.where}" + (f" ({answer.unit})" if answer.unit else ""))
     if bounded:
         ax.set_xlim(-0.2, TOP + 0.2)
+    elif ax.get_xlim()[0] > 0:
+        ax.set_xlim(left=0)
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="x")
     ax.set_axisbelow(True)

@@ -169,6 +169,12 @@ class TaskPart:
         values = [v for c in self.conditions for v in (*c.best(), *c.means("fittest", c.level))]
         return decimals(max((abs(v) / self.task.fitness_scale for v in values), default=1.0))
 
+    @property
+    def unit(self) -> str:
+        """The unit of its values, to be written after them."""
+        unit = self.task.fitness_unit
+        return f"× {unit}" if unit[:1].isdigit() else unit
+
     def show(self, mean: Mean | float | None) -> tuple[str, str]:
         """A value and its ± as text, in the table's unit; a dash for None or NaN."""
         value, half = (mean.value, mean.half) if isinstance(mean, Mean) else (mean, math.nan)

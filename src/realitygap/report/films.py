@@ -65,10 +65,12 @@ def film_of(pair: Pair, arena: Arena, profile: Profile, report: Path) -> dict[st
             atomic_write(poster, _jpeg(_Beside(pair, arena, profile).write(film, target)))
         data = poster.read_bytes()
     except (UsageError, OSError):
-        last = cv2.imread(str(tails))[..., ::-1]
+        last = np.asarray(cv2.imread(str(tails)), np.uint8)[..., ::-1]
         deep = max(1, round(2 * HALF_PX * last.shape[0] / last.shape[1]))
-        data, link = _jpeg(cv2.resize(last, (2 * HALF_PX, deep), interpolation=cv2.INTER_AREA)), ""
-    deep, wide = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR).shape[:2]
+        small = cv2.resize(last, (2 * HALF_PX, deep), interpolation=cv2.INTER_AREA)
+        data, link = _jpeg(np.asarray(small, np.uint8)), ""
+    shown = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
+    deep, wide = shown.shape[:2]
     picture = f"data:image/jpeg;base64,{base64.b64encode(data).decode('ascii')}"
     return {"pair": pair, "picture": picture, "size": (wide, deep), "link": link}
 

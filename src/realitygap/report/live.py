@@ -73,7 +73,7 @@ class LivePage:
 
     def _part(self, study: Study, part: TaskPart) -> dict[str, Any]:
         """A task's curves and its best robot."""
-        scale, unit = part.task.fitness_scale, part.task.fitness_unit
+        scale = part.task.fitness_scale
         looks = {level: _look(style) for level, style in noise_styles(part.names).items()}
         curves = [
             (looks[level], best / scale) for level, runs in best_so_far(study, part).items() for best in runs
@@ -85,7 +85,7 @@ class LivePage:
         best, run, level = max(begun, key=lambda one: one[0] or 0.0, default=(0.0, None, 0.0))
         drive = None if run is None else {**self._drive(part.task, run), "look": looks[level]}
         return {
-            "title": part.task.title, "unit": unit and f" {unit}", "total": total,
+            "title": part.task.title, "unit": part.unit and f" {part.unit}", "total": total,
             "best": f"{(best or 0.0) / scale:.3g}", "key": noise_key(part.names), "drive": drive,
             "across": _ticks(0, total, 100 / total), "along": _ticks(low, most, 48 / ((most - low) or 1.0)),
             "curves": [(look, _line(best, total, low, most)) for look, best in curves],

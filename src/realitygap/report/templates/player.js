@@ -388,7 +388,7 @@ function openPlayer() {
       const fed = scene.task.feeds.split("+");
       byId(`player-kind-${side}`).textContent = fed.map((kind) => kinds[kind]).join("; ");
     }
-    byId("player-alone").hidden = !alone;
+    byId("player-alone")?.toggleAttribute("hidden", !alone);
     byId("player-unread").hidden = sides.every(({ track }) => track.readings(0) && track.outputs(0));
     root.style.setProperty("--noise", scene.noise.colour);
   }
