@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Unpack
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import ask_trust, load_trusted, note, note_few, note_new, resumable, tell, warn
+from realitygap.cli.console import (
+    ask_trust,
+    link,
+    load_trusted,
+    note,
+    note_few,
+    note_new,
+    resumable,
+    tell,
+    warn,
+)
 from realitygap.cli.experiment import show_noise, show_robots
 from realitygap.cli.simulate import note_dark
 from realitygap.cli.study import show_study
@@ -33,7 +43,7 @@ __all__ = ["evolve", "merge", "report", "reproduce"]
 @options.runs(help="Runs for each task and noise level [default: 5].")
 @options.evaluations
 @options.seed(None, " [default: 1995]")
-@options.starts(type=click.IntRange(1), help="Trials of each champion on the twin [default: 8].")
+@options.starts(type=options.Whole(1), help="Trials of each champion on the twin [default: 8].")
 @options.workers
 @options.engine
 @click.option(
@@ -242,7 +252,7 @@ def _merge_transfer(shards: Mapping[Shard, Path], study: Path) -> None:
     tables = (read_trial(one.folder).get("versions", {}) for one in made)
     _note_versions({name: [value] for name, value in table.items()} for table in tables)
     facts = {"study": str(study), "transfers": [one.to_dict() for one in made]}
-    tell(facts, *transfer_lines(made), f"\ntransfers {study / 'transfer'}")
+    tell(facts, *transfer_lines(study, made), f"\ntransfers {study / 'transfer'}")
 
 
 def _note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
@@ -254,7 +264,7 @@ def _note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
 
 
 @click.command()
-@click.argument("study", type=click.Path(path_type=Path))
+@options.study
 @options.as_json
 def report(study: Path) -> None:
     """Rebuild the report of STUDY.
@@ -283,4 +293,4 @@ def report(study: Path) -> None:
     with opened(None, one_thread=True) as pool:
         page = api.report(study, loaded, workers=pool)
     tables = [table.to_dict() for table in study_tables(loaded)]
-    tell({"report": str(page), "tables": tables}, f"report {page}")
+    tell({"report": str(page), "tables": tables}, f"report {link(page)}")

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import note, shown, table, tell
+from realitygap.cli.console import link, note, shown, table, tell
+from realitygap.cli.fitness import after
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Mapping
 
     from realitygap.simulation.simulation import Simulation
     from realitygap.tasks.task import Task
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from realitygap.world.toml import Value
 
 __all__ = [
-    "arena", "note_dark", "path_table", "probe", "profile", "save_path", "simulate", "simulation_facts",
+    "arena", "note_dark", "path_lines", "probe", "profile", "save_path", "simulate", "simulation_facts",
 ]  # fmt: skip
 
 EVERY = 10
@@ -33,28 +35,31 @@ EVERY = 10
 @click.command()
 @click.argument("task")
 @options.controller()
-@options.pose(required=True)
+@options.pose()
 @options.profile()
 @options.arena
 @options.noise()
 @options.seed()
 @options.seconds
 @options.picture
+@options.verbose
 @options.as_json
 def simulate(
     task: str,
     controller: str,
-    pose: options.Numbers,
+    pose: options.Numbers | None,
     profile: str,
     arena: str | None,
     noise: float,
     seed: int,
     seconds: float | None,
     picture: Path | None,
+    verbose: bool,
 ) -> None:
     """Simulate one trial of TASK.
 
-    TASK is obstacle-avoidance, light-seeking or a Python file of your own. With --json there is
+    TASK is obstacle-avoidance, light-seeking or a Python file of your own. Without --pose the robot starts
+    as the task says, drawn with --seed. --verbose prints where it was each second; with --json there is
     an entry for each step (0.1 s, or the profile's): the robot's readings, decision and pose then, what its
     wheels achieved in the following step, and whether it touched something.
 
@@ -71,10 +76,8 @@ def simulate(
     trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=place, seconds=seconds)
     if picture is not None:
         save_path(picture, played, simulation.profile, trajectory)
-    lines = [f"\nscore {score:.6g}, end at ({trajectory.end.x:.1f}, {trajectory.end.y:.1f}) cm"]
-    lines += [] if picture is None else [f"picture {picture}"]
     found = {**simulation_facts(simulation, seed), **trajectory.to_dict(), "score": score}
-    tell(found, path_table(trajectory), *lines)
+    tell(found, *path_lines(played.to_dict(), trajectory, score, picture, verbose=verbose))
 
 
 @click.command()
@@ -84,7 +87,7 @@ def simulate(
 @options.arena
 @options.noise()
 @options.seed()
-@click.option("--repeat", type=click.IntRange(1, 10**6), default=1, metavar="N", help="Read N times.")
+@click.option("--repeat", type=options.Whole(1, 10**6), default=1, metavar="N", help="Read N times.")
 @options.as_json
 def probe(
     task: str, pose: options.Numbers, profile: str, arena: str | None, noise: float, seed: int, repeat: int
@@ -99,6 +102,7 @@ def probe(
         realitygap probe avoidance --pose 25,15,180 --noise zero
     """
     simulation, place = _placed(task, profile, noise, pose, arena)
+    assert place is not None
     proximity, ambient = simulation.probe(place, stream=seed, repeat=repeat)
     found, lines = {"proximity": proximity, "ambient": ambient}, []
     for title, readings in found.items():
@@ -110,10 +114,10 @@ def probe(
 
 
 def _placed(
-    task: str, profile: str, noise: float, pose: options.Numbers, arena: str | None
-) -> tuple[Simulation, Pose]:
-    """The simulation that a person names, and the robot's pose there; task, profile and an arena instead of
-    the task's own by name or file.
+    task: str, profile: str, noise: float, pose: options.Numbers | None, arena: str | None
+) -> tuple[Simulation, Pose | None]:
+    """The simulation that a person names, and the robot's pose there (None: a start of the task); task,
+    profile and an arena instead of the task's own by name or file.
 
     Raises:
         BadParameter: the robot cannot stand at the pose.
@@ -125,8 +129,10 @@ def _placed(
 
     loaded, robot = load_task(task), load_profile(profile)
     place_in = loaded.arena if arena is None else load_arena(arena)
-    place = options.checked_pose(pose, place_in, robot)
     note_dark(loaded, place_in)
+    if pose is None:
+        return Simulation(loaded, robot, noise, place_in), None
+    place = options.checked_pose(pose, place_in, robot)
     faces = (place.heading_deg, place.heading_deg)
     start = Start(x_cm=place.x, y_cm=place.y, heading_deg=faces)  # the task's own need not be free here
     return Simulation(replace(loaded, arena=place_in, start=start), robot, noise), place
@@ -145,10 +151,35 @@ def note_dark(task: Task, arena: Arena) -> None:
         note(f"arena {arena.name!r} has no lamp: the light sensors that task {task.name!r} feeds read dark")
 
 
+def path_lines(
+    task: Mapping[str, Any],
+    trajectory: Trajectory,
+    score: float,
+    picture: Path | None,
+    *,
+    verbose: bool,
+    whose: str = "",
+) -> Iterator[str]:
+    """A trial's score in its task's unit (a task as by `to_dict`), where it began and ended; `verbose`: its
+    path."""
+    from realitygap.values import Pose
+
+    said = f"{score / task['fitness_scale']:.3g}{after(task['fitness_unit'])}"
+    first = Pose.reached(*(float(column[0]) for column in (trajectory.x, trajectory.y, trajectory.heading)))
+    yield f"{whose}score {said}"
+    for word, at in (("from", first), ("to", trajectory.end)):
+        yield f"{word} ({at.x:.1f}, {at.y:.1f}) cm, heading {at.heading_deg:.0f}°"
+    if picture is not None:
+        yield f"picture {link(picture)}"
+    if verbose:
+        yield f"\n{path_table(trajectory)}"
+
+
 def path_table(trajectory: Trajectory) -> str:
     """Every tenth step of a trajectory."""
     rows: list[list[object]] = []
-    places = (trajectory.t, trajectory.x, trajectory.y, trajectory.heading_deg)
+    turned = 180.0 - (180.0 - trajectory.heading_deg) % 360.0
+    places = (trajectory.t, trajectory.x, trajectory.y, turned)
     for k in range(0, len(trajectory.t), EVERY):
         place, wheels = (
             [shown(value, ".1f") for value in row] for row in ([p[k] for p in places], trajectory.wheels[k])
@@ -167,9 +198,15 @@ def save_path(file: Path, task: Task, profile: Profile, trajectory: Trajectory) 
     save(file, task, profile, trajectory, task.title)
 
 
+drawn = click.option(
+    "--picture", type=options.OutFile(".png", ".svg", ".pdf"), help="Draw it to FILE (.png, .svg or .pdf)."
+)
+
+
 @click.command()
 @click.argument("name", required=False)
-def arena(name: str | None) -> None:
+@drawn
+def arena(name: str | None, picture: Path | None) -> None:
     """Print an arena's walls, cylinders and lamps.
 
     NAME is a shipped arena or a TOML file; without it, the names of the shipped ones are listed. Save what is
@@ -181,12 +218,13 @@ def arena(name: str | None) -> None:
     """
     from realitygap.world.arena import load_arena
 
-    _show("arenas", name, load_arena)
+    _show("arenas", name, load_arena, picture)
 
 
 @click.command()
 @click.argument("name", required=False)
-def profile(name: str | None) -> None:
+@drawn
+def profile(name: str | None, picture: Path | None) -> None:
     """Print all constants of a robot.
 
     NAME is a shipped profile or a TOML file; without it, the names of the shipped ones are listed. Save what
@@ -198,15 +236,31 @@ def profile(name: str | None) -> None:
     """
     from realitygap.world.robot import load_profile
 
-    _show("profiles", name, load_profile)
+    _show("profiles", name, load_profile, picture)
 
 
-def _show(folder: str, name: str | None, load: Callable[[str], Value]) -> None:
-    """A shipped file as it is, with its comments, or a user's as it was read; or the shipped ones' names."""
+def _show(folder: str, name: str | None, load: Callable[[str], Value], picture: Path | None) -> None:
+    """A shipped file as it is, with its comments, or a user's as it was read, or its picture; or the shipped
+    ones' names."""
     from realitygap.world.toml import shipped, shipped_text
 
     if name is None:
+        if picture is not None:
+            raise click.BadParameter("draws one: name it.", param_hint="'--picture'")
         click.echo("\n".join(shipped(folder)))
+    elif picture is not None:
+        _draw(load(name), picture)
+        click.echo(f"picture {link(picture)}")
     else:
         loaded = load(name)
         click.echo((shipped_text(folder, name) or loaded.to_toml()).rstrip())
+
+
+def _draw(value: Value, picture: Path) -> None:
+    """An arena, or a robot from above, to scale."""
+    from realitygap.report.drawing import robot_figure, room_figure
+    from realitygap.report.style import write_figure
+    from realitygap.world.robot import Profile
+
+    draw: Any = robot_figure if isinstance(value, Profile) else room_figure
+    write_figure(partial(draw, value), picture)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COLUMN", "INHIBITORY", "INK", "PAGE", "SIMULATED", "SITUATED", "Look", "NoiseStyle", "inline_svg",
-    "new_figure", "noise_key", "noise_styles", "number", "save_figure", "styled",
+    "new_figure", "noise_key", "noise_styles", "number", "save_figure", "styled", "write_figure",
 ]  # fmt: skip
 
 COLUMN = 3.35
@@ -133,6 +133,32 @@ def new_figure(
     figure = Figure(figsize=(width, height), layout=layout, dpi=dpi)
     FigureCanvasAgg(figure)
     return figure
+
+
+def write_figure(draw: Callable[[], Figure], path: Path, width: float | None = None) -> None:
+    """Draw a figure into a file, PDF, SVG or PNG by its ending: with fonts embedded, or text as paths.
+
+    `width`, inches, makes it wider or narrower at the same size of text. The same figure, the same bytes.
+    """
+    undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None, "Creator": "realitygap"}}
+    with styled(), matplotlib.rc_context({"svg.fonttype": "path"}), atomic_path(path) as spare:
+        figure = draw()
+        if width is not None:
+            _fit(figure, width)
+        cut = {"bbox_inches": "tight", "pad_inches": 0.0} if width is not None else {}
+        metadata = undated.get(path.suffix.lower(), {"Software": None})
+        figure.savefig(spare, dpi=300, metadata=metadata, **cut)  # type: ignore[arg-type]
+
+
+def _fit(figure: Figure, width: float) -> None:
+    """Resize a figure so that what is drawn is so many inches wide: text, which keeps its size, may stand out
+    of a smaller one."""
+    usual, height = figure.get_size_inches()
+    size = width
+    for _ in range(3):
+        figure.set_size_inches(size, height * size / usual)
+        figure.draw_without_rendering()
+        size *= width / figure.get_tightbbox().width
 
 
 def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 200) -> str:
