@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from realitygap.cli.console import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from realitygap.report.evolution import Mean
     from realitygap.study.load import Run, Study
@@ -68,10 +68,10 @@ class Fitness:
     def legend(self) -> Iterator[str]:
         """What the test score is, and what units the numbers are in."""
         yield "test score: mean of the champion's new trials at its own noise ± 95 % interval"
-        yield from self.units()
+        yield from self.units(self._unit)
 
-    def units(self) -> Iterator[str]:
-        """What units the numbers are in."""
-        for task, unit in self._unit.items():
-            if unit:
-                yield f"{task}: in{unit}"
+    def units(self, tasks: Iterable[str]) -> Iterator[str]:
+        """What units the numbers of some tasks are in."""
+        for task in dict.fromkeys(tasks):
+            if self._unit[task]:
+                yield f"{task}: in{self._unit[task]}"

@@ -170,7 +170,7 @@ def transfer_lines(study: Path, made: list[TransferredTrial], verbose: bool = Fa
         rows.append([one.robot, one.name, one.start, *scores, *more])
     head = ("robot", "run", "start", "simulated", "on the robot")
     yield table((*head, *("path from", "late steps")[: 2 * verbose]), rows)
-    yield from (line for line in fitness.units() if rows)
+    yield from fitness.units(one.task for one in made)
     for one in made:
         if one.missed_steps:
             missed = f"{one.missed_steps} steps had no answer in time; the last readings were used instead"
