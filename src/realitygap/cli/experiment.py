@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["experiment", "show_noise", "show_robots"]
 
+NARROW = 5
+"""Columns of the noise experiment's table that a terminal has room for; the page has them all."""
 FEW = 5
 """Runs a level below which the robots' table has no scores: their means would say nothing."""
 
@@ -154,7 +156,8 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
     head, rows = noise_table(data)
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)
     where = {"study": str(out), "results": str(results), "report": str(page)}
-    words = f"{table(head, rows)}\n\nnoise-matched level: {matched}"
+    narrow = table(head[:NARROW], [row[:NARROW] for row in rows])
+    words = f"{narrow}\n\nnoise-matched level: {matched}"
     tell(
         {**where, **noise_summary(data), **(more or {})},
         f"{words}\n\nresults {results}\nreport  {link(page)}",
