@@ -31,10 +31,11 @@ if TYPE_CHECKING:
 
     from realitygap.api import ReproductionFields, StudyFields
     from realitygap.study.config import StudyConfig
+    from realitygap.study.load import Study
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
 
-__all__ = ["evolve", "merge", "report", "reproduce"]
+__all__ = ["evolve", "made_page", "merge", "report", "reproduce"]
 
 
 @click.command()
@@ -276,12 +277,10 @@ def report(study: Path) -> None:
     Example:
         realitygap report out/reproduce
     """
-    from realitygap import api
     from realitygap.experiments.experiment import RESULTS
     from realitygap.experiments.noise import NoiseConfig
     from realitygap.experiments.robots import RobotsConfig, finished
     from realitygap.report.scores import study_tables
-    from realitygap.work.pool import opened
 
     if (study / NoiseConfig.FILE).is_file():
         show_noise(study, study / RESULTS)
@@ -290,7 +289,15 @@ def report(study: Path) -> None:
         show_robots(study, finished(study))
         return
     loaded = load_trusted(study)
-    with opened(None, one_thread=True) as pool:
-        page = api.report(study, loaded, workers=pool)
+    page = made_page(study, loaded)
     tables = [table.to_dict() for table in study_tables(loaded)]
     tell({"report": str(page), "tables": tables}, f"report {link(page)}")
+
+
+def made_page(folder: Path, study: Study) -> Path:
+    """A study's report, made anew."""
+    from realitygap import api
+    from realitygap.work.pool import opened
+
+    with opened(None, one_thread=True) as pool:
+        return api.report(folder, study, workers=pool)

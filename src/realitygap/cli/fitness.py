@@ -65,13 +65,12 @@ class Fitness:
         """A run's two figures, without the unit."""
         return self.text(run.task, run.best_fitness), self.text(run.task, test_score(run))
 
-    def legend(self) -> Iterator[str]:
-        """What the test score is, and what units the numbers are in."""
-        yield "test score: mean of the champion's new trials at its own noise ± 95 % interval"
-        yield from self.units(self._unit)
+    def sentence(self, run: Run) -> str:
+        """Its test score, or while there is none the best fitness so far, with the unit."""
+        best, test = self.both(run)
+        figure = f"best during evolution {best}" if test == "–" else f"test score {test}"
+        return figure + self._unit[run.task]
 
     def units(self, tasks: Iterable[str]) -> Iterator[str]:
         """What units the numbers of some tasks are in."""
-        for task in dict.fromkeys(tasks):
-            if self._unit[task]:
-                yield f"{task}: in{self._unit[task]}"
+        return (f"{task}: in{self._unit[task]}" for task in dict.fromkeys(tasks) if self._unit[task])

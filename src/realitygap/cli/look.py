@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import as_json, link, load_trusted, note, table, tell
+from realitygap.cli.console import link, load_trusted, note, table, tell
 from realitygap.cli.fitness import Fitness
 from realitygap.cli.study import run_facts, run_lines
 from realitygap.errors import RealityGapError
@@ -17,43 +17,36 @@ from realitygap.errors import RealityGapError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from realitygap.study.load import Study
-
 __all__ = ["best", "compare", "figures", "listed", "open_page"]
 
+KINDS = ("profiles", "arenas", "tasks", "robots", "studies")
 DEEP = 4
 """Folders below which studies are looked for."""
 
 
 @click.command(name="list")
-@click.argument(
-    "what", required=False, type=click.Choice(["profiles", "arenas", "tasks", "robots", "studies"])
-)
-@click.argument("folder", required=False, type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("what", required=False, type=click.Choice(KINDS))
+@click.argument("folder", default=".", type=click.Path(exists=True, file_okay=False))
 @options.as_json
-def listed(what: str | None, folder: Path | None) -> None:
+def listed(what: str | None, folder: str) -> None:
     """List what there is: profiles, arenas, tasks, robots' addresses, studies.
 
-    Studies are those in FOLDER (default: here) and below it.
+    Studies are those in FOLDER (omitted: here) and below it.
 
     \b
     Examples: everything; the studies below a folder
         realitygap list
         realitygap list studies out
     """
-    kinds: dict[str, Any] = {
-        "profiles": _profiles,
-        "arenas": _arenas,
-        "tasks": _tasks,
-        "robots": _robots,
-        "studies": lambda: _studies(folder or Path()),
-    }
-    found = {kind: dict(make()) for kind, make in kinds.items() if what in (None, kind)}
-    lines = [
-        f"{kind}\n{table(('', ''), rows.items()).partition(chr(10))[2] if rows else 'none here'}\n"
-        for kind, rows in found.items()
-    ]
-    tell(found, "\n".join(lines).rstrip())
+    from realitygap.robots.address import ADDRESSES
+
+    makers = (_profiles, _arenas, _tasks, ADDRESSES.items, lambda: _studies(folder))
+    found = {kind: dict(make()) for kind, make in zip(KINDS, makers, strict=True) if what in (None, kind)}
+    lines = []
+    for kind, rows in found.items():
+        first, *rest = rows.items() or [("none here", "")]
+        lines += [kind, table(first, rest), ""]
+    tell(found, *lines[:-1])
 
 
 def _profiles() -> Iterator[tuple[str, str]]:
@@ -71,55 +64,44 @@ def _arenas() -> Iterator[tuple[str, str]]:
 
     for name in shipped("arenas"):
         arena = load_arena(name)
-        parts = {"cylinder": arena.cylinders, "wall": arena.walls, "lamp": arena.lamps}
-        counts = (f", {len(some)} {part}{'s' * (len(some) != 1)}" for part, some in parts.items() if some)
+        parts = {"cylinders": arena.cylinders, "inner walls": arena.walls, "lamps": arena.lamps}
+        counts = (f", {part}: {len(some)}" for part, some in parts.items() if some)
         yield name, f"{arena.size_cm[0]:g} × {arena.size_cm[1]:g} cm{''.join(counts)}"
 
 
 def _tasks() -> Iterator[tuple[str, str]]:
     from realitygap.tasks import TASKS, load_task
 
-    for name in TASKS:
-        task = load_task(name)
-        yield name, f"fed {task.feeds}, {task.seconds:g} s, arena {task.arena.name}"
+    for task in map(load_task, TASKS):
+        yield task.name, f"fed {task.feeds}, {task.seconds:g} s, arena {task.arena.name}"
     yield "FILE.py", "a task of your own"
 
 
-def _robots() -> Iterator[tuple[str, str]]:
-    from realitygap.robots.address import ADDRESSES
-
-    yield from ADDRESSES.items()
-
-
-def _studies(folder: Path) -> Iterator[tuple[str, str]]:
+def _studies(folder: str) -> Iterator[tuple[str, str]]:
     from realitygap.study.load import load_study
     from realitygap.study.store import DATABASE
 
     for place, inner, files in os.walk(folder):
-        depth = len(Path(place).relative_to(folder).parts)
-        inner[:] = sorted(name for name in inner if not name.startswith(".")) if depth < DEEP else []
-        if DATABASE not in files:
-            continue
-        inner.clear()
-        try:
-            study = load_study(place)
-        except RealityGapError as error:
-            yield place, str(error)
-            continue
-        tasks = ", ".join(dict.fromkeys(run.task for run in study.runs))
-        done = sum(run.finished for run in study.runs)
-        yield place, f"{tasks}: {done} of {len(study.runs)} runs finished"
+        deep = len(Path(place).relative_to(folder).parts) >= DEEP or DATABASE in files
+        inner[:] = [] if deep else sorted(name for name in inner if not name.startswith("."))
+        if DATABASE in files:
+            try:
+                study = load_study(place)
+                tasks = ", ".join(dict.fromkeys(run.task for run in study.runs))
+                done = sum(run.finished for run in study.runs)
+                yield place, f"{tasks}: {done} of {len(study.runs)} runs finished"
+            except RealityGapError as error:
+                yield place, str(error)
 
 
 @click.command()
 @options.study
-@options.verbose
 @options.as_json
-def best(study: Path, verbose: bool) -> None:
+def best(study: Path) -> None:
     """Show the best run of each task and noise level of STUDY.
 
     The best has the highest test score; while none is finished, the best fitness so far. Wherever a RUN is
-    taken, best names it: best, best:TASK, best:LEVEL or best:TASK/LEVEL.
+    taken, it is called best, best:TASK, best:LEVEL or best:TASK/LEVEL.
 
     \b
     Example: the best light seeker, moving
@@ -130,24 +112,17 @@ def best(study: Path, verbose: bool) -> None:
 
     loaded = load_study(study)
     begun = [run for run in loaded.runs if run.best_fitness is not None]
-    keys = dict.fromkeys(f"{run.task}/{run.noise_name}" for run in begun)
-    runs = [loaded.run(f"best:{key}") for key in keys]
-    tasks = {run.task: loaded.run(f"best:{run.task}") for run in runs}
-    facts = {task: run_facts(loaded, run) for task, run in tasks.items()}
-    lines = run_lines(loaded, runs, verbose) if runs else ["no run has begun"]
-    tell(
-        {"study": str(study), "best": facts, "runs": [run_facts(loaded, run) for run in runs]},
-        *lines,
-        "",
-        *(_best_line(loaded, task) for task in tasks),
-    )
-
-
-def _best_line(study: Study, task: str) -> str:
-    run, fitness = study.run(f"best:{task}"), Fitness(study)
-    seen, test = fitness.both(run)
-    figure = f"best during evolution {seen}" if test == "–" else f"test score {test}"
-    return f"best: run {run.id}, {run.name}: {figure}{fitness.unit(task)}"
+    if not begun:
+        tell({"study": str(study), "best": [], "runs": []}, "no run has begun")
+        return
+    fitness = Fitness(loaded)
+    runs = [loaded.run(f"best:{key}") for key in dict.fromkeys(f"{r.task}/{r.noise_name}" for r in begun)]
+    of_tasks = [loaded.run(f"best:{task}") for task in dict.fromkeys(run.task for run in begun)]
+    found = {
+        name: [run_facts(loaded, one) for one in of] for name, of in (("best", of_tasks), ("runs", runs))
+    }
+    lines = (f"best: run {run.id}, {run.name}: {fitness.sentence(run)}" for run in of_tasks)
+    tell({"study": str(study), **found}, *run_lines(loaded, runs), "", *lines)
 
 
 @click.command()
@@ -174,20 +149,20 @@ def compare(first: Path, second: Path, picture: Path | None) -> None:
     from realitygap.study.load import load_study
     from realitygap.world.robot import noise_name
 
-    studies = load_study(first), load_study(second)
-    found = contrasts(*studies)
-    names = (str(first), str(second))
-    lines = []
+    found, names, lines = contrasts(load_study(first), load_study(second)), (str(first), str(second)), []
     for one in found:
         rows = [
             (name, noise_name(level), len(values), one.text(mean_of(values)))
             for name, level, values in zip(names, one.noise, one.values, strict=True)
         ]
         unit = f" ({one.unit})" if one.unit else ""
+        said = "significant" if one.p < 0.05 else "not significant"
+        test = f"difference {one.text(one.difference)}: {said} (Welch's t-test, p = {one.p:.2g})"
         lines += [
             f"{one.task}: test score at {noise_name(one.tested)} noise{unit}, mean of runs ± 95 %",
             table(("study", "evolved at", "runs", "test score"), rows),
-            f"{one.verdict}\n",
+            test if one.difference is not None else "no interval: it takes two runs of each study",
+            "",
         ]
     if picture is not None:
         write_figure(lambda: compare_figure(found, names), picture)
@@ -202,8 +177,8 @@ def compare(first: Path, second: Path, picture: Path | None) -> None:
 @click.option(
     "--format", "kind", type=click.Choice(["pdf", "svg", "png"]), default="pdf", help="Of the files."
 )
-@click.option("--width", type=options.Width(), help="Of all figures, as in 8.4cm; text keeps its size.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="[default: STUDY/figures]")
+@click.option("--width", type=options.WIDTH, help="Of all figures, as in 8.4cm; text keeps its size.")
+@options.out(help="[default: STUDY/figures]")
 @options.as_json
 def figures(study: Path, names: tuple[str, ...], kind: str, width: float | None, out: Path | None) -> None:
     """Write the figures of STUDY's report for a paper.
@@ -217,18 +192,15 @@ def figures(study: Path, names: tuple[str, ...], kind: str, width: float | None,
     from realitygap.report.build import figures_of
     from realitygap.report.style import write_figure
 
-    found = figures_of(load_trusted(study))
-    for name in names:
-        if name not in found:
-            raise click.BadParameter(f"expected one of {', '.join(found)}, got {name!r}.", param_hint="NAME")
-    folder = study / "figures" if out is None else out
+    found, folder = figures_of(load_trusted(study)), study / "figures" if out is None else out
+    if others := set(names) - set(found):
+        expected = f"expected some of {', '.join(found)}, got {others.pop()!r}."
+        raise click.BadParameter(expected, param_hint="NAME")
     folder.mkdir(parents=True, exist_ok=True)
     made = {name: folder / f"{name}.{kind}" for name in names or found}
     for name, file in made.items():
         write_figure(found[name].draw, file, width)
-        if not as_json():
-            click.echo(f"wrote {file}")
-    tell({name: str(file) for name, file in made.items()}, f"{len(made)} figures in {link(folder)}")
+    tell({name: str(file) for name, file in made.items()}, *map(str, made.values()))
 
 
 @click.command(name="open")
@@ -245,11 +217,10 @@ def open_page(study: Path) -> None:
     """
     import webbrowser
 
-    from realitygap.cli.evolve import report
+    from realitygap.cli.evolve import made_page
 
     page = study / "report" / "index.html"
     if not page.is_file():
         note("there is no report yet: it is made first")
-        click.get_current_context().invoke(report, study=study)
-    opened = webbrowser.open(link(page))
-    tell({"report": str(page), "opened": opened}, link(page))
+        page = made_page(study, load_trusted(study))
+    tell({"report": str(page), "opened": webbrowser.open(link(page))}, link(page))

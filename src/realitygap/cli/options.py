@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from functools import partial
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from realitygap.world.robot import Profile
 
 __all__ = [
-    "JSON", "ROBOT", "OutFile", "Parsed", "StudyPath", "Whole", "Width", "arena", "as_json", "base", "baud",
+    "JSON", "ROBOT", "WIDTH", "OutFile", "Parsed", "StudyPath", "Whole", "arena", "as_json", "base", "baud",
     "checked_pose", "controller", "engine", "evaluations", "given", "individual", "levels", "marker", "noise",
     "out", "picture", "pose", "profile", "resume", "runs", "seconds", "seed", "shard", "spread", "starts",
     "study", "task", "trust", "twin_noise", "unusual", "verbose", "watch", "workers",
@@ -60,38 +59,16 @@ class Whole(click.IntRange):
             number = float(value)
         except (TypeError, ValueError):
             number = math.nan
-        whole = not isinstance(value, int) and number.is_integer() and abs(number) < 2**53
+        whole = "e" in str(value).lower() and number.is_integer()
         return super().convert(int(number) if whole else value, param, ctx)
 
 
 class StudyPath(click.Path):
     """A study's folder, also named by the database in it."""
 
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        path = super().convert(value, param, ctx)
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = Path(str(super().convert(value, param, ctx)))
         return path.parent if path.name == "study.db" else path
-
-
-class Width(click.ParamType):
-    """A length with its unit, in inches."""
-
-    name = "WIDTH"
-    units: ClassVar = {"cm": 1 / 2.54, "mm": 1 / 25.4, "in": 1.0}
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        found = re.fullmatch(r"\s*([\d.]+)\s*(cm|mm|in)\s*", str(value))
-        try:
-            inches = float(found[1]) * self.units[found[2]] if found else 0.0
-        except ValueError:
-            inches = 0.0
-        if not 0.5 <= inches <= 50:
-            self.fail(
-                f"expected a width with its unit, as in 8.4cm, 84mm or 3.3in, got {value!r}.", param, ctx
-            )
-        return inches
 
 
 class NumberOrPool(click.ParamType):
@@ -148,6 +125,7 @@ class OutFile(click.Path):
 
 NOISE = Parsed("LEVEL", "realitygap.world.robot:noise_level", "noise: ")
 ROBOT = Parsed("R", "realitygap.robots.address:Address.parse", "robot: ")
+WIDTH = Parsed("WIDTH", "realitygap.report.style:inches", "width: ")
 SHARD = Parsed("I/N", "realitygap.work.shard:Shard.parse", "shard: ")
 
 LEVELS = Parsed("L,L,…", "realitygap.experiments.noise:levels_of")

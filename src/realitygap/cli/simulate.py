@@ -70,7 +70,7 @@ def simulate(
     from realitygap.control.controllers import named_controller
     from realitygap.simulation.body import drive_simulated
 
-    simulation, place = _placed(task, profile, noise, pose, arena)
+    simulation, place = _placed(task, profile, noise, pose, arena, seed)
     played = simulation.task
     driver = named_controller(controller, played.feeds, len(played.sensors), played.name)
     trajectory, score = drive_simulated(simulation, driver, stream=seed, pose=place, seconds=seconds)
@@ -82,7 +82,7 @@ def simulate(
 
 @click.command()
 @click.argument("task")
-@options.pose(required=True)
+@options.pose()
 @options.profile()
 @options.arena
 @options.noise()
@@ -90,19 +90,24 @@ def simulate(
 @click.option("--repeat", type=options.Whole(1, 10**6), default=1, metavar="N", help="Read N times.")
 @options.as_json
 def probe(
-    task: str, pose: options.Numbers, profile: str, arena: str | None, noise: float, seed: int, repeat: int
+    task: str,
+    pose: options.Numbers | None,
+    profile: str,
+    arena: str | None,
+    noise: float,
+    seed: int,
+    repeat: int,
 ) -> None:
     """Read a robot's sensors at a place in TASK's arena.
 
     Readings are whole counts, as the robot's converter gives them; at noise zero they are shown
-    before rounding.
+    before rounding. Without --pose the robot stands at a start of the task's, drawn with --seed.
 
     \b
     Example: what the paper's model reads facing a cylinder, without noise
         realitygap probe avoidance --pose 25,15,180 --noise zero
     """
-    simulation, place = _placed(task, profile, noise, pose, arena)
-    assert place is not None
+    simulation, place = _placed(task, profile, noise, pose, arena, seed)
     proximity, ambient = simulation.probe(place, stream=seed, repeat=repeat)
     found, lines = {"proximity": proximity, "ambient": ambient}, []
     for title, readings in found.items():
@@ -114,9 +119,9 @@ def probe(
 
 
 def _placed(
-    task: str, profile: str, noise: float, pose: options.Numbers | None, arena: str | None
-) -> tuple[Simulation, Pose | None]:
-    """The simulation that a person names, and the robot's pose there (None: a start of the task); task,
+    task: str, profile: str, noise: float, pose: options.Numbers | None, arena: str | None, seed: int
+) -> tuple[Simulation, Pose]:
+    """The simulation that a person names, and the robot's pose there, by default a start of the task's; task,
     profile and an arena instead of the task's own by name or file.
 
     Raises:
@@ -131,7 +136,8 @@ def _placed(
     place_in = loaded.arena if arena is None else load_arena(arena)
     note_dark(loaded, place_in)
     if pose is None:
-        return Simulation(loaded, robot, noise, place_in), None
+        simulation = Simulation(loaded, robot, noise, place_in)
+        return simulation, simulation.start(seed)
     place = options.checked_pose(pose, place_in, robot)
     faces = (place.heading_deg, place.heading_deg)
     start = Start(x_cm=place.x, y_cm=place.y, heading_deg=faces)  # the task's own need not be free here
@@ -160,34 +166,27 @@ def path_lines(
     verbose: bool,
     whose: str = "",
 ) -> Iterator[str]:
-    """A trial's score in its task's unit (a task as by `to_dict`), where it began and ended; `verbose`: its
-    path."""
-    from realitygap.values import Pose
-
-    said = f"{score / task['fitness_scale']:.3g}{after(task['fitness_unit'])}"
-    first = Pose.reached(*(float(column[0]) for column in (trajectory.x, trajectory.y, trajectory.heading)))
-    yield f"{whose}score {said}"
-    for word, at in (("from", first), ("to", trajectory.end)):
-        yield f"{word} ({at.x:.1f}, {at.y:.1f}) cm, heading {at.heading_deg:.0f}°"
+    """A trial's score in its task's unit (a task as by `to_dict`), where it began and ended; `verbose`: every
+    tenth step too."""
+    turned = 180.0 - (180.0 - trajectory.heading_deg) % 360.0
+    yield f"{whose}score {score / task['fitness_scale']:.3g}{after(task['fitness_unit'])}"
+    end = trajectory.end
+    poses = {"from": (trajectory.x[0], trajectory.y[0], turned[0]), "to": (end.x, end.y, end.heading_deg)}
+    for word, (x, y, heading) in poses.items():
+        yield f"{word} ({x:.1f}, {y:.1f}) cm, heading {heading:.0f}°"
     if picture is not None:
         yield f"picture {link(picture)}"
-    if verbose:
-        yield f"\n{path_table(trajectory)}"
-
-
-def path_table(trajectory: Trajectory) -> str:
-    """Every tenth step of a trajectory."""
     rows: list[list[object]] = []
-    turned = 180.0 - (180.0 - trajectory.heading_deg) % 360.0
     places = (trajectory.t, trajectory.x, trajectory.y, turned)
-    for k in range(0, len(trajectory.t), EVERY):
+    for k in range(0, len(trajectory.t) if verbose else 0, EVERY):
         place, wheels = (
             [shown(value, ".1f") for value in row] for row in ([p[k] for p in places], trajectory.wheels[k])
         )
         touched = "yes" if trajectory.contact[k : k + EVERY].any() else ""
         rows.append([*place, *map(int, trajectory.commands[k]), *wheels, touched])
     head = ("t s", "x cm", "y cm", "heading°", "left", "right", "wheel l", "wheel r", "contact")
-    return table(head, rows)
+    if verbose:
+        yield f"\n{table(head, rows)}"
 
 
 def save_path(file: Path, task: Task, profile: Profile, trajectory: Trajectory) -> None:
@@ -244,23 +243,17 @@ def _show(folder: str, name: str | None, load: Callable[[str], Value], picture: 
     ones' names."""
     from realitygap.world.toml import shipped, shipped_text
 
+    if name is None and picture is not None:
+        raise click.BadParameter("draws one: name it.", param_hint="'--picture'")
     if name is None:
-        if picture is not None:
-            raise click.BadParameter("draws one: name it.", param_hint="'--picture'")
         click.echo("\n".join(shipped(folder)))
     elif picture is not None:
-        _draw(load(name), picture)
+        from realitygap.report.drawing import robot_figure, room_figure
+        from realitygap.report.style import write_figure
+
+        draw: Callable[[Any], Any] = room_figure if folder == "arenas" else robot_figure
+        write_figure(partial(draw, load(name)), picture)
         click.echo(f"picture {link(picture)}")
     else:
         loaded = load(name)
         click.echo((shipped_text(folder, name) or loaded.to_toml()).rstrip())
-
-
-def _draw(value: Value, picture: Path) -> None:
-    """An arena, or a robot from above, to scale."""
-    from realitygap.report.drawing import robot_figure, room_figure
-    from realitygap.report.style import write_figure
-    from realitygap.world.robot import Profile
-
-    draw: Any = robot_figure if isinstance(value, Profile) else room_figure
-    write_figure(partial(draw, value), picture)

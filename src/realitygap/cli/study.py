@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import link, load_trusted, shown, table, tell
+from realitygap.cli.console import link, load_trusted, table, tell
 from realitygap.cli.fitness import Fitness, test_facts, test_score
 from realitygap.cli.simulate import path_lines, save_path, simulation_facts
 from realitygap.errors import StudyError
@@ -93,7 +93,8 @@ def run_lines(study: Study, runs: Sequence[Run], verbose: bool = False) -> list[
     for run in runs:
         more = [] if whole else ["" if run.finished else "unfinished"]
         rows.append([run.id, run.name, *[run.evaluations] * verbose, *fitness.both(run), *more])
-    return [table(head if whole else [*head, ""], rows), "", *fitness.legend()]
+    legend = "test score: mean of the champion's new trials at its own noise ± 95 % interval"
+    return [table(head if whole else [*head, ""], rows), "", legend, *fitness.units(r.task for r in runs)]
 
 
 def _run_text(study: Study, run: Run, verbose: bool) -> str:
@@ -156,17 +157,17 @@ def _best_lines(study: Study) -> Iterator[str]:
     from realitygap.report.evolution import mean_of
 
     fitness = Fitness(study)
-    for task in dict.fromkeys(run.task for run in study.runs):
-        of = [run for run in study.runs if run.task == task and run.finished]
-        levels = {
-            level: [run for run in of if run.noise_name == level] for level in {r.noise_name for r in of}
-        }
-        means = {name: mean_of([run.fitness for run in runs]) for name, runs in levels.items()}
-        best = max(means, key=lambda name: means[name].value, default=None)
-        if best is not None:
-            runs, mean = levels[best], means[best] if len(levels[best]) > 1 else test_score(levels[best][0])
-            said = f"mean of {len(runs)} runs" if len(runs) > 1 else "1 run"
-            yield f"best: {task}, {best} noise: {fitness.text(task, mean)}{fitness.unit(task)} ({said})"
+    levels: dict[str, dict[str, list[Run]]] = {}
+    for run in study.runs:
+        if run.finished:
+            levels.setdefault(run.task, {}).setdefault(run.noise_name, []).append(run)
+    for task, of in levels.items():
+        means = {name: mean_of([run.fitness or 0.0 for run in runs]) for name, runs in of.items()}
+        best, mean = max(means.items(), key=lambda one: one[1].value if one[1] else 0.0)
+        alone = of[best][0] if len(of[best]) == 1 else None
+        said = f"mean of {len(of[best])} runs" if alone is None else "1 run"
+        text = fitness.sentence(alone) if alone else f"{fitness.text(task, mean)}{fitness.unit(task)}"
+        yield f"best: {task}, {best} noise: {text} ({said})"
 
 
 def show_shard(folder: Path, more: Mapping[str, Any], *lines: str) -> None:
@@ -188,7 +189,7 @@ def _score_lines(tables: Sequence[ScoreTable]) -> list[str]:
     for one in tables:
         for level in one.classes:
             if level.marks:
-                means = [shown(mean and mean.value, ".1f") for mean in map(level.mean, SCORES)]
+                means = ["–" if mean is None else f"{mean.value:.1f}" for mean in map(level.mean, SCORES)]
                 paper = [f" ({value:g})" for value in level.paper_average or ()] or ["", ""]
                 cells = (f"{ours}{theirs}" for ours, theirs in zip(means, paper, strict=True))
                 rows.append([one.task, level.name, one.kind or "–", *cells])

@@ -17,14 +17,16 @@ import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from realitygap.errors import UsageError
 from realitygap.files import atomic_path, atomic_write, written_together
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType, RcKeyType
 
 __all__ = [
-    "COLUMN", "INHIBITORY", "INK", "PAGE", "SIMULATED", "SITUATED", "Look", "NoiseStyle", "inline_svg",
-    "new_figure", "noise_key", "noise_styles", "number", "save_figure", "styled", "write_figure",
+    "COLUMN", "INHIBITORY", "INK", "PAGE", "SIMULATED", "SITUATED", "Look", "NoiseStyle", "inches",
+    "inline_svg", "new_figure", "noise_key", "noise_styles", "number", "save_figure", "styled",
+    "write_figure",
 ]  # fmt: skip
 
 COLUMN = 3.35
@@ -133,6 +135,19 @@ def new_figure(
     figure = Figure(figsize=(width, height), layout=layout, dpi=dpi)
     FigureCanvasAgg(figure)
     return figure
+
+
+def inches(text: str) -> float:
+    """A width as it is typed, such as 8.4cm, 84mm or 3.3in.
+
+    Raises:
+        UsageError: anything else.
+    """
+    found = re.fullmatch(r"(\d+(?:\.\d*)?) ?(cm|mm|in)", text.strip())
+    width = float(found[1]) / {"cm": 2.54, "mm": 25.4, "in": 1.0}[found[2]] if found else 0.0
+    if not 0.5 <= width <= 50:
+        raise UsageError(f"width: expected a width with its unit, as in 8.4cm, 84mm or 3.3in, got {text!r}.")
+    return width
 
 
 def write_figure(draw: Callable[[], Figure], path: Path, width: float | None = None) -> None:
