@@ -316,7 +316,7 @@ def checked_pose(numbers: Numbers, arena: Arena, profile: Profile) -> Pose:
     obstacle = arena.obstacle_at(x, y, 0.0 if profile.body.outline_cm else radius)
     if obstacle is not None:
         cure = "choose a free place."
-        if 0 < 100 * x < arena.size_cm[0] and 0 < 100 * y < arena.size_cm[1]:
+        if 0 < x < radius and 0 < y < radius:
             cure += f" Are these metres? In cm it is {100 * x:g},{100 * y:g},{heading:g}."
         raise click.BadParameter(
             f"a robot of radius {radius:g} cm at ({x:g}, {y:g}) overlaps {obstacle}; {cure}",
