@@ -7,7 +7,7 @@ from realitygap.cli.calibrate import calibrate
 from realitygap.cli.console import Commands
 from realitygap.cli.evolve import evolve, merge, report, reproduce
 from realitygap.cli.experiment import experiment
-from realitygap.cli.look import best, compare, figures, listed, open_page
+from realitygap.cli.overview import best, compare, figures, listed, open_page
 from realitygap.cli.robot import record, robot
 from realitygap.cli.simulate import arena, probe, profile, simulate
 from realitygap.cli.study import export, replay, show
