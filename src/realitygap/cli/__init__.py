@@ -35,21 +35,8 @@ def realitygap() -> None:
 
 
 for _command in (
-    *(
-        reproduce,
-        evolve,
-        experiment,
-        simulate,
-        probe,
-        show,
-        best,
-        replay,
-        compare,
-        open_page,
-        report,
-        figures,
-    ),
-    *(export, transfer, drive, score, merge, classify, judge, robot, record, calibrate, camera),
+    *(reproduce, evolve, experiment, simulate, probe, show, best, replay, compare, open_page, report),
+    *(figures, export, transfer, drive, score, merge, classify, judge, robot, record, calibrate, camera),
     *(listed, profile, arena),
 ):
     realitygap.add_command(_command)

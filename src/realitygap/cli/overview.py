@@ -29,7 +29,7 @@ DEEP = 4
 @click.argument("folder", default=".", type=click.Path(exists=True, file_okay=False))
 @options.as_json
 def listed(what: str | None, folder: str) -> None:
-    """List what there is: profiles, arenas, tasks, robots' addresses, studies.
+    """List profiles, arenas, tasks, robots' addresses, studies.
 
     Studies are those in FOLDER (omitted: here) and below it.
 

@@ -184,11 +184,12 @@ def show_shard(folder: Path, more: Mapping[str, Any], *lines: str) -> None:
 
 def _score_lines(tables: Sequence[ScoreTable]) -> list[str]:
     """Tables 1 and 2 by their averages."""
-    head = ("scores, 0 to 10 (paper's)", "noise", "on", *SCORES)
+    quoted = any(level.paper for one in tables for level in one.classes)
+    head = ("scores, 0 to 10" + " (paper's)" * quoted, "noise", "on", *SCORES)
     rows = []
     for one in tables:
         for level in one.classes:
-            if level.marks:
+            if any(map(level.values, SCORES)):
                 means = ["–" if mean is None else f"{mean.value:.1f}" for mean in map(level.mean, SCORES)]
                 paper = [f" ({value:g})" for value in level.paper_average or ()] or ["", ""]
                 cells = (f"{ours}{theirs}" for ours, theirs in zip(means, paper, strict=True))
