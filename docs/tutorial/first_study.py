@@ -43,10 +43,11 @@ config = realitygap.StudyConfig(
 )
 study = realitygap.run_study(folder / "study", config, workers=1)
 for run in study.runs:
-    print(f"{run.name}: best fitness {run.best_fitness:.2f}")
+    print(f"{run.name}: best during evolution {run.best_fitness:.2f}, test score {run.fitness:.2f}")
 
 # %% [markdown]
-# The best fitness is the highest of many noisy values, so it flatters. This is how fitness grew:
+# The best during evolution is the highest of many noisy values, so it flatters; the test score, the
+# champion's mean in new trials, does not. This is how fitness grew:
 
 # %%
 from realitygap.report.evolution import curves_figure, running_best

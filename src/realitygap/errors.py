@@ -4,8 +4,9 @@ from collections.abc import Iterable
 
 __all__ = [
     "BaudError", "CalibrationError", "ConfigError", "FilmError", "FrozenError", "GenotypeError",
-    "LineError", "NoSuchNameError", "RealityGapError", "RecordingError", "RobotError", "RobotStoppedError",
-    "StudyBusyError", "StudyError", "StudyInterruptedError", "TaskError", "TrackError", "UsageError",
+    "LineError", "NoSuchNameError", "RealityGapError", "RealityGapWarning", "RecordingError", "RobotError",
+    "RobotStoppedError", "StudyBusyError", "StudyError", "StudyInterruptedError", "TaskError", "TrackError",
+    "UsageError",
 ]  # fmt: skip
 
 
@@ -13,6 +14,10 @@ class RealityGapError(Exception):
     """The root of all: one clear message, never a traceback. `exit_code` 1: not the user's doing."""
 
     exit_code = 1
+
+
+class RealityGapWarning(UserWarning):
+    """Something that works, but is hardly meant."""
 
 
 class UsageError(RealityGapError, ValueError):

@@ -58,10 +58,19 @@ def test_what_is_listed_and_shown_can_be_changed_and_given_back(call, json_of, t
 
 
 def test_the_text_and_the_picture(call, tmp_path):
-    """Without --json there is a table and the score; --picture leaves a file of its kind."""
+    """Without --json the score in its unit, and with --verbose a table with headings within a turn;
+    --picture leaves a file of its kind. Without a pose it is a start of the task's."""
     result = call(*FORWARD, "--seconds", 2, "--picture", tmp_path / "path.svg")
-    assert result.exit_code == 0 and "x cm" in result.stdout and "score" in result.stdout
+    assert result.exit_code == 0 and "x cm" not in result.stdout and "score 0.19" in result.stdout
     assert (tmp_path / "path.svg").read_bytes()[:5] == b"<?xml"
+    turning = ("--controller", "constant:5,-5", "--verbose")
+    table = call("simulate", "light", *turning).stdout
+    assert "×10⁻⁶ cm⁻²\nfrom (15.0, 35.0) cm" in table
+    rows = [line.split() for line in table.partition("contact\n")[2].splitlines()]
+    assert len(rows) == 20 and all(abs(float(row[3])) <= 180 for row in rows)
+    for words in (("arena", "light-seeking"), ("profile", "thymio")):
+        assert call(*words, "--picture", tmp_path / f"{words[0]}.pdf").exit_code == 0
+        assert b"/FontFile2" in (tmp_path / f"{words[0]}.pdf").read_bytes()  # TrueType, embedded
 
 
 def test_probe_reads_as_often_as_it_is_asked(json_of, call):

@@ -71,7 +71,7 @@ def test_evolve_says_what_show_says(study, json_of, call):
     facts = [runs[1][key] for key in ("run", "task", "noise", "seed", "evaluations", "finished")]
     assert facts == [2, "light-seeking", 2.0, 7, 70, True] and len(runs[1]["tests"]) == 6
     assert "light-seeking/double/2" in call("show", folder).stdout
-    assert "# best fitness" in call("show", folder, 1).stdout
+    assert "# best during evolution" in call("show", folder, 1).stdout
 
 
 def test_a_champion_can_be_saved_driven_and_replayed(study, call, json_of, tmp_path):

@@ -99,11 +99,11 @@ def test_a_person_is_told_where_to_put_the_robot(study, call):
         words = ["transfer", study, 1, "--robot", robot, "--seconds", "0.5", "--baud", "any"]
         nobody = call(*words, input="")
         assert nobody.exit_code == 130 and "finished trials are kept" in nobody.stderr
-        result = call(*words, input="\n")
+        result = call(*words, "--verbose", input="\n")
     assert result.exit_code == 0, result.output
     assert "Put the robot at x = 2" in result.stderr and "counter-clockwise from +x" in result.stderr
     assert "counters" in result.stdout
-    assert call(*words).stdout == result.stdout  # it is there already
+    assert call(*words, "--verbose").stdout == result.stdout  # it is there already
     file = next(study.glob("transfer/serial-*/*/start-1/transfer.toml"))
     assert tomllib.loads(file.read_text())["baud"] == 38400  # the one that answered
 

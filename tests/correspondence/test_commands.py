@@ -73,6 +73,16 @@ def test_a_heading_that_contradicts_the_way_is_refused(refused, trials, tmp_path
         assert f"heading_deg contradicts the way from row to row: {cure}" in refused(*words)
 
 
+def test_tracks_in_metres_are_doubted(call, refused, trials, tmp_path):
+    """A robot cannot stay within its own radius of a corner; in a task's arena it is refused."""
+    metres = write(tmp_path / "m.csv", [replace(t, x=t.x / 100, y=t.y / 100) for t in trials])
+    assert "Are they in metres? Convert them to cm." in refused(
+        "score", metres, metres, "--task", "avoidance"
+    )
+    result = call("score", metres, metres)
+    assert "less than the robot's radius: are they in metres?" in result.stderr, result.output
+
+
 @pytest.mark.parametrize("hz", [25, 50, 7])
 def test_other_rates_are_the_same_behaviour(json_of, tracks, trials, tmp_path, hz):
     """A film's rate does not count: the same trials at 7, 25 or 50 rows a second score 9.5 or more."""

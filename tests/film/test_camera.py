@@ -81,9 +81,13 @@ def write_frames(folder, frames):
 
 
 def test_frames_are_read_back(tmp_path, frames):
-    """A folder of pictures and its table come back as they were written."""
+    """A folder of pictures and its table come back as they were written; in metres they are refused."""
     write_frames(tmp_path, frames[:4])
     read = read_frames(tmp_path, tmp_path / "poses.csv")
     assert [f.name for f in read] == [f.name for f in frames[:4]]
     assert all((a.picture == b.picture).all() for a, b in zip(read, frames[:4], strict=True))
     assert all(math.isclose(a.pose.x, b.pose.x) for a, b in zip(read, frames[:4], strict=True))
+    metres = [replace(f, pose=replace(f.pose, x=f.pose.x / 100, y=f.pose.y / 100)) for f in frames[:4]]
+    write_frames(tmp_path, metres)
+    with pytest.raises(FilmError, match=r"poses.csv: expected poses all over the floor .* in metres\?"):
+        read_frames(tmp_path, tmp_path / "poses.csv")

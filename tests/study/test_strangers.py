@@ -60,7 +60,7 @@ def stranger(theirs, tmp_path, monkeypatch) -> tuple[Path, Path]:
     sources._known.cache_clear()
 
 
-def test_looking_runs_no_code(stranger):
+def test_overviewing_runs_no_code(stranger):
     """Runs, champions, genotypes, tables, layouts and streams come from the database."""
     folder, trace = stranger
     study = load_study(folder)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from realitygap.errors import ConfigError
+from realitygap.errors import ConfigError, RealityGapWarning
 from realitygap.kernels import types
 from realitygap.kernels.types import EYES
 from realitygap.world.robot import Body, Profile, largest_pole, load_profile, profile_names
@@ -253,3 +253,17 @@ def test_an_outline_gives_the_radius_and_reads_back(tmp_path):
     beyond = (replace(eyes[0], x_cm=3.01), *eyes[1:])
     with pytest.raises(ConfigError, match="a place inside the body"):
         replace(square, infrared=replace(square.infrared, sensors=beyond))
+
+
+def test_a_robot_with_left_and_right_exchanged_is_doubted(paper, tmp_path):
+    """Sensors on the left that look to the right, and the other way round; none of the shipped ones' do."""
+    eyes = [replace(one, y_cm=-one.y_cm) for one in paper.infrared.sensors]
+    lights = [replace(one, y_cm=-one.y_cm) for one in paper.ambient.sensors]
+    wrong = replace(
+        paper, infrared=replace(paper.infrared, sensors=tuple(eyes)),
+        ambient=replace(paper.ambient, sensors=tuple(lights)),
+    )  # fmt: skip
+    (tmp_path / "mine.toml").write_text(wrong.to_toml(), "utf-8")
+    with pytest.warns(RealityGapWarning, match=r"is the sign of y_cm or direction_deg exchanged\?"):
+        load_profile(tmp_path / "mine.toml")
+    assert not any(load_profile(name).is_mirrored for name in profile_names())

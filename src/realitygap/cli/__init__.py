@@ -8,6 +8,7 @@ from realitygap.cli.console import Commands
 from realitygap.cli.evolve import evolve, merge, report, reproduce
 from realitygap.cli.experiment import experiment
 from realitygap.cli.look import look
+from realitygap.cli.overview import best, compare, figures, listed, open_page
 from realitygap.cli.robot import record, robot
 from realitygap.cli.simulate import arena, probe, profile, simulate
 from realitygap.cli.study import export, replay, show
@@ -35,8 +36,9 @@ def realitygap() -> None:
 
 
 for _command in (
-    *(reproduce, evolve, experiment, simulate, probe, show, replay, report, export, transfer, drive, score),
-    *(merge, classify, judge, robot, record, look, calibrate, camera, profile, arena),
+    *(reproduce, evolve, experiment, simulate, probe, show, best, replay, compare, open_page, report),
+    *(figures, export, transfer, drive, score, merge, classify, judge, robot, record, look, calibrate),
+    *(camera, listed, profile, arena),
 ):
     realitygap.add_command(_command)
 

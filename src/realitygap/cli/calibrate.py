@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import shown, table, tell, warn
+from realitygap.cli.console import link, shown, table, tell, warn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,7 +91,7 @@ def calibrate(
 
         write_calibration_page(made, page)
     facts = {"profile": str(out), "report": None if page is None else str(page), **_facts(made)}
-    tell(facts, *_lines(made), f"profile {out}", *([] if page is None else [f"report {page}"]))
+    tell(facts, *_lines(made), f"profile {out}", *([] if page is None else [f"report {link(page)}"]))
     warn(made.warnings)
 
 

@@ -12,22 +12,24 @@ import os
 import re
 import sys
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import click
 
 from realitygap.cli.options import JSON
-from realitygap.errors import RealityGapError, StudyInterruptedError
+from realitygap.errors import RealityGapError, RealityGapWarning, StudyInterruptedError
 
 if TYPE_CHECKING:
     from realitygap.study.load import Study
 
 __all__ = [
-    "Commands", "StoppedError", "as_json", "ask_trust", "at_terminal", "guarded", "load_trusted", "note",
-    "note_few", "note_new", "print_json", "resumable", "shown", "table", "tell", "warn",
+    "Commands", "StoppedError", "as_json", "ask_trust", "at_terminal", "guarded", "link", "load_trusted",
+    "note", "note_few", "note_new", "print_json", "resumable", "shown", "table", "tell", "warn",
 ]  # fmt: skip
 
 DEBUG = "REALITYGAP_DEBUG"
@@ -36,7 +38,7 @@ DEBUG = "REALITYGAP_DEBUG"
 STOPPED = 130
 """Exit code after Ctrl-C."""
 
-NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?%?|–|inf|")
+NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?%?( ± [\d.]+)?|–|inf|")
 
 
 class StoppedError(RealityGapError):
@@ -55,13 +57,28 @@ class Commands(click.Group):
     def main(self, args: Sequence[str] | None = None, *more: Any, **extra: Any) -> NoReturn:
         """Run the command that the arguments name, and exit."""
         extra["standalone_mode"] = False
-        sys.exit(guarded(lambda: super(Commands, self).main(args, *more, **extra)))
+        path = self._path(sys.argv[1:] if args is None else args)
+        sys.exit(guarded(lambda: super(Commands, self).main(args, *more, **extra), path))
+
+    def _path(self, words: Sequence[str]) -> str:
+        """The command that the words begin with."""
+        command: click.Command | None = self
+        path = ["realitygap"]
+        for word in words:
+            command = command.commands.get(word) if isinstance(command, click.Group) else None
+            if command is None:
+                break
+            path.append(word)
+        return " ".join(path)
 
 
-def guarded(work: Callable[[], Any]) -> int:
-    """Carry out `work`; the exit code, after a line on stderr if it failed."""
+def guarded(work: Callable[[], Any], path: str = "realitygap") -> int:
+    """Carry out `work`, the command `path`; the exit code, after a line on stderr if it failed."""
     try:
-        result = work()
+        with warnings.catch_warnings():
+            warnings.simplefilter("once", RealityGapWarning)
+            warnings.showwarning = partial(_show_warning, warnings.showwarning)
+            result = work()
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except click.exceptions.NoArgsIsHelpError as group:
@@ -71,7 +88,7 @@ def guarded(work: Callable[[], Any]) -> int:
         _close(sys.stdout)  # whoever read our output has seen enough
         return 1
     except (Exception, KeyboardInterrupt) as failure:
-        line, code = _described(failure)
+        line, code = _described(failure, path)
         if os.environ.get(DEBUG, "") not in ("", "0"):
             with suppress(OSError):  # a full disk under stderr
                 traceback.print_exc()
@@ -84,14 +101,22 @@ def guarded(work: Callable[[], Any]) -> int:
     return code
 
 
-def _described(failure: BaseException) -> tuple[str, int]:
+def _show_warning(usual: Callable[..., None], message: Warning, category: type[Warning], *where: Any) -> None:
+    """One of ours as a line, others as usual."""
+    if issubclass(category, RealityGapWarning):
+        warn([str(message).rstrip(".")])
+    else:
+        usual(message, category, *where)
+
+
+def _described(failure: BaseException, path: str) -> tuple[str, int]:
     """The line that says what went wrong, and the exit code."""
     if isinstance(failure, click.Abort) and isinstance(failure.__cause__, RealityGapError | EOFError):
         failure = failure.__cause__  # click makes its own of every KeyboardInterrupt, and of an EOFError
     if isinstance(failure, RealityGapError):
         return f"{'error: ' * (failure.exit_code != STOPPED)}{failure}", failure.exit_code
     if isinstance(failure, click.UsageError):
-        where = failure.ctx.command_path if failure.ctx else "realitygap"
+        where = failure.ctx.command_path if failure.ctx else path
         return f"error: {failure.format_message()} (see `{where} --help`)", 2
     if isinstance(failure, click.ClickException):
         return f"error: {failure.format_message()}", 2
@@ -168,6 +193,11 @@ def tell(value: Any, *lines: str) -> None:
         return
     for line in lines:
         click.echo(line)
+
+
+def link(path: Path) -> str:
+    """A file as a terminal makes it clickable."""
+    return path.resolve().as_uri()
 
 
 def shown(value: float | None, form: str = ".3g") -> str:

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Unpack
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import ask_trust, load_trusted, note, note_few, note_new, resumable, tell, warn
+from realitygap.cli.console import (
+    ask_trust,
+    link,
+    load_trusted,
+    note,
+    note_few,
+    note_new,
+    resumable,
+    tell,
+    warn,
+)
 from realitygap.cli.experiment import show_noise, show_robots
 from realitygap.cli.simulate import note_dark
 from realitygap.cli.study import show_study
@@ -21,10 +31,11 @@ if TYPE_CHECKING:
 
     from realitygap.api import ReproductionFields, StudyFields
     from realitygap.study.config import StudyConfig
+    from realitygap.study.load import Study
     from realitygap.work.pool import Workers
     from realitygap.work.shard import Shard
 
-__all__ = ["evolve", "merge", "report", "reproduce"]
+__all__ = ["evolve", "made_page", "merge", "report", "reproduce"]
 
 
 @click.command()
@@ -33,7 +44,7 @@ __all__ = ["evolve", "merge", "report", "reproduce"]
 @options.runs(help="Runs for each task and noise level [default: 5].")
 @options.evaluations
 @options.seed(None, " [default: 1995]")
-@options.starts(type=click.IntRange(1), help="Trials of each champion on the twin [default: 8].")
+@options.starts(type=options.Whole(1), help="Trials of each champion on the twin [default: 8].")
 @options.workers
 @options.engine
 @click.option(
@@ -245,7 +256,7 @@ def _merge_transfer(shards: Mapping[Shard, Path], study: Path) -> None:
     tables = (read_trial(one.folder).get("versions", {}) for one in made)
     _note_versions({name: [value] for name, value in table.items()} for table in tables)
     facts = {"study": str(study), "transfers": [one.to_dict() for one in made]}
-    tell(facts, *transfer_lines(made), f"\ntransfers {study / 'transfer'}")
+    tell(facts, *transfer_lines(study, made), f"\ntransfers {study / 'transfer'}")
 
 
 def _note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
@@ -257,7 +268,7 @@ def _note_versions(found: Iterable[Mapping[str, Iterable[str]]]) -> None:
 
 
 @click.command()
-@click.argument("study", type=click.Path(path_type=Path))
+@options.study
 @options.as_json
 def report(study: Path) -> None:
     """Rebuild the report of STUDY.
@@ -269,12 +280,10 @@ def report(study: Path) -> None:
     Example:
         realitygap report out/reproduce
     """
-    from realitygap import api
     from realitygap.experiments.experiment import RESULTS
     from realitygap.experiments.noise import NoiseConfig
     from realitygap.experiments.robots import RobotsConfig, finished
     from realitygap.report.scores import study_tables
-    from realitygap.work.pool import opened
 
     if (study / NoiseConfig.FILE).is_file():
         show_noise(study, study / RESULTS)
@@ -283,7 +292,15 @@ def report(study: Path) -> None:
         show_robots(study, finished(study))
         return
     loaded = load_trusted(study)
-    with opened(None, one_thread=True) as pool:
-        page = api.report(study, loaded, workers=pool)
+    page = made_page(study, loaded)
     tables = [table.to_dict() for table in study_tables(loaded)]
-    tell({"report": str(page), "tables": tables}, f"report {page}")
+    tell({"report": str(page), "tables": tables}, f"report {link(page)}")
+
+
+def made_page(folder: Path, study: Study) -> Path:
+    """A study's report, made anew."""
+    from realitygap import api
+    from realitygap.work.pool import opened
+
+    with opened(None, one_thread=True) as pool:
+        return api.report(folder, study, workers=pool)

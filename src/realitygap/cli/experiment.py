@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import note_new, resumable, table, tell, warn
+from realitygap.cli.console import link, note_new, resumable, table, tell, warn
 from realitygap.cli.study import show_shard
 from realitygap.work.progress import ProgressLine, counts
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["experiment", "show_noise", "show_robots"]
 
+NARROW = 5
+"""Columns of the noise experiment's table that a terminal has room for; the page has them all."""
 FEW = 5
 """Runs a level below which the robots' table has no scores: their means would say nothing."""
 
@@ -69,11 +71,11 @@ def experiment() -> None:
 @options.base
 @click.option(
     "--units",
-    type=click.IntRange(1, 100),
+    type=options.Whole(1, 100),
     metavar="N",
     help="Units of the twin, the stranger, or Enki's [default: 3].",
 )
-@options.starts(type=click.IntRange(2), help="Trials of each controller on each unit [default: 8].")
+@options.starts(type=options.Whole(2), help="Trials of each controller on each unit [default: 8].")
 @options.evaluations
 @options.twin_noise
 @options.seed(None, " [default: 1995]")
@@ -154,8 +156,12 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
     head, rows = noise_table(data)
     matched = "; ".join(f"{task} {data.part(task).matched_text}" for task in data.tasks)
     where = {"study": str(out), "results": str(results), "report": str(page)}
-    words = f"{table(head, rows)}\n\nnoise-matched level: {matched}"
-    tell({**where, **noise_summary(data), **(more or {})}, f"{words}\n\nresults {results}\nreport  {page}")
+    narrow = table(head[:NARROW], [row[:NARROW] for row in rows])
+    words = f"{narrow}\n\nnoise-matched level: {matched}"
+    tell(
+        {**where, **noise_summary(data), **(more or {})},
+        f"{words}\n\nresults {results}\nreport  {link(page)}",
+    )
 
 
 @experiment.command()
@@ -171,7 +177,7 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
 @options.base
 @options.levels("0,1,2")
 @options.runs(help="Runs at each level [default: 6].")
-@options.starts(type=click.IntRange(2), help="Trials of each controller [default: 4].")
+@options.starts(type=options.Whole(2), help="Trials of each controller [default: 4].")
 @options.evaluations
 @options.seed(None, " [default: 1995]")
 @options.seconds
@@ -234,4 +240,4 @@ def show_robots(out: Path, places: list[Place]) -> None:
     ]
     left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
     found = {"folder": str(out), "report": str(page), "robots": facts, "left_out": left}
-    tell(found, f"{table(head, rows)}\n\nreport {page}")
+    tell(found, f"{table(head, rows)}\n\nreport {link(page)}")

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from realitygap.world.robot import Profile
 
 __all__ = [
-    "JSON", "ROBOT", "OutFile", "Parsed", "arena", "as_json", "base", "baud", "checked_pose", "controller",
-    "engine", "evaluations", "given", "individual", "levels", "marker", "noise", "out", "picture", "pose",
-    "profile", "resume", "runs", "seconds", "seed", "shard", "spread", "starts", "task", "trust",
-    "twin_noise", "unusual", "watch", "workers",
+    "JSON", "ROBOT", "WIDTH", "OutFile", "Parsed", "StudyPath", "Whole", "arena", "as_json", "base", "baud",
+    "checked_pose", "controller", "engine", "evaluations", "given", "individual", "levels", "marker", "noise",
+    "out", "picture", "pose", "profile", "resume", "runs", "seconds", "seed", "shard", "spread", "starts",
+    "study", "task", "trust", "twin_noise", "unusual", "verbose", "watch", "workers",
 ]  # fmt: skip
 
 Numbers = tuple[float, float, float]
@@ -49,6 +49,28 @@ class PoseType(click.ParamType):
         return x, y, math.fmod(heading, 360.0)
 
 
+class Whole(click.IntRange):
+    """A whole number, which may be typed as 1e3."""
+
+    name = "whole number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            number = math.nan
+        whole = "e" in str(value).lower() and number.is_integer()
+        return super().convert(int(number) if whole else value, param, ctx)
+
+
+class StudyPath(click.Path):
+    """A study's folder, also named by the database in it."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = Path(str(super().convert(value, param, ctx)))
+        return path.parent if path.name == "study.db" else path
+
+
 class NumberOrPool(click.ParamType):
     """A number of processes, or a pool by its name."""
 
@@ -56,7 +78,7 @@ class NumberOrPool(click.ParamType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if ":" not in str(value):
-            return click.IntRange(1, 1024).convert(value, param, ctx)
+            return Whole(1, 1024).convert(value, param, ctx)
         from realitygap.work.cluster import named_pool
 
         pool = named_pool(value)
@@ -103,6 +125,7 @@ class OutFile(click.Path):
 
 NOISE = Parsed("LEVEL", "realitygap.world.robot:noise_level", "noise: ")
 ROBOT = Parsed("R", "realitygap.robots.address:Address.parse", "robot: ")
+WIDTH = Parsed("WIDTH", "realitygap.report.style:inches", "width: ")
 SHARD = Parsed("I/N", "realitygap.work.shard:Shard.parse", "shard: ")
 
 LEVELS = Parsed("L,L,…", "realitygap.experiments.noise:levels_of")
@@ -158,7 +181,7 @@ engine = click.option(
     "side.",
 )
 evaluations = click.option(
-    "--evaluations", type=click.IntRange(1), metavar="N", help="Evaluations in each run [default: 1000]."
+    "--evaluations", type=Whole(1), metavar="N", help="Evaluations in each run [default: 1000]."
 )
 individual = click.option(
     "--individual",
@@ -181,13 +204,14 @@ pose = partial(
 resume = click.option(
     "--resume", is_flag=True, help="Continue an interrupted study to exactly the same result."
 )
-runs = partial(click.option, "--runs", type=click.IntRange(1), metavar="K")
+runs = partial(click.option, "--runs", type=Whole(1), metavar="K")
 seconds = click.option(
     "--seconds",
     type=click.FloatRange(0.1),
     metavar="S",
     help="Length of a trial, which ends at the nearest step [default: the task's own].",
 )
+study = click.argument("study", type=StudyPath())
 trust = click.option(
     "--trust",
     is_flag=True,
@@ -217,6 +241,7 @@ twin_noise = click.option(
     metavar="X",
     help="Noise scale of a twin or of Enki [default: 1].",
 )
+verbose = click.option("--verbose", "-v", is_flag=True, help="Print all that there is.")
 watch = click.option(
     "--watch",
     is_flag=True,
@@ -256,7 +281,7 @@ noise_between = click.option(
 
 def seed(default: int | None = 0, says: str = "") -> Callable[[Decorator], Decorator]:
     """`--seed S`."""
-    kind = click.IntRange(0)
+    kind = Whole(0)
     return click.option("--seed", type=kind, default=default, metavar="S", help=f"Random seed.{says}")
 
 
@@ -298,8 +323,11 @@ def checked_pose(numbers: Numbers, arena: Arena, profile: Profile) -> Pose:
     radius = profile.body.radius_cm
     obstacle = arena.obstacle_at(x, y, 0.0 if profile.body.outline_cm else radius)
     if obstacle is not None:
+        cure = "choose a free place."
+        if 0 < x < radius and 0 < y < radius:
+            cure += f" Are these metres? In cm it is {100 * x:g},{100 * y:g},{heading:g}."
         raise click.BadParameter(
-            f"a robot of radius {radius:g} cm at ({x:g}, {y:g}) overlaps {obstacle}; choose a free place.",
+            f"a robot of radius {radius:g} cm at ({x:g}, {y:g}) overlaps {obstacle}; {cure}",
             param_hint="'--pose'",
         )
     return Pose.from_degrees(x, y, heading)

@@ -241,7 +241,7 @@ def _movement(body: Body, units: int) -> dict[str, int | None]:
 @click.option(
     "--arena", "arena_name", required=True, metavar="TASK", help="A task, or an arena's name or TOML file."
 )
-@click.option("--unit", type=click.IntRange(0), default=1, metavar="N", help="Which robot.")
+@click.option("--unit", type=options.Whole(0), default=1, metavar="N", help="Which robot.")
 @options.twin_noise
 @options.pose()
 @options.as_json
@@ -356,11 +356,11 @@ class Reflectance(click.FloatRange):
     "unknown: calibrate fits it.",
 )
 @click.option(
-    "--repeats", type=click.IntRange(1), default=10, help="Readings at each place, which measure the noise."
+    "--repeats", type=options.Whole(1), default=10, help="Readings at each place, which measure the noise."
 )
 @click.option(
     "--bearings",
-    type=click.IntRange(1, 720),
+    type=options.Whole(1, 720),
     help="Bearings of the infrared's places, evenly all round [default: 24; of Enki's robots 180].",
 )
 @click.option(

@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 import shlex
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from realitygap.cli import options
-from realitygap.cli.console import load_trusted, shown, table, tell
-from realitygap.cli.simulate import path_table, save_path, simulation_facts
+from realitygap.cli.console import link, load_trusted, table, tell
+from realitygap.cli.fitness import Fitness, test_facts, test_score
+from realitygap.cli.simulate import path_lines, save_path, simulation_facts
 from realitygap.errors import StudyError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from realitygap.evolution.algorithm import Genes
     from realitygap.report.scores import ScoreTable
     from realitygap.study.load import Run, Study
 
-__all__ = ["export", "replay", "show", "show_shard", "show_study"]
+__all__ = ["export", "replay", "run_facts", "run_lines", "show", "show_shard", "show_study"]
 
 SCORES = ("behaviour", "correspondence")
 
 
 @click.command()
-@click.argument("study", type=click.Path())
+@options.study
 @click.argument("run", required=False)
 @click.option(
     "--picture",
@@ -34,18 +36,20 @@ SCORES = ("behaviour", "correspondence")
     help="Draw the network of RUN's champion to FILE.",
 )
 @options.trust
+@options.verbose
 @options.as_json
-def show(study: str, run: str | None, picture: Path | None, trust: bool) -> None:
+def show(study: Path, run: str | None, picture: Path | None, trust: bool, verbose: bool) -> None:
     """Show the runs of STUDY, or one of them.
 
-    STUDY is a folder. RUN is a number or a name such as obstacle-avoidance/observed/1; its
-    champion's genotype is shown too. "champion" is the best of the final population on fresh
-    trials, "fittest" has the highest fitness ever stored, as in the paper.
+    STUDY is a folder. RUN is a number, a name such as obstacle-avoidance/observed/1, or best
+    (best:TASK, best:TASK/LEVEL); its champion's genotype is shown too. The champion is the best of
+    the last population in further trials; its test score is its mean in new ones. --verbose adds each
+    run's evaluations, and the test scores at every noise level.
 
     \b
     Example: save a champion and drive it
         realitygap show out/reproduce 1 > champion.txt
-        realitygap simulate avoidance --controller champion.txt --pose 25,25,0
+        realitygap simulate avoidance --controller champion.txt
     """
     from realitygap.study.load import load_study
 
@@ -55,11 +59,11 @@ def show(study: str, run: str | None, picture: Path | None, trust: bool) -> None
         if run is None:
             raise click.BadParameter("draws the network of one RUN: name it.", param_hint="'--picture'")
         _draw(loaded, runs[0], picture)
-    text = _run_table(runs) if run is None else _run_text(loaded, runs[0])
-    tell({"study": study, "runs": [_run_facts(loaded, one) for one in runs]}, text)
+    lines = run_lines(loaded, runs, verbose) if run is None else [_run_text(loaded, runs[0], verbose)]
+    tell({"study": str(study), "runs": [run_facts(loaded, one) for one in runs]}, *lines)
 
 
-def _run_facts(study: Study, run: Run) -> dict[str, Any]:
+def run_facts(study: Study, run: Run) -> dict[str, Any]:
     """One run as JSON tells it."""
     return {
         "run": run.id,
@@ -71,7 +75,7 @@ def _run_facts(study: Study, run: Run) -> dict[str, Any]:
         "finished": run.finished,
         "best_fitness": run.best_fitness,
         "champion": _text(study, run, run.champion),
-        "champion_fitness": run.champion_fitness,
+        "test_score": test_facts(run),
         "fittest": _text(study, run, run.fittest),
         "fittest_evaluation": run.fittest_number,
         "tests": [
@@ -81,48 +85,49 @@ def _run_facts(study: Study, run: Run) -> dict[str, Any]:
     }
 
 
-def _run_table(runs: list[Run]) -> str:
-    """One line per run."""
-    rows = []
+def run_lines(study: Study, runs: Sequence[Run], verbose: bool = False) -> list[str]:
+    """A line for each run, with its two figures, and what they are."""
+    fitness, rows = Fitness(study), []
+    whole = all(run.finished for run in runs)
+    head = ["run", "name", *["evaluations"] * verbose, "best during evolution", "test score"]
     for run in runs:
-        fitness, state = map(shown, (run.best_fitness, run.champion_fitness)), _state(run)
-        rows.append([run.id, run.name, run.evaluations, *fitness, state])
-    return table(("run", "name", "evaluations", "best fitness", "champion retested", ""), rows)
+        more = [] if whole else ["" if run.finished else "unfinished"]
+        rows.append([run.id, run.name, *[run.evaluations] * verbose, *fitness.both(run), *more])
+    legend = "test score: mean of the champion's new trials at its own noise ± 95 % interval"
+    return [table(head if whole else [*head, ""], rows), "", legend, *fitness.units(r.task for r in runs)]
 
 
-def _state(run: Run) -> str:
-    return "finished" if run.finished else "unfinished"
-
-
-def _run_text(study: Study, run: Run) -> str:
+def _run_text(study: Study, run: Run, verbose: bool) -> str:
     """One run: its figures as comments, then its champion's genotype, so that it can be saved."""
+    fitness, scores = Fitness(study), test_score(run)
+    best, test = fitness.both(run)
+    unit, feeds = fitness.unit(run.task), study.facts(run.task)["feeds"]
+    told = "" if scores is None else f" (mean of {scores.count} new trials at noise {run.noise:g} ± 95 %)"
     lines = [
-        f"# run {run.id}, {run.name}, seed {run.seed}",
-        f"# {run.evaluations} evaluations, {_state(run)}",
-        f"# best fitness {shown(run.best_fitness)}, champion retested {shown(run.champion_fitness)}",
+        f"# run {run.id}, {run.name}, seed {run.seed}, fed {feeds}",
+        f"# {run.evaluations} evaluations{'' if run.finished else ', unfinished'}",
+        f"# best during evolution {best}{unit}",
+        f"# test score {test}{unit * (scores is not None)}{told}",
     ]
-    for (who, noise), scores in run.tests.items():
-        mean, sd = shown(scores.mean()), shown(scores.std())
-        lines.append(f"# {who} at noise {noise}: {mean}, sd {sd}, {scores.size} trials")
+    for (who, noise), found in run.tests.items() if verbose else ():
+        mean, sd = (fitness.text(run.task, float(value)) for value in (found.mean(), found.std()))
+        whose = "champion" if who == "champion" else "best during evolution"
+        lines.append(f"# {whose}, new trials at noise {noise:g}: {mean}, sd {sd}, {found.size} trials")
     genes = run.champion if run.champion is not None else run.fittest
     return "\n".join([*lines, (_text(study, run, genes) or "# no genotype yet").rstrip()])
 
 
 def _draw(study: Study, run: Run, picture: Path) -> None:
     """The network of a run's champion (of the fittest while there is none), as a picture."""
-    from realitygap.files import atomic_path
     from realitygap.report.network import network_figure
-    from realitygap.report.style import styled
+    from realitygap.report.style import write_figure
 
     genes = run.champion if run.champion is not None else run.fittest
     if genes is None:
         raise click.BadParameter(f"run {run.id} has no individual yet to draw.", param_hint="'--picture'")
     facts, slots = study.facts(run.task), study.slots(run.task, genes)
     sensing = {"feeds": facts["feeds"], "sensors": facts["sensors"]}
-    with styled():
-        figure = network_figure(slots, study.profile, title=run.name, **sensing)
-        with atomic_path(picture) as spare:
-            figure.savefig(spare, dpi=200)
+    write_figure(partial(network_figure, slots, study.profile, title=run.name, **sensing), picture)
 
 
 def _text(study: Study, run: Run, genes: Genes | None) -> str | None:
@@ -136,14 +141,33 @@ def show_study(folder: Path, study: Study, page: Path | None, more: Mapping[str,
     from realitygap.report.scores import study_tables
 
     runs = study.runs if page is not None else [run for run in study.runs if run.finished]
-    facts = [_run_facts(study, run) for run in runs]
+    facts, lines = [run_facts(study, run) for run in runs], run_lines(study, runs)
     if page is None:
-        show_shard(folder, {"runs": facts}, _run_table(runs))
+        show_shard(folder, {"runs": facts}, *lines)
         return
     scores = study_tables(study)
     rows = [table.to_dict() for table in scores]
     found = {"study": str(folder), "report": str(page), "runs": facts, "tables": rows, **(more or {})}
-    tell(found, _run_table(runs), *_score_lines(scores), f"\nstudy  {folder}\nreport {page}")
+    where = f"\nstudy  {folder}", f"report {link(page)}"
+    tell(found, *lines, *_score_lines(scores), "", *_best_lines(study), *where)
+
+
+def _best_lines(study: Study) -> Iterator[str]:
+    """For each task the noise level whose runs have the highest mean test score."""
+    from realitygap.report.evolution import mean_of
+
+    fitness = Fitness(study)
+    levels: dict[str, dict[str, list[Run]]] = {}
+    for run in study.runs:
+        if run.finished:
+            levels.setdefault(run.task, {}).setdefault(run.noise_name, []).append(run)
+    for task, of in levels.items():
+        means = {name: mean_of([run.fitness or 0.0 for run in runs]) for name, runs in of.items()}
+        best, mean = max(means.items(), key=lambda one: one[1].value if one[1] else 0.0)
+        alone = of[best][0] if len(of[best]) == 1 else None
+        said = f"mean of {len(of[best])} runs" if alone is None else "1 run"
+        text = fitness.sentence(alone) if alone else f"{fitness.text(task, mean)}{fitness.unit(task)}"
+        yield f"best: {task}, {best} noise: {text} ({said})"
 
 
 def show_shard(folder: Path, more: Mapping[str, Any], *lines: str) -> None:
@@ -160,19 +184,21 @@ def show_shard(folder: Path, more: Mapping[str, Any], *lines: str) -> None:
 
 def _score_lines(tables: Sequence[ScoreTable]) -> list[str]:
     """Tables 1 and 2 by their averages."""
-    head = ("scores, 0 to 10", "noise", "on", *SCORES, *(f"paper's {name}" for name in SCORES))
+    quoted = any(level.paper for one in tables for level in one.classes)
+    head = ("scores, 0 to 10" + " (paper's)" * quoted, "noise", "on", *SCORES)
     rows = []
     for one in tables:
         for level in one.classes:
-            paper = [shown(value, "g") for value in level.paper_average or (None, None)]
-            if level.marks:
-                means = ("–" if mean is None else f"{mean.value:.1f}" for mean in map(level.mean, SCORES))
-                rows.append([one.task, level.name, one.kind or "–", *means, *paper])
+            if any(map(level.values, SCORES)):
+                means = ["–" if mean is None else f"{mean.value:.1f}" for mean in map(level.mean, SCORES)]
+                paper = [f" ({value:g})" for value in level.paper_average or ()] or ["", ""]
+                cells = (f"{ours}{theirs}" for ours, theirs in zip(means, paper, strict=True))
+                rows.append([one.task, level.name, one.kind or "–", *cells])
     return ["", table(head, rows)] if rows else []
 
 
 @click.command()
-@click.argument("study", type=click.Path(path_type=Path))
+@options.study
 @click.argument("run")
 @options.individual
 @options.profile(None, " [default: the study's own]")
@@ -181,6 +207,7 @@ def _score_lines(tables: Sequence[ScoreTable]) -> list[str]:
 @options.pose()
 @options.seconds
 @options.picture
+@options.verbose
 @options.as_json
 def replay(
     study: Path,
@@ -192,17 +219,19 @@ def replay(
     pose: options.Numbers | None,
     seconds: float | None,
     picture: Path | None,
+    verbose: bool,
 ) -> None:
     """Replay an evolved individual.
 
     Simulates the individual in the run's own task and prints its trajectory.
 
-    RUN is a number or a name, as `realitygap show STUDY` lists them. Without --pose the robot
-    starts as the task says, drawn with --seed.
+    RUN is a number or a name, as `realitygap show STUDY` lists them, or best (best:TASK,
+    best:TASK/LEVEL). Without --pose the robot starts as the task says, drawn with --seed. --verbose
+    prints where it was each second.
 
     \b
     Example:
-        realitygap replay out/reproduce 1 --noise double --picture champion.gif
+        realitygap replay out/reproduce best:light --noise double --picture champion.gif
     """
     from realitygap.simulation.simulation import Simulation
     from realitygap.world.robot import load_profile
@@ -219,8 +248,11 @@ def replay(
         save_path(picture, task, robot, trajectory)
     whose = {"study": str(study), "run": one.id, "name": one.name, "individual": who}
     found = {**whose, **simulation_facts(simulation, seed), **trajectory.to_dict(), "score": score}
-    saved = [] if picture is None else [f"saved {picture}"]
-    tell(found, path_table(trajectory), f"\n{one.name}, {who}: score {score:.6g}", *saved)
+    whose_score = f"{one.name}, {who}: "
+    tell(
+        found,
+        *path_lines(task.to_dict(), trajectory, score, picture, verbose=verbose, whose=whose_score),
+    )
 
 
 def _individual(run: Run, who: str) -> tuple[str, Genes]:
@@ -250,7 +282,7 @@ into = click.option(
 
 
 @export.command()
-@click.argument("study", type=click.Path(path_type=Path))
+@options.study
 @click.option(
     "--format", "kind", type=click.Choice(["parquet", "csv"]), default="parquet", help="Of the files."
 )
@@ -272,20 +304,20 @@ def tables(study: Path, kind: str, out: Path) -> None:
 
 
 @export.command()
-@click.argument("study", type=click.Path(path_type=Path))
+@options.study
 @click.argument("run")
 @click.option("--format", "kind", type=click.Choice(["rerun", "mcap"]), default="rerun", help="Of the file.")
 @into
 @options.individual
 @click.option("--robot", metavar="ROBOT", help="The trial's robot: its folder in transfer/, such as twin-1.")
-@click.option("--start", type=click.IntRange(1), metavar="N", help="Which trial [default: the first].")
+@click.option("--start", type=options.Whole(1), metavar="N", help="Which trial [default: the first].")
 def log(
     study: Path, run: str, kind: str, out: Path, individual: str, robot: str | None, start: int | None
 ) -> None:
     """Write a trial on a robot as a log for Rerun or Foxglove.
 
     The simulated robot stands beside the one that was driven, on one time line: arena, rays, readings,
-    network, film. The trial is one of RUN, a number or a name, as `realitygap show STUDY` lists them.
+    network, film. The trial is one of RUN, a number, a name or best, as of `realitygap show`.
 
     \b
     Example:
@@ -299,10 +331,11 @@ def log(
 
 
 @export.command()
-@click.argument("study", type=click.Path(path_type=Path))
+@options.study
 @click.argument("run")
 @click.option(
     "--language",
+    "--format",
     type=click.Choice(["c99", "micropython", "arduino", "e-puck2"]),
     default="c99",
     help="c99: a header and a source file; micropython: a module; arduino: a sketch's folder; e-puck2: a "
@@ -315,8 +348,8 @@ def source(study: Path, run: str, language: str, out: Path, individual: str, nam
     """Write an evolved controller for a robot's processor.
 
     It uses whole numbers only, and is the same to the bit as in the simulation: readings in counts go in,
-    wheel commands in the robot's units come out. Test vectors are written beside it. RUN is a number or a
-    name, as `realitygap show STUDY` lists them.
+    wheel commands in the robot's units come out. Test vectors are written beside it. RUN is a number, a
+    name or best, as of `realitygap show`.
 
     \b
     Examples: for any chip with a C compiler; a sketch for Arduino's IDE

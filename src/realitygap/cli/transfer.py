@@ -13,6 +13,7 @@ import click
 
 from realitygap.cli import options
 from realitygap.cli.console import StoppedError, load_trusted, shown, table, tell
+from realitygap.cli.fitness import Fitness, after
 from realitygap.cli.study import show_shard
 from realitygap.errors import RobotStoppedError, StudyInterruptedError
 from realitygap.work.progress import ProgressLine
@@ -57,7 +58,7 @@ class TransferSettings(TypedDict):
 
 
 @click.command()
-@click.argument("study", type=click.Path(path_type=Path))
+@options.study
 @click.argument("runs", metavar="[RUN]...", nargs=-1)
 @click.option(
     "--robot",
@@ -68,7 +69,7 @@ class TransferSettings(TypedDict):
     help="twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, "
     "thymio:PORT, or a body of your own, file.py:Class; may be repeated.",
 )
-@options.starts(type=click.IntRange(1), default=1, help="Trials of each run, each from its own start.")
+@options.starts(type=options.Whole(1), default=1, help="Trials of each run, each from its own start.")
 @click.option(
     "--individual",
     type=click.Choice(["champion", "fittest"]),
@@ -102,6 +103,7 @@ class TransferSettings(TypedDict):
 @options.baud
 @options.workers
 @options.shard
+@options.verbose
 @options.as_json
 def transfer(
     study: Path,
@@ -109,11 +111,12 @@ def transfer(
     marker: str | None,
     workers: Workers,
     shard: Shard | None,
+    verbose: bool,
     **settings: Unpack[TransferSettings],
 ) -> None:
     """Drive a robot with evolved individuals of STUDY.
 
-    Each RUN (a number or a name; omitted: all finished runs) drives each robot from --starts poses and
+    Each RUN (a number, a name or best; omitted: all finished runs) drives each robot from --starts poses and
     is simulated from the same poses. Recordings, paths, films and tails go to STUDY/transfer; finished
     trials are kept. The twin is a physics model of the robot behind its own serial protocol.
 
@@ -148,7 +151,7 @@ def transfer(
             )
     except (KeyboardInterrupt, StudyInterruptedError, click.Abort) as stop:
         raise StoppedError(_stopped(stop, home / FOLDER)) from None
-    facts, lines = {"transfers": [one.to_dict() for one in made]}, transfer_lines(made)
+    facts, lines = {"transfers": [one.to_dict() for one in made]}, transfer_lines(study, made, verbose)
     if shard is not None:
         show_shard(home, facts, *lines)
         return
@@ -156,15 +159,19 @@ def transfer(
     tell({"study": str(study), **facts}, *lines, *where)
 
 
-def transfer_lines(made: list[TransferredTrial]) -> Iterator[str]:
-    """A table with a line per trial, then what went wrong."""
-    rows, stalled = [], any(one.stalls for one in made)
+def transfer_lines(study: Path, made: list[TransferredTrial], verbose: bool = False) -> Iterator[str]:
+    """A table with a line per trial of a study, then what went wrong."""
+    from realitygap.study.load import load_study
+
+    rows, fitness, stalled = [], Fitness(load_study(study)), any(one.stalls for one in made)
     for one in made:
-        fitness = map(shown, (one.fitness_simulated, one.fitness_situated))
+        scores = (fitness.text(one.task, value) for value in (one.fitness_simulated, one.fitness_situated))
         stalls = [f"{one.stalls} × ({one.stalled_s:.1f} s)" if one.stalls else "–"] if stalled else []
-        rows.append([one.robot, one.name, one.start, *fitness, one.situated_from, one.late_steps, *stalls])
-    names = ("robot", "run", "start", "simulated", "on the robot", "path from", "late steps")
-    yield table((*names, *(["stalled"] if stalled else [])), rows)
+        more = (one.situated_from, one.late_steps) if verbose else ()
+        rows.append([one.robot, one.name, one.start, *scores, *stalls, *more])
+    head = ("robot", "run", "start", "simulated", "on the robot", *(["stalled"] if stalled else []))
+    yield table((*head, *("path from", "late steps")[: 2 * verbose]), rows)
+    yield from fitness.units(one.task for one in made)
     if again := sum(one.repeated for one in made):
         left = sum(one.stalls > 0 for one in made)
         yield f"{again} of {len(made)} trials were repeated since the line stalled; {left} stalled again"
@@ -233,7 +240,7 @@ def _stopped(stop: BaseException, kept: Path) -> str:
     help="It must place itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2) or FILE.py:CLASS.",
 )
 @options.pose()
-@options.starts(type=click.IntRange(1), default=1, help="Trials, each from a start that the task draws.")
+@options.starts(type=options.Whole(1), default=1, help="Trials, each from a start that the task draws.")
 @options.profile()
 @options.arena
 @options.noise()
@@ -273,7 +280,7 @@ def drive(
 
     simulation = Simulation(task, profile, noise, arena)
     place = None if pose is None else options.checked_pose(pose, simulation.task.arena, simulation.profile)
-    at = simulation.task
+    at, scale = simulation.task, simulation.task.fitness_scale
     driver = named_controller(controller, at.feeds, len(at.sensors), at.name)
     made = list(
         pairs(
@@ -290,7 +297,10 @@ def drive(
     )
     facts = {"task": simulation.task.name, "robot": str(robot), "trials": [one.to_dict() for one in made]}
     rows = [
-        [one.start, shown(one.score_simulated), shown(one.score_situated), one.track.lost] for one in made
+        (one.start, shown(one.score_simulated / scale), shown(one.score_situated / scale), one.track.lost)
+        for one in made
     ]
-    kept = () if out is None else (f"\ntracks {out}",)
-    tell(facts, table(("start", "simulated", "on the robot", "steps lost"), rows), *kept)
+    lines = [table(("start", "simulated", "on the robot", "steps lost"), rows)]
+    lines += [f"scores in{after(at.fitness_unit)}"] if at.fitness_unit else []
+    lines += [] if out is None else [f"\ntracks {out}"]
+    tell(facts, *lines)

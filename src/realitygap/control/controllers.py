@@ -12,7 +12,7 @@ import numpy as np
 
 from realitygap.control.genotype import Genotype, NetworkController
 from realitygap.control.origin import Origin
-from realitygap.errors import GenotypeError, UsageError
+from realitygap.errors import GenotypeError, RealityGapWarning, UsageError
 from realitygap.files import read_text
 from realitygap.kernels.network import LIMIT
 from realitygap.plugins import blamed_on, named_object
@@ -65,7 +65,7 @@ class OwnController:
         if not self._warned and (left, right) != tuple(pair):
             self._warned = True
             told = f"decide: expected {expected}, got {given!r}: such commands are rounded and clipped"
-            warnings.warn(f"{self._place}: {told}.", stacklevel=2)
+            warnings.warn(f"{self._place}: {told}.", RealityGapWarning, stacklevel=2)
         return Command(left=int(left), right=int(right))
 
 

@@ -176,9 +176,9 @@ def count_networks(networks: Networks, inputs: int) -> int:
         UsageError: an array of another type or shape, or another number of inputs.
     """
     if not isinstance(networks, Networks):
-        cure = "study.networks(run.task, run.champion) makes them."
         raise UsageError(
-            f"networks: expected what `decode` makes of genotypes, got {shown(networks)}. {cure}"
+            f"networks: expected what `decode` makes of genotypes, got {shown(networks)}. "
+            "study.networks(run.task, run.champion) makes them."
         )
     n, (_, m), (_, k, _) = len(networks.inputs), networks.thresholds.shape, networks.links.shape
     shapes = ((n,), (n,), (n, m), (n, k, 4), (n,), (n, k, 4), (n, m + 1))

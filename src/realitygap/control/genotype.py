@@ -208,7 +208,7 @@ class Genotype:
 
     @classmethod
     def constant(cls, left: int, right: int, inputs: int = 8) -> Self:
-        """No links: the same wheel commands (−10 .. 10) at every step.
+        """No links: the same wheel commands (−10 to 10) at every step.
 
         Raises:
             UsageError: a command that is not a whole number from −10 to 10.
@@ -359,7 +359,7 @@ def _table(name: str, value: object) -> Mapping[str, Any]:
 
 
 class NetworkController:
-    """A genotype's network that drives any body: inputs −10 .. 10 in, wheel commands out.
+    """A genotype's network that drives any body: inputs −10 to 10 in, wheel commands out.
 
     Plain integers, a step at a time; the kernels compute the same law for whole trials.
     """

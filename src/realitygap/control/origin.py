@@ -5,6 +5,7 @@ import warnings
 import weakref
 from typing import NamedTuple, Self
 
+from realitygap.errors import RealityGapWarning
 from realitygap.kernels.types import Networks
 
 __all__ = ["Origin", "origin_of", "remember"]
@@ -32,7 +33,7 @@ class Origin(NamedTuple):
             said = f"at {self.task}; here it drives at {task}"
         else:
             return
-        warnings.warn(f"this controller evolved {said}.", stacklevel=4)
+        warnings.warn(f"this controller evolved {said}.", RealityGapWarning, stacklevel=4)
 
 
 def _plain(task: str) -> str:

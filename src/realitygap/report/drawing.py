@@ -35,7 +35,7 @@ from realitygap.world.sensors import RAY_ANGLES_DEG
 
 __all__ = [ "LIT_RAYS_CM", "PICTURES", "WHEEL_CM", "PathPanel", "Scene", "arena_figure",
     "draw_arena", "draw_path", "draw_robot", "frames", "front", "paths_figure", "rays_of", "robot_figure",
-    "save_animation", "save_picture", "shown_sensors", "tail",
+    "room_figure", "save_animation", "save_picture", "shown_sensors", "tail",
 ]  # fmt: skip
 
 WHEEL_CM = (1.9, 0.45)
@@ -277,6 +277,13 @@ def arena_figure(place: world.Arena, profile: Profile, feeds: str, start: np.nda
     ax.plot(*rays[::RAYS, 0].T, "o", color=style.RAY, markersize=1.8, zorder=6)
     draw_robot(ax, robot, pose)
     draw_start(ax, start)
+    return figure
+
+
+def room_figure(place: world.Arena) -> Figure:
+    """An arena alone, with the names of what is in it."""
+    figure = new_figure(4.0, 4.0 * steepness(place.to_kernel()), layout="constrained")
+    draw_arena(figure.add_subplot(), place.to_kernel(), names=True)
     return figure
 
 

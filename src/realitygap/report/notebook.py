@@ -21,12 +21,12 @@ from realitygap.errors import NoSuchNameError, StudyError
 from realitygap.files import atomic_write
 from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
-from realitygap.report.drawing import draw_arena, robot_figure, steepness
+from realitygap.report.drawing import robot_figure, room_figure
 from realitygap.report.evolution import WHO, Paths, mean_of, parts_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, rendered
 from realitygap.report.player import player_data, player_json, replay_data
-from realitygap.report.style import new_figure, save_figure, styled
+from realitygap.report.style import save_figure, styled
 from realitygap.report.transfers import pairs_of
 from realitygap.simulation.simulation import Simulation
 from realitygap.study.load import Run, Study
@@ -173,14 +173,8 @@ def profile_html(profile: Profile) -> str:
 
 def arena_html(arena: Arena) -> str:
     """An arena, to scale."""
-
-    def draw() -> Figure:
-        figure = new_figure(4.0, 4.0 * steepness(arena.to_kernel()), layout="constrained")
-        draw_arena(figure.add_subplot(), arena.to_kernel(), names=True)
-        return figure
-
     width, depth = arena.size_cm
-    return _face(draw=draw, alt=f"The arena {arena.name}, {width:g} × {depth:g} cm")
+    return _face(draw=partial(room_figure, arena), alt=f"The arena {arena.name}, {width:g} × {depth:g} cm")
 
 
 def network_html(genotype: Genotype) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -17,14 +17,16 @@ import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from realitygap.errors import UsageError
 from realitygap.files import atomic_path, atomic_write, written_together
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType, RcKeyType
 
 __all__ = [
-    "COLUMN", "INHIBITORY", "INK", "PAGE", "SIMULATED", "SITUATED", "Look", "NoiseStyle", "inline_svg",
-    "new_figure", "noise_key", "noise_styles", "number", "save_figure", "styled",
+    "COLUMN", "INHIBITORY", "INK", "PAGE", "SIMULATED", "SITUATED", "Look", "NoiseStyle", "inches",
+    "inline_svg", "new_figure", "noise_key", "noise_styles", "number", "save_figure", "styled",
+    "write_figure",
 ]  # fmt: skip
 
 COLUMN = 3.35
@@ -133,6 +135,45 @@ def new_figure(
     figure = Figure(figsize=(width, height), layout=layout, dpi=dpi)
     FigureCanvasAgg(figure)
     return figure
+
+
+def inches(text: str) -> float:
+    """A width as it is typed, such as 8.4cm, 84mm or 3.3in.
+
+    Raises:
+        UsageError: anything else.
+    """
+    found = re.fullmatch(r"(\d+(?:\.\d*)?) ?(cm|mm|in)", text.strip())
+    width = float(found[1]) / {"cm": 2.54, "mm": 25.4, "in": 1.0}[found[2]] if found else 0.0
+    if not 0.5 <= width <= 50:
+        raise UsageError(f"width: expected a width with its unit, as in 8.4cm, 84mm or 3.3in, got {text!r}.")
+    return width
+
+
+def write_figure(draw: Callable[[], Figure], path: Path, width: float | None = None) -> None:
+    """Draw a figure into a file, PDF, SVG or PNG by its ending: with fonts embedded, or text as paths.
+
+    `width`, inches, makes it wider or narrower at the same size of text. The same figure, the same bytes.
+    """
+    undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None, "Creator": "realitygap"}}
+    with styled(), matplotlib.rc_context({"svg.fonttype": "path"}), atomic_path(path) as spare:
+        figure = draw()
+        if width is not None:
+            _fit(figure, width)
+        cut = {"bbox_inches": "tight", "pad_inches": 0.0} if width is not None else {}
+        metadata = undated.get(path.suffix.lower(), {"Software": None})
+        figure.savefig(spare, dpi=300, metadata=metadata, **cut)  # type: ignore[arg-type]
+
+
+def _fit(figure: Figure, width: float) -> None:
+    """Resize a figure so that what is drawn is so many inches wide: text, which keeps its size, may stand out
+    of a smaller one."""
+    usual, height = figure.get_size_inches()
+    size = width
+    for _ in range(3):
+        figure.set_size_inches(size, height * size / usual)
+        figure.draw_without_rendering()
+        size *= width / figure.get_tightbbox().width
 
 
 def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 200) -> str:

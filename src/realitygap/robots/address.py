@@ -1,14 +1,4 @@
-"""Robots by their address, and how each is opened.
-
-twin, twin:UNIT                    a unit of the twin (pseudo-reality)
-stranger, stranger:UNIT            a unit of a twin outside the family of laws that calibration can fit
-enki, enki:MODEL, enki:MODEL:UNIT  a unit of a robot in EPFL's simulator Enki: khepera, epuck, thymio2
-khepera:PORT, serial:PORT          a Khepera on a serial port
-epuck:PORT, epuck2:PORT            an e-puck or e-puck2 on a serial port
-epuck2:HOST, epuck2:HOST:TCPPORT   an e-puck2 over WiFi
-thymio:PORT, thymio:HOST:PORT      a Thymio II on a cable or a dongle, or behind a simulator
-file.py:Class, module:Class        a body of your own (`robots/body.py` says what that is)
-"""
+"""Robots by their address (`ADDRESSES`), and how each is opened."""
 
 from __future__ import annotations
 
@@ -23,8 +13,19 @@ from realitygap.errors import UsageError
 if TYPE_CHECKING:
     from realitygap.robots.body import Body
 
-__all__ = ["BAUD_RATES", "FORMS", "LARGEST_SCALE", "ROBOT", "Address", "StandIn", "as_scale"]
+__all__ = ["ADDRESSES", "BAUD_RATES", "FORMS", "LARGEST_SCALE", "ROBOT", "Address", "StandIn", "as_scale"]
 
+ADDRESSES = {
+    "twin, twin:UNIT": "a unit of the twin, a physics model",
+    "stranger:UNIT": "a twin that no calibration can fit exactly",
+    "enki:MODEL:UNIT": "EPFL's simulator Enki: khepera, epuck, thymio2",
+    "khepera:PORT, serial:PORT": "a Khepera on a serial port",
+    "epuck:PORT, epuck2:PORT": "an e-puck or e-puck2 on a serial port",
+    "epuck2:HOST[:TCPPORT]": "an e-puck2 over WiFi",
+    "thymio:PORT, thymio:HOST:PORT": "a Thymio II on a cable or a dongle, or simulated",
+    "FILE.py:CLASS, MODULE:CLASS": "a body of your own",
+}
+"""What each form of an address means; a unit or a model may be left out."""
 FORMS = (
     "twin, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, "
     "epuck2:HOST, thymio:PORT, file.py:Class or module:Class"

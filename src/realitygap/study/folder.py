@@ -244,12 +244,13 @@ def read_config(folder: Path) -> StudyConfig:
     if not exists(folder):
         what = "no such folder" if not folder.exists() else f"no study there ({DATABASE} is missing)"
         made = next((command for file, command in EXPERIMENTS.items() if (folder / file).is_file()), None)
-        cure = "Give a study's folder, such as `realitygap evolve` makes."
+        cure = "Give a study's folder, such as the one that `realitygap evolve` makes."
         if made is not None:
             again = f"`realitygap {made} --out {shlex.quote(str(folder))} --resume`"
             cure = f"It is an experiment's folder: {again} makes its results and page again."
         elif folder.is_dir() and (near := sorted(file.parent for file in folder.glob(f"*/{DATABASE}"))):
-            cure = f"Did you mean {shlex.quote(os.path.join(folder, near[0].name))}?"
+            names = (shlex.quote(os.path.join(folder, one.name)) for one in near[:3])
+            cure = f"Did you mean {' or '.join(names)}?"
         raise StudyError(f"{folder}: {what}. {cure}")
     return StudyConfig.from_dict(_run_folder(folder).settings())
 

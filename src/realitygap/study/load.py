@@ -128,6 +128,11 @@ class Study:
         """
         return self._materials.task(str(getattr(name, "name", name)))
 
+    @cached_property
+    def _facts(self) -> dict[str, dict[str, Any]]:
+        found: dict[str, dict[str, Any]] = self._reader.meta("tasks")
+        return found
+
     def facts(self, task: str | Task) -> dict[str, Any]:
         """A task without its score, as by `Task.to_dict`: no user's file is run.
 
@@ -135,7 +140,7 @@ class Study:
             StudyError: the study has no such task.
         """
         task = str(getattr(task, "name", task))
-        found: dict[str, dict[str, Any]] = self._reader.meta("tasks")
+        found = self._facts
         if task not in found:
             known = ", ".join(found)
             raise StudyError(f"{self.folder}: expected a task of the study ({known}), got {task!r}.")
@@ -174,7 +179,7 @@ class Study:
 
         Scores of tasks with fewer trials than others of the study end with NaN.
         """
-        trials = max(int(facts["trials"]) for facts in self._reader.meta("tasks").values())
+        trials = max(int(facts["trials"]) for facts in self._facts.values())
         parts: list[Table] = [_evaluations(0, {}, trials)]
         for one in self._some(run):
             found = self._reader.evaluated(one, "fitness", "scores", "parents", "cell")

@@ -46,7 +46,7 @@ MAX_INPUTS = 16
 DRAWN = ", constants drawn within "
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Start(Value):
     """Where a trial starts: uniform in a disc, uniform between two headings (lengths cm, degrees)."""
 

@@ -17,6 +17,8 @@ EVERY_S = 0.2
 """Shortest time between two events of one phase."""
 PLAIN_EVERY_S = 5.0
 """Time between two lines of one phase where stderr is no terminal."""
+KNOWN = 0.05
+"""Share of the work that must be done before the time left is told."""
 FILM_AFTER_S = 2.0
 """Shorter work on a film shows no progress."""
 
@@ -109,7 +111,9 @@ class Reporter:
     def _say(self) -> None:
         self._told = time.monotonic()
         known = self.spent > 0 and self.spent >= self._patience and self._worked > 0
-        left = sum(self._left.values()) * self.spent / self._worked if known else None
+        ahead = sum(self._left.values())
+        known = known and self._worked >= KNOWN * (self._worked + ahead)
+        left = ahead * self.spent / self._worked if known else None
         self._tell(Progress(**self._event, seconds_left=left))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap import lazy
+from realitygap.errors import RealityGapWarning
 from realitygap.files import to_toml
 from realitygap.kernels import types
 from realitygap.kernels.types import MAX_DELAY, STEP_S, UPDATES
@@ -541,6 +542,7 @@ def load_profile(name_or_path: str | PathLike[str] | Profile) -> Profile:
             f"profile {made.name!r}: each sensor on the left looks to the right, across the robot, and the "
             "other way round: is the sign of y_cm or direction_deg exchanged? y is to the left, and angles "
             "are counter-clockwise.",
+            RealityGapWarning,
             stacklevel=2,
         )
     return made
