@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -50,13 +51,9 @@ def write_drive(page: Path, there: Path) -> None:
     assert data is not None
     for noises in (task["noises"] for task in data["tasks"]):
         noises.insert(0, noises.pop(1))  # observed noise first
-        for one in (
-            trial["simulated"] for noise in noises for run in noise["runs"] for trial in run["trials"]
-        ):
-            one |= {
-                "readings": None,
-                "outputs": None,
-            }  # the recorded drives are for browsers without WebAssembly
+        trials = (trial for noise in noises for run in noise["runs"] for trial in run["trials"])
+        for one in trials:  # what is recorded is for browsers without WebAssembly
+            one["simulated"] |= dict.fromkeys(("readings", "commands", "outputs"))
     _write(page, "Drive it yourself", DRIVE, data, driven_runs(parts, study.profile))
 
 
@@ -111,4 +108,7 @@ def _write(page: Path, title: str, lead: str, data: Any, driven: list[Driven], *
         "drive": drive and Markup(player_json(drive)),
         "drive_first": True,
     }
-    page.write_text(rendered("notebook.html.j2", {**facts, "title": title, "lead": lead, **more}), "utf-8")
+    text = rendered("notebook.html.j2", {**facts, "title": title, "lead": lead, **more})
+    page.write_text(
+        re.sub(r"(?m)^[ \t]+(//.*\n)?|^//.*\n", "", text), "utf-8"
+    )  # without indentation and comments

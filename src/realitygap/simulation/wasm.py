@@ -26,8 +26,8 @@ from realitygap.kernels.types import Networks, Path, World
 __all__ = ["BASE", "Arguments", "Memory", "WasmError", "entries", "module"]
 
 TRIPLE = "wasm32-unknown-unknown"
-FEATURES = "+bulk-memory,+sign-ext,+nontrapping-fptoint"
-"""In every browser since 2021."""
+FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint"
+"""In every browser since 2023."""
 BASE = 1 << 16
 """Where a page's memory begins: before it are the module's own constants."""
 SLOT = 8
