@@ -10,7 +10,6 @@ from realitygap.report import build_report
 from realitygap.study.config import StudyConfig
 from realitygap.study.load import Study, load_study
 from realitygap.study.runner import run_study
-from tests.conftest import draw_nothing
 from tests.report.scenes import draw_only, few
 from tests.transfer.helpers import transfer
 
@@ -29,7 +28,7 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Study:
 @pytest.fixture(scope="session")
 def played(tmp_path_factory: pytest.TempPathFactory) -> Study:
     """Both tasks, two runs a noise level, calibrated; both first runs drove the twin for two seconds, one
-    twice. Its figures are not drawn."""
+    twice. Of its figures only the answers' are drawn."""
     config = StudyConfig.reproduction(runs=2, evaluations=64, seed=3)
     config = config.with_settings(["task.seconds=2", "retest_trials=2", "fresh_trials=3", "profile=khepera"])
     folder = tmp_path_factory.mktemp("played") / "study"
@@ -40,6 +39,6 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Study:
     transfer(study, [1], starts=2, path_from="wheels", workers=1)
     transfer(study, [2], path_from="wheels", workers=1)
     with pytest.MonkeyPatch.context() as patch:
-        draw_nothing(patch)
+        draw_only(patch, lambda name: name.endswith("-answer"))
         build_report(folder)
     return load_study(folder)

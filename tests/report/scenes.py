@@ -12,6 +12,8 @@ import pytest
 
 from realitygap.control.genotype import Genotype
 from realitygap.files import to_toml
+from realitygap.film.camera import CameraModel
+from realitygap.film.video import FilmWriter
 from realitygap.kernels.types import MAX_DELAY
 from realitygap.report.evolution import NoiseClass, Row, TaskPart, mean_of
 from realitygap.report.page import Picture
@@ -108,6 +110,22 @@ def few(config: StudyConfig) -> StudyConfig:
 
 
 STEPS = 40
+TIMES, EDGE_PX = 10, 4.0
+"""Frames a second of a made-up film; its pixels for each cm of the 50 by 50 cm that it shows."""
+
+
+def write_film(folder: Path, shade: int = 60) -> None:
+    """A film of an empty floor of one shade, its camera, and a track along a straight line."""
+    CameraModel(
+        width_px=200, height_px=200, homography=np.array([(EDGE_PX, 0, 0), (0, -EDGE_PX, 200), (0, 0, 1.0)])
+    ).save(folder / "camera.json")
+    count = STEPS // 4
+    with FilmWriter(folder / "film.mp4", rate=TIMES, made_by="a test") as film:
+        for _ in range(count):
+            film.add(np.full((200, 200), shade, np.uint8))
+    x = np.linspace(10.0, 30.0, count)
+    track = Track.from_degrees(np.arange(count) / TIMES, x, np.full(count, 10.0), np.zeros(count))
+    track.write_csv(folder / "track.csv")
 
 
 def write_transfer(
@@ -126,7 +144,7 @@ def write_transfer(
     if film:
         shade = np.linspace(0, 255, 1600 * 1200).reshape(1200, 1600).astype(np.uint8)
         Image.fromarray(shade).save(folder / "tails.png")  # larger than a page has room for
-        (folder / "film.mp4").write_bytes(b"a film")
+        write_film(folder)
     facts: dict[str, Any] = {
         "run": run.id, "name": run.name, "task": run.task, "noise": run.noise, "individual": individual,
         "robot": robot, "start": start, "pose": {"x_cm": 22.0, "y_cm": 25.0, "heading_deg": 90.0},

@@ -96,7 +96,10 @@ def test_everything_has_a_face(played):
     """Studies and runs say what they came to; robots, arenas and networks are pictures."""
     run = played.runs[0]
     text = played._repr_html_()
-    assert all(one.name in text for one in played.runs) and f"{run.champion_fitness:.4g}" in text
+    assert (
+        all(one.name in text for one in played.runs)
+        and f"{run.tests['champion', run.noise].mean():.4g} ± " in text
+    )
     faces = [run._repr_html_(), played.controller(run.task, run.champion)._repr_html_()]
     faces += [realitygap.load_profile(name)._repr_html_() for name in shipped("profiles")]
     faces += [realitygap.load_arena(name)._repr_html_() for name in shipped("arenas")]

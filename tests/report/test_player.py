@@ -59,7 +59,7 @@ def _recorded(trial: Path) -> Recording:
 def test_a_situated_drive_is_the_recording(played: Study) -> None:
     """Readings and commands as they were recorded; the path as it is on file, to a hundredth of a cm."""
     pair = pairs_of(played, parts_of(played))["obstacle-avoidance"][0]
-    told, kept = _run(played, AVOID, 0)["trials"][0]["situated"], _recorded(pair.folder)
+    told, kept = _run(played, AVOID, 0)["trials"][0]["driven"], _recorded(pair.folder)
     readings = _unpacked(told["readings"], "<i2").reshape(told["steps"], 8)
     assert told["steps"] == 20 and np.array_equal(readings, kept.proximity)
     assert np.array_equal(_unpacked(told["commands"], "i1").reshape(-1, 2), kept.commands)
@@ -102,12 +102,12 @@ def test_a_run_without_a_transfer_is_simulated_alone(played: Study) -> None:
     """With all that a simulation knows; the other task's runs have both, up to the number that is shown, and
     the motors of the network that lights up are the commands, step by step."""
     alone = _run(played, LIGHT, 0)["trials"]
-    assert len(alone) == 1 and alone[0]["situated"] is None and alone[0]["simulated"]["outputs"]
+    assert len(alone) == 1 and alone[0]["driven"] is None and alone[0]["simulated"]["outputs"]
     run = _run(played, AVOID, 0)
     assert [trial["name"] for trial in run["trials"]] == ["twin unit 1, start 1", "twin unit 1, start 2"]
     kinds = [neuron["kind"] for neuron in run["network"]["neurons"]]
     assert kinds[8:10] == ["output", "output"]
-    for drive in (one[who] for one in run["trials"] for who in ("simulated", "situated")):
+    for drive in (one[who] for one in run["trials"] for who in ("simulated", "driven")):
         outputs = _unpacked(drive["outputs"], "i1").reshape(drive["steps"], len(kinds))
         assert np.array_equal(outputs[:, 8:10], _unpacked(drive["commands"], "i1").reshape(-1, 2))
 

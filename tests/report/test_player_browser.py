@@ -5,7 +5,9 @@ Skipped where there is no Chromium (in the PATH, or named by CHROMIUM).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -20,11 +22,56 @@ FOCUS = "document.getElementById('player-deck').focus({preventScroll: true})"
 
 @pytest.fixture
 def page(browser: Browser, played: Study) -> Iterator[Browser]:
-    """The page, open; afterwards nothing was complained of and nothing fetched."""
-    browser.show(played.folder / "report" / "index.html", prefers_color_scheme="light")
+    """The page, open and still; afterwards nothing was complained of and nothing fetched."""
+    show(browser, played, prefers_color_scheme="light")
     yield browser
     problems, browser.problems = browser.problems, []
     assert problems == []
+
+
+def show(browser: Browser, study: Study, **how: Any) -> None:
+    """The study's page to a reader who wants nothing to move by itself."""
+    browser.show(study.folder / "report" / "index.html", **{"prefers_reduced_motion": "reduce", **how})
+
+
+def test_the_first_screen_answers(page: Browser) -> None:
+    """At 1280 by 900 the answer, its interval and the caveat are read without scrolling; one note is
+    coloured, the word "situated" is not on the page, and the bar stays when the page scrolls."""
+    low = "Math.max(...[...document.querySelectorAll('%s')].map(e => e.getBoundingClientRect().bottom))"
+    assert 0 < page.run(low % ".answer p") < page.run(low % ".answer figure") < 900
+    assert page.run(low % "#caveat") < 900
+    text = "[...document.querySelectorAll('.answer p')].map(e => e.textContent).join('|')"
+    first, second = page.run(text).split("|")
+    assert re.search(r"correspondence score \d+\.\d on the twin", first) and "±" in second
+    assert "test score in simulation at observed noise" in second and "Games–Howell" in second
+    assert page.run("[...document.querySelectorAll('.notice')].filter(e => e.checkVisibility()).length") == 1
+    assert "situated" not in page.run("document.body.innerText").lower()
+    page.run("scrollTo({top: 1500, behavior: 'instant'})")
+    assert page.run("document.querySelector('.top').getBoundingClientRect().top") == 0
+
+
+@pytest.mark.parametrize(("wide", "tall", "screens"), [(1280, 900, 6), (390, 844, 10)])
+def test_the_page_is_short(page: Browser, played: Study, wide: int, tall: int, screens: int) -> None:
+    """Folded, as it opens; opened, a wide table scrolls in its own box and not the page."""
+    show(page, played, wide=wide, tall=tall)
+    assert page.run("document.documentElement.scrollHeight") <= screens * tall
+    page.run("document.querySelectorAll('details').forEach(one => one.open = true)")
+    assert page.run("document.documentElement.scrollWidth") <= wide
+
+
+def test_the_player_opens_at_the_start_and_plays_once(browser: Browser, played: Study) -> None:
+    """With a mark over the picture; by itself when it is first seen, and never where nothing shall move."""
+    mark = "document.getElementById('player-mark').checkVisibility()"
+    seen = "document.querySelector('.controls').scrollIntoView({block: 'end', behavior: 'instant'})"
+    show(browser, played)
+    browser.run(seen)
+    browser.run("new Promise(done => setTimeout(done, 300))")
+    assert browser.run(STEP) == 0 and browser.run(mark) and not browser.run(PLAYING)
+    show(browser, played, prefers_reduced_motion="no-preference")
+    assert browser.run(STEP) == 0 and browser.run(mark)
+    browser.run(seen)
+    browser.until(f"{STEP} === 20 && !{PLAYING} && !{mark}")
+    assert browser.problems == []
 
 
 def choose(page: Browser, name: str, index: int) -> None:
@@ -68,7 +115,7 @@ def test_a_link_leads_to_one_run_trial_and_moment(page: Browser, played: Study) 
     picture = page.run(PICTURE)
     choose(page, "task", 1)
     assert page.run(PICTURE) != picture and not page.run("document.getElementById('player-alone').hidden")
-    page.show(played.folder / "report" / "index.html", at=wanted)
+    show(page, played, at=wanted)
     assert page.run(PICTURE) == picture and page.run(STEP) == 10
     page.run("location.hash = '#run=obstacle-avoidance/zero/9'")
     page.until("!document.getElementById('player-lost').hidden")
@@ -80,6 +127,7 @@ def test_a_table_sorts_by_a_heading(page: Browser) -> None:
     heading = f"{table}.querySelectorAll('th[aria-sort]')[0]"
     script = f"[...{table}.tBodies[0].rows].map(row => row.cells[0].textContent.trim())"
     start = page.run(script)
+    page.run(f"{table}.closest('details').open = true")
     orders = []
     for _ in range(3):
         page.run(f"{heading}.querySelector('button').focus()")
@@ -94,7 +142,7 @@ def test_light_dark_and_a_phone(page: Browser, played: Study) -> None:
     """As the system says, until a person says otherwise; at 360 px nothing scrolls sideways."""
     background = "getComputedStyle(document.body).backgroundColor"
     light, picture = page.run(background), page.run(PICTURE)
-    page.show(played.folder / "report" / "index.html", prefers_color_scheme="dark", wide=360, tall=800)
+    show(page, played, prefers_color_scheme="dark", wide=360, tall=800)
     dark = page.run(background)
     assert dark != light and page.run(PICTURE) != picture
     page.run("document.getElementById('theme').click()")

@@ -80,7 +80,7 @@ def test_the_page_holds_tables_1_and_2_beside_the_papers(played: Study) -> None:
     is told from the profile's own provenance: each channel's error beside its noise."""
     text = (played.folder / "report" / "index.html").read_text("utf-8")
     for label, name in (("Table 1.", "obstacle-avoidance"), ("Table 2.", "light-seeking")):
-        assert f"<b>{label}</b> Scores from 0 to 10" in text
+        assert f"<h3>{label.rstrip('.')}</h3>" in text
         assert (played.folder / "report" / "tables" / f"{name}-scores.csv").is_file()
         assert f'href="tables/{name}-scores.csv"' in text
     assert text.count('<tr class="average"><th scope="row">average') >= 12

@@ -13,19 +13,17 @@ from markupsafe import Markup
 
 from realitygap.control.encoding import Variation
 from realitygap.experiments.reproduction import again
+from realitygap.report.answer import answer_figure, answer_of, caveats, counted
 from realitygap.report.calibration import TITLES, calibrated_part
 from realitygap.report.drawing import Scene, arena_figure, paths_figure, robot_figure, shown_sensors
 from realitygap.report.evolution import (
     PER_CONDITION,
-    WHO,
-    Mean,
     NoiseClass,
     Paths,
     Row,
     TaskPart,
     best_so_far,
     curves_figure,
-    difference,
     ends_of_paths,
     individual,
     mean_of,
@@ -35,14 +33,14 @@ from realitygap.report.evolution import (
 from realitygap.report.network import network_figure, read_wiring
 from realitygap.report.page import Figures, OnProgress, Picture, report_folder, write_page
 from realitygap.report.player import player_data, player_json
-from realitygap.report.scores import SCORES, ScoreTable, score_tables, scores_csv
-from realitygap.report.style import noise_key, number
-from realitygap.report.transfers import Group, film_of, groups_of, pair_figures, pairs_of, transfers_csv
+from realitygap.report.scores import ScoreTable, score_tables, scores_csv
+from realitygap.report.style import noise_key
+from realitygap.report.transfers import groups_of, pair_figures, pairs_of, transfers_csv
 from realitygap.study.config import Encoding, Evolution
 from realitygap.study.load import Study, load_study
 from realitygap.tasks import load_task
 from realitygap.transfer.scores import marks_of
-from realitygap.world.robot import NOISE_LEVELS, load_profile
+from realitygap.world.robot import NOISE_LEVELS, Profile, load_profile
 
 __all__ = ["build_report", "figures_of"]
 
@@ -66,33 +64,41 @@ def build_report(study_path: str | PathLike[str], *, on_progress: OnProgress | N
         StudyError: the folder holds no study that can be read.
         OSError: the report cannot be written.
     """
+    from realitygap.report.films import film_of  # loads OpenCV and PyAV
+
     study = load_study(study_path)
     folder, pictures = report_folder(study.folder), StudyPictures(study)
-    parts, marks, tables = pictures.parts, marks_of(study), dict[str, str]()
-    sections = []
+    parts, tables, sections = pictures.parts, dict[str, str](), []
     for part in parts:
-        task, pairs = part.task, pictures.pairs[part.task.name]
-        scores = score_tables(task, [one.level for one in part.conditions], marks)
-        groups = groups_of(part, pairs)
+        task, groups = part.task, groups_of(part, pictures.pairs[part.task.name])
         section = pictures.of(part)
+        scores = section["scores"]
         tables[task.name], tables[f"{task.name}-scores"] = table_csv(part), scores_csv(scores)
         if groups:
             tables[f"{task.name}-transfers"] = transfers_csv(task, groups, study.folder)
         sections.append({
-            **section, "task": task, "table": part, "scores": scores, "score_label": labels_of(part)[3],
-            "differences": differences(part, scores, groups), "groups": groups,
+            **section, "task": task, "table": part, "score_label": labels_of(part)[3],
+            "groups": groups,
             "kinds": sorted({group.kind.split()[0] for group in groups}),
-            "films": [film for pair in section["shown"] if (film := film_of(pair, folder)) is not None],
+            "films": [
+                film for pair in section["shown"]
+                if (film := film_of(pair, task.arena, study.profile, folder)) is not None
+            ],
         })  # fmt: skip
     data = player_data(study, parts, pictures.pairs, pictures.paths)
     settings = study.folder / "study.toml"
+    driven = [pair for pairs in pictures.pairs.values() for pair in pairs]
+    starts = [mark.starts for mark in pictures.marks if mark.correspondence is not None]
+    kinds, robots = sorted({pair.kind for pair in driven}), len({pair.robot for pair in driven})
     facts = {
-        "robot": pictures.robot, "sections": sections, "calibrated": calibrated_part(study, pictures.figures),
-        "stand_ins": sorted({kind for section in sections for kind in section["kinds"]}),
-        "paper": is_paper(study, parts), "key": noise_key(pictures.levels), "config": study.config,
+        "sections": sections, "caveats": caveats(kinds, robots, min(starts, default=0)), "counted": counted,
+        "kinds": sorted({kind for section in sections for kind in section["kinds"]}),
+        "robot": pictures.robot, "calibrated": calibrated_part(study, pictures.figures),
+        "paper": is_paper(study, parts), "khepera": is_khepera(study.profile), "config": study.config,
         "profile": study.profile, "titles": TITLES, "total": len(study.runs), "again": again(study),
-        "finished": sum(run.finished for run in study.runs), "per_condition": PER_CONDITION,
-        "evaluations": sum(run.evaluations for run in study.runs), "mean_of": mean_of,
+        "key": noise_key(pictures.levels), "per_condition": PER_CONDITION, "mean_of": mean_of,
+        "finished": sum(run.finished for run in study.runs),
+        "evaluations": sum(run.evaluations for run in study.runs),
         "settings": settings.read_text("utf-8") if settings.is_file() else "",
         "versions": {name: ", then ".join(found) for name, found in study.versions().items()},
         "player": Markup("" if data is None else player_json(data)),
@@ -113,18 +119,21 @@ def figures_of(study: Study) -> Figures:
 def is_paper(study: Study, parts: Sequence[TaskPart]) -> bool:
     """Whether this is the paper's study: its tasks, noise levels, robot, networks, genetic algorithm."""
     tasks = {part.task.name: part.task for part in parts}
-    config, profile = study.config, study.profile
-    if profile.name in KHEPERAS:
-        khepera = profile == load_profile(profile.name)
-    else:  # fitted to recordings, starting from a Khepera's constants
-        khepera = bool(profile.provenance.fits) and profile.provenance.base in KHEPERAS
+    config = study.config
     return (
         set(tasks) == set(PAPER)
         and all(task.source is None and task.arena == load_task(name).arena for name, task in tasks.items())
         and all([c.level for c in part.conditions] == sorted(NOISE_LEVELS.values()) for part in parts)
         and (config.evolution, config.encoding, config.variation) == (Evolution(), Encoding(), Variation())
-        and khepera
+        and is_khepera(study.profile)
     )
+
+
+def is_khepera(profile: Profile) -> bool:
+    """Whether a profile is a shipped one of the paper's robot, or was fitted starting from one."""
+    if profile.name in KHEPERAS:
+        return profile == load_profile(profile.name)
+    return bool(profile.provenance.fits) and profile.provenance.base in KHEPERAS
 
 
 def labels_of(part: TaskPart) -> tuple[str, str, str, str]:
@@ -139,7 +148,7 @@ class StudyPictures:
     def __init__(self, study: Study) -> None:
         self.study, self.figures, self.paths = study, Figures(), Paths(study)
         self.parts = parts_of(study)
-        self.pairs = pairs_of(study, self.parts)
+        self.pairs, self.marks = pairs_of(study, self.parts), marks_of(study)
         self.levels = dict(sorted({c.level: c.name for part in self.parts for c in part.conditions}.items()))
         """All noise levels of the page: each has one look in all of its figures."""
         count = sum(1 for _ in shown_sensors(study.profile.to_kernel()))
@@ -159,11 +168,23 @@ class StudyPictures:
         shown = {pair.run for pair in made["shown"]}
         whole = made["pairs"] and all(c.chosen is None or c.chosen.run.id in shown for c in part.conditions)
         label = "" if made["pairs"] else labels[2]
+        scores = score_tables(task, [one.level for one in part.conditions], self.marks)
         return {
-            **made, "arena": arena, "curves": self._curves(part, labels[1]),
+            **made, **self._answer(part, scores), "scores": scores,
+            "arena": arena, "curves": self._curves(part, labels[1]),
             "paths": None if whole else self._chosen_paths(part, scene, label),
             "sheet": self._sheet(part, scene), "networks": self._networks(part),
         }  # fmt: skip
+
+    def _answer(self, part: TaskPart, scores: Sequence[ScoreTable]) -> dict[str, Any]:
+        """A task's answer, and its figure."""
+        answer, figure = answer_of(part, scores), None
+        if answer.means:
+            draw = partial(answer_figure, answer, tuple(self.levels))
+            alt = f"{answer.what} {answer.where} by noise level: "
+            alt += "; ".join(f"{answer.names[level]} {answer.text(level)}" for level in sorted(answer.means))
+            figure = self.figures.add(f"{part.task.name}-answer", draw, f"{alt}.")
+        return {"answer": answer, "answer_figure": figure}
 
     def _curves(self, part: TaskPart, label: str) -> Picture | None:
         curves, task = best_so_far(self.study, part), part.task
@@ -222,52 +243,3 @@ class StudyPictures:
             "figure": figure, "title": title, "champion": run.finished, "links": len(working),
             "hidden": hidden, "shown": row is condition.chosen,
         }  # fmt: skip
-
-
-def differences(
-    part: TaskPart, scores: Sequence[ScoreTable], groups: Sequence[Group]
-) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """A table of what the runs distinguish: heads, and a row of differences for each noise level.
-
-    Each is a mean over runs ± its 95 % interval, with a star where that excludes zero. Levels are compared
-    with the observed one (else the lowest): tested at the same noise, by Welch's interval.
-    """
-    level = 1.0 if 1.0 in part.levels else min(part.levels, default=1.0)
-    usual = next((c for c in part.conditions if c.level == 1.0), part.conditions[0])
-    less = f"less {usual.name} noise’s"
-    heads = ["best, during evolution less in test trials", "champion less best"]
-    if len(part.conditions) > 1:
-        heads.append(f"at {part.levels.get(level, '')} noise, {less}")
-    rows: list[tuple[str, list[str]]] = []
-    for c in part.conditions:
-        both = [(row.best, row.mean("fittest", c.level), row.mean("champion", c.level)) for row in c.rows]
-        luck = mean_of([best - tested.value for best, tested, _ in both if best is not None and tested])
-        gain = mean_of([champion.value - tested.value for _, tested, champion in both if tested and champion])
-        other = None if c is usual else difference(c.means("fittest", level), usual.means("fittest", level))
-        rows.append((c.name, [_starred(mean, part) for mean in (luck, gain, other)[: len(heads)]]))
-    for table in scores:
-        ours = next(one for one in table.classes if one.level == usual.level)
-        for of in SCORES if table is scores[0] else SCORES[1:]:
-            if len(table.classes) < 2 or not ours.values(of):
-                continue
-            where = f" on the {table.kind}" if of == "correspondence" else ""
-            whose = (
-                f" of the {WHO.get(table.individual)}" if len({one.individual for one in scores}) > 1 else ""
-            )
-            heads.append(f"{of} score{where}{whose}, {less}")
-            for (_, cells), one in zip(rows, table.classes, strict=True):
-                cells.append(_starred(None if one is ours else difference(one.values(of), ours.values(of))))
-    for words in dict.fromkeys(group.words for group in groups):
-        drops = {group.level: group.mean("drop") for group in groups if group.words == words}
-        heads.append(f"simulated less on {words}")
-        for (_, cells), c in zip(rows, part.conditions, strict=True):
-            cells.append(_starred(drops.get(c.level), part))
-    return heads, [row for row in rows if any(cell != "–" for cell in row[1])]
-
-
-def _starred(mean: Mean | None, part: TaskPart | None = None) -> str:
-    """A difference as displayed, in a task's unit or as a score: "0.12 ± 0.05 *"."""
-    if mean is None:
-        return "–"
-    value, half = part.show(mean) if part else (number(mean.value, 1), f"± {number(mean.half, 1)}")
-    return " ".join(one for one in (value, half, mean.star) if one and "nan" not in one)

@@ -53,11 +53,6 @@ class Mean:
     count: int
     deviation: float = math.nan
 
-    @property
-    def star(self) -> str:
-        """A star where the interval excludes zero."""
-        return "*" if abs(self.value) > self.half > 0 else ""
-
 
 def mean_of(values: ArrayLike) -> Mean | None:
     """The mean of some values with Student's interval, None without any."""
@@ -173,6 +168,12 @@ class TaskPart:
         """Decimal places that show three significant digits of the largest value."""
         values = [v for c in self.conditions for v in (*c.best(), *c.means("fittest", c.level))]
         return decimals(max((abs(v) / self.task.fitness_scale for v in values), default=1.0))
+
+    @property
+    def unit(self) -> str:
+        """The unit of its values, to be written after them."""
+        unit = self.task.fitness_unit
+        return f"× {unit}" if unit[:1].isdigit() else unit
 
     def show(self, mean: Mean | float | None) -> tuple[str, str]:
         """A value and its ± as text, in the table's unit; a dash for None or NaN."""
@@ -338,7 +339,7 @@ def curves_figure(
     ax.set(xlim=(0, longest * 1.06), xlabel="evaluations")
     # Two runs' interval may be many times as high as they: it is cut.
     ax.set_ylim(low / scale, min(ax.get_ylim()[1], (1.1 * high - 0.1 * low) / scale) or None)
-    ax.set_ylabel("best fitness" + (f" ({unit})" if unit else ""))
+    ax.set_ylabel("best during evolution" + (f" ({unit})" if unit else ""))
     ax.grid(axis="y")
     ax.set_axisbelow(True)
     ax.legend()

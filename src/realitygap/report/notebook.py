@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import math
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from realitygap.control.genotype import Genotype
 from realitygap.errors import StudyError
@@ -21,7 +23,7 @@ from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
 from realitygap.report.drawing import draw_arena, robot_figure, steepness
 from realitygap.report.drive import Driven, drive_data
-from realitygap.report.evolution import WHO, Paths, parts_of
+from realitygap.report.evolution import WHO, Paths, mean_of, parts_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, rendered
 from realitygap.report.player import player_data, player_json, replay_data
@@ -40,6 +42,7 @@ __all__ = [ "arena_html", "driven_live", "network_html", "of_calibration", "of_s
     "replayed", "run_html", "shown_calibration", "shown_study", "study_html",
 ]  # fmt: skip
 
+NEW = "champion’s test score (mean of new trials ± 95 % interval)"
 MOST_ROWS = 30
 """Runs shown in a study's table."""
 
@@ -140,14 +143,14 @@ def shown_calibration(made: Calibration, height: int) -> Shown:
 def study_html(study: Study) -> str:
     """A study's runs as a table."""
     rows = [
-        (run.name, run.evaluations, _short(run.best_fitness), _short(run.champion_fitness),
+        (run.name, run.evaluations, _short(run.best_fitness), _mean(run.tests.get(("champion", run.noise))),
          "finished" if run.finished else "unfinished")
         for run in study.runs[:MOST_ROWS]
     ]  # fmt: skip
     title = study.config.title or study.folder.name
     runs = f"{len(study.runs)} run{'s' * (len(study.runs) != 1)}"
     said = f"{title}: {runs}, seed {study.config.seed}, profile {study.profile.name}"
-    head = ("run", "evaluations", "best fitness", "champion, retested", "")
+    head = ("run", "evaluations", "best during evolution", NEW, "")
     return _face(said, rows, head=head, more=len(study.runs) - len(rows))
 
 
@@ -156,8 +159,8 @@ def run_html(run: Run) -> str:
     genes = run.fittest if run.champion is None else run.champion
     facts = [
         ("task", run.task), ("noise", run.noise_name), ("evaluations", run.evaluations),
-        ("best fitness", _short(run.best_fitness)), ("champion, retested", _short(run.champion_fitness)),
-        *((f"{WHO[who]}, test trials at noise {noise:g}", _short(scores.mean()))
+        ("best during evolution", _short(run.best_fitness)),
+        *((f"test score of the {WHO[who]} at noise {noise:g}", _mean(scores))
           for (who, noise), scores in run.tests.items()),
     ]  # fmt: skip
     if genes is None:
@@ -218,6 +221,14 @@ def _face(
             svg = base64.b64encode(save_figure(draw(), None, "figure").encode()).decode()
     facts = {"caption": caption, "rows": rows, "svg": svg, "alt": alt, "head": head, "more": more}
     return rendered("face.html.j2", facts)
+
+
+def _mean(scores: ArrayLike | None) -> str:
+    """A test score: the mean of new trials with its 95 % interval."""
+    mean = None if scores is None else mean_of(scores)
+    if mean is None or not math.isfinite(mean.half):
+        return _short(None if mean is None else mean.value)
+    return f"{mean.value:.4g} ± {mean.half:.2g}"
 
 
 def _short(value: float | None) -> str:

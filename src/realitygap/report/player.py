@@ -170,7 +170,7 @@ def _run(
 def _alone(side: _Side, one: Trajectory, score: float, name: str) -> Json:
     """A trial in simulation only."""
     drive = side.drive("simulated", f"{score / side.task.fitness_scale:.2f}", one.track, one, side.genotype)
-    return {"name": name, "link": "simulated", "simulated": drive, "situated": None}
+    return {"name": name, "link": "simulated", "simulated": drive, "driven": None}
 
 
 def _transfer(part: TaskPart, pair: Pair, side: _Side, replays: Replays) -> Json:
@@ -183,7 +183,7 @@ def _transfer(part: TaskPart, pair: Pair, side: _Side, replays: Replays) -> Json
     return {
         "name": f"{pair.where}, start {pair.start}", "link": f"{pair.robot}/{who}start-{pair.start}",
         "simulated": side.drive("simulated", scores[0], path, known, replay.genotype),
-        "situated": side.drive(pair.where, scores[1], pair.situated, replay.situated, replay.genotype),
+        "driven": side.drive(pair.where, scores[1], pair.situated, replay.situated, replay.genotype),
     }  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 import csv
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
@@ -138,6 +138,8 @@ class ScoreTable:
 def score_tables(task: Task, levels: Iterable[float], marks: Sequence[ScoreRow]) -> list[ScoreTable]:
     """A task's tables, one for each kind of robot and individual, in the order of the score rows."""
     own = [mark for mark in marks if mark.task == task.name]
+    if task.source is not None:  # the paper's names are of the paper's tasks
+        own = [replace(mark, type=None, share=None, situated_type=None) for mark in own]
     paper = PAPER_ROWS.get(task.name, {}) if task.source is None else {}
     return [
         ScoreTable(

@@ -3,11 +3,7 @@
 Figures 3 and 5 show pairs of paths; beside them stand the films' last frames and a table.
 """
 
-import base64
-import io
 import math
-import os
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
@@ -16,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.files import atomic_path, to_csv
+from realitygap.files import to_csv
 from realitygap.report.drawing import PathPanel, Scene, paths_figure
 from realitygap.report.evolution import PER_CONDITION, WHO, Mean, NoiseClass, TaskPart, mean_of
 from realitygap.report.page import Figures, Picture
@@ -29,12 +25,10 @@ from realitygap.transfer.record import TransferredTrial, load_transfers
 from realitygap.transfer.scores import kind_of
 
 __all__ = [
-    "Group", "Pair", "film_of", "groups_of", "pair_figures", "pairs_of", "robots_of", "shown_pair",
+    "Group", "Pair", "groups_of", "pair_figures", "pairs_of", "robots_of", "shown_pair",
     "transfers_csv",
 ]  # fmt: skip
 
-FILM_PX = 720
-"""Width of a film's last frame on the page."""
 TAIL_S = 0.1
 """Interval of a tail's strokes, independent of the film's rate: as in the simulation."""
 
@@ -245,39 +239,8 @@ def _sheet(
         many += len(pairs)
         if pairs:
             rows.append([_panel(part, p, 0, f"{condition.name} #{p.index}") for p in pairs])
-            rows.append([_panel(part, p, 1, "on the robot") for p in pairs])
+            rows.append([_panel(part, p, 1, p.where) for p in pairs])
     if many <= len(part.conditions) and len(rows) == 2 * many:  # the figure of pairs shows them all
         return []
     alt = f"Paths of {many} runs in simulation and on the robot, each from its first start."
     return [(figures.add(f"{name}-all", partial(paths_figure, scene, rows, small=True), alt), many)]
-
-
-def film_of(pair: Pair, report: Path) -> dict[str, object] | None:
-    """A film's last frame under its track's tail (a data URI, its size in px) and its link; None without one.
-
-    The film itself is linked into the report (copied where the disk has no links), so that the report's
-    folder is complete without the study's.
-    """
-    from PIL import Image
-
-    path = pair.folder / "tails.png"
-    if not (pair.filmed and path.is_file()):
-        return None
-    with Image.open(path) as frame:
-        wide = min(FILM_PX, frame.width)
-        size = (wide, max(1, round(frame.height * wide / frame.width)))
-        small = frame.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    buffer = io.BytesIO()
-    small.save(buffer, "JPEG", quality=82, optimize=True)
-    picture = f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
-    film, link = pair.folder / "film.mp4", ""
-    if film.is_file():
-        link = f"films/{pair.folder.parent.name}-{pair.robot}-{pair.folder.name}.mp4"
-        (report / link).parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(report / link) as spare:
-            spare.unlink(missing_ok=True)
-            try:
-                os.link(film, spare)
-            except OSError:
-                shutil.copyfile(film, spare)
-    return {"pair": pair, "picture": picture, "size": size, "link": link}

@@ -251,7 +251,7 @@ class StudyConfig(Value):
             for task in ("obstacle-avoidance", "light-seeking")
             for noise in NOISE_LEVELS.values()
         )
-        title = "Jakobi, Husbands and Harvey (1995), carried out anew"
+        title = "Noise and the Reality Gap (1995), reproduced"
         return cls(title=title, runs=runs, evaluations=evaluations, seed=seed, conditions=conditions)
 
     @classmethod

@@ -107,7 +107,7 @@ function openDrive() {
   const source = byId("drive-data");
   if (!source) return;
   const data = JSON.parse(byId("player-data").textContent);
-  const [root, canvas] = [byId("player"), byId("player-arena-0")];
+  const [root, deck, canvas] = ["player", "player-deck", "player-arena-0"].map(byId);
   const [open, noise, play] = ["open", "noise", "play"].map((name) => byId(`drive-${name}`));
   const lists = ["task", "noise", "run"].map((name) => byId(`player-${name}`));
   const on = () => root.classList.contains("driving");
@@ -139,7 +139,7 @@ function openDrive() {
     if (!live) return leave();
     live.choose(run.link);
     live.level[0] = Number(noise.value);
-    const tracks = run.trials.filter((one) => one.situated).map((one) => openTrack(one.situated, task.unit_cm));
+    const tracks = run.trials.filter((one) => one.driven).map((one) => openTrack(one.driven, task.unit_cm));
     shown = {
       task, live, tracks, colour: task.noises[n].colour,
       readings: makeReadings(byId("player-readings-0"), task.sensors),
@@ -266,6 +266,7 @@ function openDrive() {
     else hold({ x: at.x + off.x, y: at.y + off.y, heading });
   }
 
+  root.addEventListener("click", (event) => on() && deck.contains(event.target) && event.stopPropagation(), true);
   canvas.addEventListener("pointerdown", (event) => {
     if (!on()) return;
     canvas.setPointerCapture(event.pointerId);
@@ -293,7 +294,7 @@ function openDrive() {
     (event) => {
       if (!on()) return;
       event.stopImmediatePropagation(); // the recorded drives stay where they are
-      const free = event.target === document.body || event.target === byId("player-deck");
+      const free = event.target === document.body || event.target === deck;
       if (!free || event.ctrlKey || event.altKey || event.metaKey) return;
       const [x, y, turn] = KEYS[event.key] ?? [];
       if (event.key === " ") rest(!now.playing);

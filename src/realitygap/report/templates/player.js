@@ -359,7 +359,7 @@ function openPlayer() {
   const choice = makeChoice(data, (chosen, byHand) => {
     scene = openScene(data, chosen);
     now.playing = false;
-    now.position = scene.steps;
+    now.position = 0;
     parts.scrub.max = scene.steps;
     arrange();
     show();
@@ -367,7 +367,7 @@ function openPlayer() {
   });
   const places = `${data.step_s}`.split(".")[1]?.length ?? 1; // of a time, so that no two steps have the same
   const link = makeLink(root, choice, {
-    second: () => (now.position < scene.steps - 1e-9 ? (now.position * data.step_s).toFixed(places) : null),
+    second: () => (now.position > 1e-9 ? (now.position * data.step_s).toFixed(places) : null),
     go: (second) => goTo(second / data.step_s),
   });
 
@@ -382,13 +382,13 @@ function openPlayer() {
       const { track } = sides[side];
       const unit = scene.task.unit ? ` ${scene.task.unit}` : "";
       byId(`player-who-${side}`).textContent = track.who;
-      byId(`player-score-${side}`).textContent = `fitness ${track.score}${unit}`;
+      byId(`player-score-${side}`).textContent = `this trial’s score: ${track.score}${unit}`;
       byId(`player-inside-${side}`).textContent = `Inside: ${track.who}`;
       const kinds = { proximity: "Infrared: counts, high is near", ambient: "Ambient light: counts, low is bright" };
       const fed = scene.task.feeds.split("+");
       byId(`player-kind-${side}`).textContent = fed.map((kind) => kinds[kind]).join("; ");
     }
-    byId("player-alone").hidden = !alone;
+    byId("player-alone")?.toggleAttribute("hidden", !alone);
     byId("player-unread").hidden = sides.every(({ track }) => track.readings(0) && track.outputs(0));
     root.style.setProperty("--noise", scene.noise.colour);
   }
@@ -412,6 +412,7 @@ function openPlayer() {
     parts.scrub.setAttribute("aria-valuetext", parts.time.textContent);
     parts.play.classList.toggle("on", now.playing);
     parts.play.setAttribute("aria-label", now.playing ? "Pause" : "Play");
+    byId("player-mark").hidden = now.playing || now.position > 0;
     if (!scene.alone) showApart(parts, scene, step, paint);
   }
 
@@ -456,6 +457,7 @@ function openPlayer() {
   }
 
   parts.play.addEventListener("click", () => play(!now.playing));
+  deck.addEventListener("click", () => play(!now.playing));
   parts.scrub.addEventListener("input", () => goTo(Number(parts.scrub.value), false));
   parts.scrub.addEventListener("change", () => now.playing || say());
   byId("player-back").addEventListener("click", () => goTo(Math.ceil(now.position) - 1));
@@ -477,6 +479,7 @@ function openPlayer() {
   });
   window.addEventListener("resize", show);
   onPrint(() => {
+    if (now.position === 0) now.position = scene.steps; // paper shows the whole drive
     byId("player-still").textContent = `${choice.title()}, after ${parts.time.textContent}.`;
     show();
   });
@@ -485,6 +488,14 @@ function openPlayer() {
   root.hidden = false;
   choice.first();
   link.follow();
+  // Once, when a person first sees it; not if a link led to a moment, or they want nothing to move.
+  if (still.matches || location.hash.includes("run=")) return;
+  const seen = new IntersectionObserver(([one]) => {
+    if (!one.isIntersecting) return;
+    seen.disconnect();
+    if (now.position === 0 && !now.playing && !root.classList.contains("driving")) play(true);
+  }, { threshold: 0.6 });
+  seen.observe(byId("player-arena-0"));
 }
 
 function inSight(element) {
@@ -569,10 +580,10 @@ function makeChoice(data, changed) {
 
 // A trial, ready to be shown: one or two sides, each with the functions that show it.
 function openScene(data, [task, noise, run, trial]) {
-  const packed = [trial.simulated, trial.situated].filter((one) => one !== null);
+  const packed = [trial.simulated, trial.driven].filter((one) => one !== null);
   const sides = packed.map((one, i) => ({
     track: openTrack(one, task.unit_cm),
-    situated: i === 1,
+    driven: i === 1,
     readings: makeReadings(byId(`player-readings-${i}`), task.sensors),
     commands: makeCommands(byId(`player-commands-${i}`)),
     network: makeNetwork(byId(`player-network-${i}`), run.network, data.robot),
@@ -582,12 +593,12 @@ function openScene(data, [task, noise, run, trial]) {
   return { task, noise, sides, alone, apart, robot: data.robot, steps: Math.max(...packed.map((one) => one.steps)) };
 }
 
-// One side's arena at a moment. The looks are those of the report's figures: a situated robot is grey and dashed.
+// One side's arena at a moment. The looks are those of the report's figures: a robot that was driven is grey and dashed.
 function drawScene(canvas, scene, side, position, paint) {
   const { task, noise, robot } = scene;
   const stage = openStage(canvas, task.arena);
   const colour = noise.colour;
-  const look = side.situated
+  const look = side.driven
     ? { colour, width: 2, alpha: 0.7, dash: [3, 1.5], body: paint.cylinder }
     : { colour, width: 1.1, alpha: 1, dash: [], body: paint.body };
   const { track } = side;
@@ -648,7 +659,7 @@ function makeTheme() {
   const wear = (theme) => {
     if (theme === "auto") delete document.documentElement.dataset.theme;
     else document.documentElement.dataset.theme = theme;
-    button.textContent = `Colours: ${theme === "auto" ? "as the system" : theme}`;
+    button.textContent = `Theme: ${theme}`;
     button.dataset.now = theme;
     document.dispatchEvent(new Event("themechange"));
   };
@@ -750,6 +761,14 @@ function makeSortable(table) {
   });
 }
 
+// A link to what lies in a fold opens it.
+function openFolds() {
+  const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  for (let fold = target && target.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
+}
+
 makeTheme();
+openFolds();
+window.addEventListener("hashchange", openFolds);
 document.querySelectorAll("main table").forEach(makeSortable);
 openPlayer();
