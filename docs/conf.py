@@ -6,6 +6,7 @@ import builtins
 import gc
 import inspect
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ from sphinx.ext.napoleon import Config, GoogleDocstring
 
 import realitygap
 
+sys.path.append(str(Path(__file__).parent))
+from live import write_live  # beside this file
+
 gc.set_threshold(100_000, 50, 50)  # to look through documents, which live on, was a quarter of the work
 
 project = "realitygap"
@@ -24,7 +28,7 @@ project_copyright = f"{author}; MIT licence"
 release = realitygap.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
-exclude_patterns = ["conf.py", "figures/*"]
+exclude_patterns = ["conf.py", "live.py", "figures/*"]
 myst_heading_anchors = 3
 nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
 nb_execution_mode = "force"
@@ -174,6 +178,12 @@ def redirect(app: Sphinx, exception: Exception | None) -> None:
         Path(app.outdir, f"{old}.html").write_text(f'{text}<a href="{new}.html">Moved here</a>', "utf-8")
 
 
+def drive(app: Sphinx, exception: Exception | None) -> None:
+    """The pages on which readers drive robots."""
+    if exception is None and app.builder.format == "html":
+        write_live(Path(app.outdir), app.config.drive_evaluations)
+
+
 def exact(app: Sphinx, page: document) -> None:
     """A type in a signature is meant by its whole name, not as whatever ends in it."""
     for node in page.findall(pending_xref):
@@ -189,4 +199,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", google)
     app.connect("doctree-read", exact)
     app.connect("build-finished", redirect)
+    app.connect("build-finished", drive)
+    app.add_config_value("drive_evaluations", 1000, "", (int,), "Of each run on the pages to drive.")
     return {"parallel_read_safe": True, "parallel_write_safe": True}

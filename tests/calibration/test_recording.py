@@ -178,6 +178,39 @@ def test_steps_of_a_wrong_kind_or_order_are_refused(tmp_path):
             load_recording(written(tmp_path / "w", head, *rows, facts=facts, name="steps.csv"))
 
 
+def test_drives_need_one_of_counters_speeds_and_commands(tmp_path):
+    """Speeds become counters; a camera may see places only; without all three the columns are named."""
+    rows = [f"{k / 10},{2 * k},{-k},0,{k}.5,7" for k in range(5)]
+    head, facts = "t_s,counter_left,counter_right,trial,x_cm,y_cm", 'kind = "wheels"'
+    made = load_recording(written(tmp_path / "a", head, *rows, facts=facts, name="steps.csv"))
+    assert made.counted and not made.commanded and np.isnan(made.pose[:, 2]).all()
+    speeds = head.replace("counter", "speed")
+    made = load_recording(written(tmp_path / "b", speeds, *rows, facts=facts, name="steps.csv"))
+    assert made.from_speeds and made.counters[-1] == pytest.approx((2 * 0.8, -0.8))
+    with pytest.raises(RecordingError, match="or those of speeds or commands, got t_s, tick"):
+        load_recording(
+            written(tmp_path / "c", head.replace("counter", "tick"), *rows, facts=facts, name="steps.csv")
+        )
+
+
+def test_gaps_jumps_and_repeats_are_said_in_one_line(tmp_path):
+    """Pieces are trials; a pose that stayed while the wheels turned, or was alone elsewhere, is none."""
+    t, x = np.arange(60) * 0.1, np.arange(60) * 0.5
+    t[40:] += 2.0
+    x[20], x[11], x[50:] = 90.0, x[10], x[50:] + 30.0
+    rows = [f"{a:.1f},{60 * k},{60 * k},0,{b:.2f},7" for k, (a, b) in enumerate(zip(t, x, strict=True))]
+    rows[40:] = [row.replace(f",{60 * k},", f",{60 * k + 9000},") for k, row in enumerate(rows[40:], 40)]
+    head, facts = "t_s,counter_left,counter_right,trial,x_cm,y_cm", 'kind = "wheels"'
+    made = load_recording(written(tmp_path, head, *rows, facts=facts, name="steps.csv"))
+    (said,) = made.warnings
+    where = f"{tmp_path / 'steps.csv'}, line 52"
+    assert said.endswith(
+        f"left out: 1 repeated poses, 1 poses out of reach, 1 jumps (cut at {where}), 1 gaps: 3 pieces"
+    )
+    assert np.flatnonzero(np.isnan(made.pose[:, 0])).tolist() == [11, 20]
+    assert np.flatnonzero(np.diff(made.trial)).tolist() == [39, 49]
+
+
 def test_dead_sensors_are_pointed_out(tmp_path):
     """One that never changes, one that is always saturated, one that hardly changes."""
     made = infrared(80)

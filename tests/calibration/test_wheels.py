@@ -10,8 +10,10 @@ import pytest
 from realitygap.calibration.calibrate import calibrate
 from realitygap.calibration.judge import judge
 from realitygap.calibration.load import load_recording
+from realitygap.calibration.model import wheel_speeds
 from realitygap.calibration.wheels import fit_wheels
 from realitygap.errors import CalibrationError
+from realitygap.report.calibration import write_calibration_page
 from realitygap.world.robot import load_profile
 from tests.calibration.written import save_recording
 
@@ -118,3 +120,37 @@ def test_speeds_are_no_surer_than_the_pulses(driven):
         hits += told["speed_left"].low < 0.84 < told["speed_left"].high
         hits += told["speed_right"].low < 0.83 < told["speed_right"].high
     assert hits >= 5
+
+
+def test_steps_of_any_number_of_periods_are_fitted(sound):
+    """Without rows in which the command stayed: the model's mean over the longer steps is that of its steps,
+    and the fit is that of the whole. Steps of no whole number of periods are counted."""
+    same = (sound.commands[1:] == sound.commands[:-1]).all(axis=1) & (np.diff(sound.trial) == 0)
+    kept = ~np.concatenate([[False], same & (np.arange(1, len(sound.t_s)) % 3 == 0)])
+    begin, last = np.flatnonzero(kept), np.diff(np.append(sound.trial, -1)) != 0
+    names = ("t_s", "commands", "counters", "speeds", "trial", "kind", "pose")
+    fewer = replace(sound, **{name: getattr(sound, name)[kept] for name in names})
+    assert fewer.periods().max() == 2
+    every, mean = wheel_speeds(PAPER, sound), wheel_speeds(PAPER, fewer)
+    inner = ~(last[begin] | np.append(last[1:], True)[begin])
+    count = np.diff(np.append(begin, len(kept)))[:, None]
+    assert np.allclose(mean[inner], (np.add.reduceat(every, begin) / count)[inner], atol=1e-12)
+    one, other = (fit_wheels(r, PAPER, "printed").profile.wheels for r in (sound, fewer))
+    assert other.speed_per_unit_cm_s == pytest.approx(one.speed_per_unit_cm_s, rel=0.005)
+    shaken = replace(sound, t_s=sound.t_s + np.random.default_rng(1).uniform(0, 0.04, len(sound.t_s)))
+    said = [w for w in calibrate([shaken], PAPER, form="paper").warnings if "last no whole number" in w]
+    assert len(said) == 1 and f"of {len(sound.t_s)} steps" in said[0]
+
+
+def test_without_commands_lengths_alone_are_fitted(sound, robot, tmp_path):
+    """Track and pulses are the truth's, gains the base's, which is said; judged by its runs' ends."""
+    seen = replace(sound, commands=np.full_like(sound.commands, np.nan))
+    made = calibrate([seen], PAPER)
+    assert made.profile.wheels == replace(PAPER.wheels, track_cm=made.profile.wheels.track_cm)
+    assert made.profile.wheels.track_cm == pytest.approx(robot.wheels.track_cm, rel=0.015)
+    assert any("no commands recorded" in warning for warning in made.warnings)
+    assert "Wheels" in write_calibration_page(made, tmp_path / "page.html").read_text("utf-8")
+    judged = judge(seen, made.profile)
+    assert np.isnan(judged.rmse) and judged.ends is not None and judged.ends[0] < 1
+    with pytest.raises(CalibrationError, match="expected commands, or poses at 12 places"):
+        calibrate([replace(seen, pose=None)], PAPER)

@@ -168,7 +168,8 @@ def calibrate(
     driven = [r for r in recordings if isinstance(r, WheelRecording) and (r.counted or r.followed)]
     if len(driven) > 1:
         raise CalibrationError(
-            f"expected one recording of wheels, got {len(driven)}. Give the best one, or list several logs in one MAP.toml."
+            f"expected one recording of wheels, got {len(driven)}. Give the best one, or list several logs "
+            "in one MAP.toml."
         )
     infrared_form, light_form, wheel_form = FORMS[form]
     light_form = light or light_form

@@ -1,4 +1,4 @@
-"""What of a drive's log is used: runs end at gaps and jumps, and a pose that was not measured anew is none."""
+"""What is used of a drive's log: runs end at gaps and jumps, and poses that were not measured anew go."""
 
 import math
 from collections.abc import Callable
@@ -34,7 +34,7 @@ def cleaned(recording: WheelRecording, at: Callable[[int], str]) -> WheelRecordi
         said += [f"{n} repeated poses" for n in [again.sum()] if n]
         said += [f"{n} poses out of reach" for n in [alone.sum()] if n]
         where = [at(k) for k in np.flatnonzero(jump)[:NAMED].tolist()]
-        said += [f"{n} jumps (cut at {', '.join(where)}{' …' * (n > NAMED)})" for n in [jump.sum()] if n]
+        said += [f"{n} jumps (cut at {', '.join(where)}{' …' * int(n > NAMED)})" for n in [jump.sum()] if n]
         cut = gap | jump
     said += [f"{n} gaps" for n in [gap.sum()] if n]
     if not said:
@@ -47,7 +47,7 @@ def cleaned(recording: WheelRecording, at: Callable[[int], str]) -> WheelRecordi
 
 
 def first_pulses(recording: WheelRecording) -> float:
-    """Pulses per mm by how far its poses and its counters go, with which a fit can begin; NaN without poses."""
+    """Pulses per mm by how far poses and counters go, with which a fit can begin; NaN without poses."""
     if recording.pose is None or not np.isfinite(recording.pose[:, 0]).any():
         return math.nan
     place, count = recording.pose[:, :2], recording.counters.mean(axis=1)

@@ -278,6 +278,10 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
         odometry = None
         said.append(str(error))
     per_pulse = profile.provenance.cm_per_pulse(recording.pulses_per_mm)
+    if recording.in_units:
+        per_pulse = profile.wheels.speed_per_unit_cm_s
+    elif recording.from_speeds:
+        per_pulse = (0.1 / recording.pulses_per_mm,) * 2
     measured = measured_speeds(recording, odometry, per_pulse)
     if recording.commanded:
         refuse_few_steps(recording, measured)
@@ -303,8 +307,6 @@ def _judge_wheels(recording: WheelRecording, profile: Profile) -> Judgement:
     ends = None
     if odometry is not None:
         theta = np.array([*per_pulse, profile.wheels.track_cm, *odometry.theta[3:]])
-        if recording.from_commands or recording.from_speeds:
-            theta[:2] = 0.1 / recording.pulses_per_mm
         ends = replace(odometry, theta=theta).ends(recording)
     sides = tuple(
         Misfit(sensor=w, rmse=r, bias=b, error=r, ratio=np.nan, lit_ratio=np.nan)

@@ -44,6 +44,7 @@ from realitygap.world.toml import build
 __all__ = ["find_recordings", "load_recording"]
 
 FACTS, READINGS, STEPS = "recording.toml", "readings.csv", "steps.csv"
+MAP = "MAP.toml"
 DRIVE = "drive.toml"
 """The facts of a drive (`realitygap.robots`), which is no recording for a calibration."""
 
@@ -101,6 +102,8 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
     alone = path.suffix.lower() in (".sam", ".csv", ".toml")
     if alone or any((path / name).is_file() for name in (FACTS, DRIVE)):
         return (path,)
+    if (path / MAP).is_file():
+        return (path / MAP,)
     inside = sorted(found.parent for found in path.glob(f"*/{FACTS}"))
     inside = inside or sorted(found for found in path.glob("*") if SERIES.fullmatch(found.name))
     if inside:
@@ -410,16 +413,13 @@ def _read_wheels(
 def _read_map(path: Path, object: str | None) -> Recording:
     """The recording that a MAP.toml makes of its logs: the same table as that of a folder."""
     mapped = read_map(path)
-    facts, columns, made = dict(mapped.facts), dict(mapped.columns), {}
+    facts, columns = dict(mapped.facts), dict(mapped.columns)
+    made: dict[str, Any]
     if mapped.kind == "track":
-        raise RecordingError(
-            f"{path}: kind: expected {', '.join(KINDS)}, got 'track', which tells nothing of sensors or wheels."
-        )
+        raise RecordingError(f"{path}: kind: expected {', '.join(KINDS)}, got 'track': only a path.")
     asked = [key for key, value in facts.items() if value == ASKED]
     if asked and not (object and asked == ["object"]):
-        raise RecordingError(
-            f'{path}: {asked[0]}: `realitygap look` could not tell it: write it instead of "?".'
-        )
+        raise RecordingError(f'{path}: {asked[0]}: expected its value, got "?": `realitygap look` asks you.')
     origin = {"source": str(path), "hash": mapped.hash, "notes": str(facts.get("notes", "")), "facts": facts}
     for name in POSE[2:] + POLAR[1:]:
         if name in columns:
@@ -428,30 +428,16 @@ def _read_map(path: Path, object: str | None) -> Recording:
         mapped.need("t_s")
         made = {**_of_both_wheels(mapped, facts), **columns, "trial": mapped.run}
     else:
-        bearing = facts.pop("bearing_deg", None)
-        if mapped.sensors is None:
-            raise RecordingError(f"{path}: expected readings: columns s0, s1 …, or sensor and reading.")
-        if bearing is not None:
-            each = np.broadcast_to(np.array(bearing, float), mapped.sensors.shape[1:])
-            columns["bearing_deg"] = each[np.isfinite(mapped.sensors).argmax(axis=1)]
-        made = columns | {f"s{k}": column for k, column in enumerate(mapped.sensors.T)}
-        read = np.isfinite(mapped.sensors).argmax(axis=1)
-        seen = Counter[tuple[float, ...]]()
-        made["repeat"] = np.zeros(len(read))
-        for k, place in enumerate(zip(*(made[n] for n in (*POLAR, *POSE) if n in made), read, strict=True)):
-            made["repeat"][k] = seen[place]
-            seen[place] += 1
+        made = _of_sensors(mapped, columns, facts)
     _check_facts(path, facts)
     rows = [["" if v != v else f"{v:.12g}" for v in row] for row in zip(*made.values(), strict=True)]
-    table = _Rows(
-        path, tuple(made), rows, 0, list(mapped.lines), RecordingError, f"Correct {path} or its log."
-    )
+    cure = f"Correct {path} or its log."
+    table = _Rows(path, tuple(made), rows, 0, list[Any](mapped.lines), RecordingError, cure)
     if mapped.kind != "wheels":
         return _read_sensors(table, path, facts, mapped.kind, object, origin)
     recording = _read_wheels(table, path, facts, origin)
-    recording = replace(
-        recording, warnings=(*(f"{path}: {note}" for note in mapped.notes), *recording.warnings)
-    )
+    said = [*mapped.notes, *(warning.removeprefix(f"{path}: ") for warning in recording.warnings)]
+    recording = replace(recording, warnings=(f"{path}: {'; '.join(said)}",) if said else ())
     if recording.pulses_said or not math.isfinite(found := first_pulses(recording)):
         return recording
     return replace(recording, pulses_per_mm=found, pulses_said=True)
@@ -470,10 +456,33 @@ class _Rows(Table):
         return str(self.path)
 
 
+def _of_sensors(mapped: Mapped, columns: dict[str, Floats], facts: dict[str, Any]) -> dict[str, Floats]:
+    """The columns of readings, with bearings from `bearing_deg` (one, or one for each sensor) if it is said,
+    and which of the readings at its place each is."""
+    readings, bearing = mapped.sensors, facts.pop("bearing_deg", None)
+    if readings is None:
+        raise RecordingError(f"{mapped.path}: expected readings: columns s0, s1 …, or sensor and reading.")
+    read = np.isfinite(readings).argmax(axis=1)
+    if bearing is not None:
+        try:
+            columns["bearing_deg"] = np.broadcast_to(np.array(bearing, float), readings.shape[1:])[read]
+        except ValueError:
+            expected = f"degrees: a number, or a list of {readings.shape[1]}"
+            raise RecordingError(
+                f"{mapped.path}: bearing_deg: expected {expected}, got {bearing!r}."
+            ) from None
+    made, seen = columns | {f"s{k}": column for k, column in enumerate(readings.T)}, Counter[Any]()
+    made["repeat"] = np.zeros(len(read))
+    for k, place in enumerate(zip(*(made[n] for n in (*POLAR, *POSE) if n in made), read, strict=True)):
+        made["repeat"][k] = seen[place]
+        seen[place] += 1
+    return made
+
+
 def _of_both_wheels(mapped: Mapped, facts: dict[str, Any]) -> dict[str, Floats]:
     """Speeds and commands of each wheel in cm/s from those of the robot; for speeds of a known unit
     `pulses_per_mm` is that of their integral."""
-    columns, out, track = mapped.columns, {}, facts.pop("track_cm", None)
+    columns, track, out = mapped.columns, facts.pop("track_cm", None), dict[str, Floats]()
     for prefix, name in (("", "speed"), ("command_", "command")):
         ahead, turn = f"{prefix}v", f"{prefix}w"
         if ahead in columns or turn in columns:

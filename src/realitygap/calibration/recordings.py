@@ -244,6 +244,12 @@ class WheelRecording(Recorded):
         return not self.from_commands and bool(np.isfinite(self.counters).any())
 
     @property
+    def in_units(self) -> bool:
+        """Whether `counters` are sums of the robot's own unit of commands and speeds: a pulse is a unit for a
+        second."""
+        return self.from_commands or (self.from_speeds and "pulses_per_mm" not in self.facts)
+
+    @property
     def commanded(self) -> bool:
         """Whether the commands are known."""
         return bool(np.isfinite(self.commands).all())

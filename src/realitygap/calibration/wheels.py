@@ -168,11 +168,14 @@ def _odometry_only(recording: WheelRecording, base: Profile) -> WheelFit:
         )
     refuse_lengths(recording, odometry, base)
     measured = measured_speeds(recording, odometry, odometry.cm_per_pulse)
+    profile = replace(
+        base, wheels=replace(base.wheels, track_cm=odometry.track_cm),
+        noise=replace(base.noise, wheel=odometry.slip),
+    )  # fmt: skip
+    if recording.in_units:
+        profile = _with(profile, dict(zip(SPEED_KEYS, odometry.cm_per_pulse, strict=True)))
     return WheelFit(
-        profile=replace(
-            base, wheels=replace(base.wheels, track_cm=odometry.track_cm),
-            noise=replace(base.noise, wheel=odometry.slip),
-        ),
+        profile=profile,
         form=ODOMETRY, constants=odometry.constants, alike=(), rmse={}, friction=None, odometry=odometry,
         law=None, camera=True, pulses_per_mm=_pulses(recording, odometry.cm_per_pulse), late_s=0.0, bent=None,
         unused=0, measured=measured, model=np.full_like(measured, np.nan),
@@ -213,8 +216,8 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
     out = []
     if wheels.form == ODOMETRY:
         out.append(
-            f"wheels: no commands recorded: track and pulses are fitted; gains and speed per unit stay as "
-            f"profile {base.name!r} has them"
+            f"wheels: no commands recorded: lengths alone are fitted; the wheels' law stays as profile "
+            f"{base.name!r} has it"
         )
     if wheels.unused > FEW * len(wheels.measured) and wheels.rmse:
         out.append(
@@ -545,9 +548,12 @@ def refuse_lengths(recording: WheelRecording, odometry: Odometry, base: Profile)
         if low <= pulses <= high:
             continue
         expected, got = f"{low:g} to {high:g} pulses per mm", pulses
-        if recording.from_commands:
+        if recording.in_units:
             expected, got = f"{0.1 / high:.3g} to {0.1 / low:.3g} cm/s a unit", length
             cure = f"Are commands in units of profile {base.name!r}, x_cm and y_cm in cm?"
+        elif recording.from_speeds:
+            expected, got = f"{0.1 / high:.3g} to {0.1 / low:.3g} cm/s for each cm/s", length
+            cure = "Are the units of places and speeds right?"
         elif not recording.pulses_said:
             cure = f"State the robot's pulses_per_mm in recording.toml. {cure}"
         raise CalibrationError(

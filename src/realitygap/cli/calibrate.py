@@ -66,7 +66,8 @@ def calibrate(
     """Fit a robot's constants to recordings.
 
     Writes a profile for --profile. A RECORDING is a folder made by `realitygap record` (or a folder of
-    several), a .sam table, or a Thymio's series (sensor02_light.csv). Forms: paper has the paper's laws with
+    several), a .sam table, a Thymio's series (sensor02_light.csv), or a MAP.toml of other logs (`realitygap
+    look`). Forms: paper has the paper's laws with
     common constants and its printed gains; individual has constants for each sensor, linear light, and
     refitted gains; extended adds directions, distance offset, exponents, Lambertian surfaces and the lamp's
     height; measured has no law but rays, a lobe, a curve and noise for each sensor; lookup replays the
@@ -164,8 +165,8 @@ def _lines(made: Calibration) -> Iterator[str]:
             speeds = f"{found['speed_left']} and {found['speed_right']}"
             yield f"  speed per unit {speeds} cm/s, track {track} cm{lag}"
         else:
-            pulses = " and ".join(f"{value:.4g}" for value in made.wheels.pulses_per_mm) or "–"
-            yield f"  {pulses} pulses a mm, track {track} cm"
+            pulses = " and ".join(f"{value:.4g}" for value in made.wheels.pulses_per_mm)
+            yield f"  {f'{pulses} pulses a mm, ' * bool(pulses)}track {track} cm"
         if law is not None and law.curves:
             yield (
                 f"  by curves of command to speed ({law.told()}), which on runs held out err "

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = ["look"]
 
+NAMED = 8
+"""Columns of no use that are named."""
+
 
 @click.command()
 @click.argument("log", type=click.Path())
@@ -53,14 +56,16 @@ def look(log: str, said: str | None, out: Path | None, picture: Path | None) -> 
     if said is not None:
         read = read_map(said)
         target = picture or Path(said).with_suffix(".png")
-        draw_log(target, read.columns, read.run, said)
+        draw_log(target, read.columns, read.run, Path(said).name)
         lines = list(_mapped_lines(read))
         tell({"map": said, "picture": str(target), "notes": lines}, *lines, f"saved {target}")
         return
     made = guess(log)
     target = out or Path(log).with_name("MAP.toml")
     if out is None and target.exists():
-        raise RecordingError(f"{target}: there is one already. Look as it says (--map {target}), or give --out.")
+        raise RecordingError(
+            f"{target}: there is one already. Look as it says (--map {target}), or give --out."
+        )
     drawing = picture or target.with_suffix(".png")
     atomic_write(target, made.to_toml(target))
     draw_log(drawing, made.columns, made.run, made.log.path.name)
@@ -72,17 +77,19 @@ def look(log: str, said: str | None, out: Path | None, picture: Path | None) -> 
 def _lines(made: Look) -> Iterator[str]:
     log = made.log
     names = f"names in line {log.head}" if log.head else "no names"
-    yield f"{log.path.name}: {len(log.values)} rows of {len(log.names)} values separated by {log.separator}, {names}"
-    rows = []
-    for guess in made.guesses:
-        of = " ".join(log.names[k] for k in guess.columns)
-        rows.append((of[:24], guess.name, guess.unit, f"{guess.sign:+d}" if guess.sign < 0 else "", ""))
-    yield table(("column", "seems to be", "unit", "sign", ""), rows)
+    size = f"{len(log.values)} rows of {len(log.names)} values"
+    yield f"{log.path.name}: {size} separated by {log.separator}, {names}"
+    rows = [
+        (" ".join(log.names[k] for k in g.columns)[-24:], g.name, g.unit, "−" if g.sign < 0 else "")
+        for g in made.guesses
+    ]
+    yield table(("column", "seems to be", "unit", "sign"), rows)
     for guess in made.guesses:
         yield f"  {guess.name}: {guess.why}"
-    used = {k for guess in made.guesses for k in guess.columns}
-    if rest := [name for k, name in enumerate(log.names) if k not in used]:
-        yield f"not used: {', '.join(rest)}"
+    if made.unused:
+        named = ", ".join(log.names[k] for k in made.unused[:NAMED])
+        more = len(made.unused) - NAMED
+        yield f"not used: {named}{f' and {more} more' if more > 0 else ''}"
     yield from log.notes
     yield from made.findings
 

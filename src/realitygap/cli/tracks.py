@@ -206,7 +206,8 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None) -> None:
 
     A (say, simulated) and B (on the robot) are CSV files with columns t_s, x_cm, y_cm, heading_deg, where
     a column start separates several trials and a column unit several robots; or what `realitygap camera
-    track` or `realitygap simulate --json` wrote; or folders of such files. A folder made by `realitygap
+    track` or `realitygap simulate --json` wrote; or folders of such files; or a MAP.toml of any other log
+    (`realitygap look`). A folder made by `realitygap
     transfer` needs no B: its simulated trials are compared with those on the robot. 10 means as alike as the
     same robot twice, 0 a different behaviour; the output says what these ends were measured on.
 

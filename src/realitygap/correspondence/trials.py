@@ -173,7 +173,7 @@ def resampled(
             f"{LONGEST_GAP_S:g} s can be bridged. Leave this start out, or cut it there."
         )
     gaps = steps[steps > 1.5 * usual]
-    if (lost := float(gaps.sum())) > seconds / 4:
+    if (lost := float(gaps[gaps > 1 / SLOWEST_HZ].sum())) > seconds / 4:  # shorter ones show every turn
         raise TrackError(
             f"{where}: the robot is lost for {lost:.1f} of {seconds:.1f} s; expected at most a quarter. "
             "Leave this start out."
@@ -231,9 +231,10 @@ def read_trials(path: str | Path) -> list[Trial]:
     A CSV file has columns t_s, x_cm, y_cm, heading_deg (empty or NaN where the robot was lost) and may
     have start (separates several trials), unit (which robot) and quality (0: lost), as `realitygap
     camera track` writes them. A JSON file is what `realitygap simulate --json` prints. In a folder every
-    such file is read and its name is the start; subfolders are units. A MAP.toml (`realitygap look`) names the
-    columns of any other log: each of its runs is a trial. From a trial of `realitygap transfer`
-    the robot's track is read, and its folder's name is the start; archived trials are read like others.
+    such file is read and its name is the start; subfolders are units. Of any other log a
+    MAP.toml (`realitygap look`) names the columns; each of its runs is a trial. From a trial of
+    `realitygap transfer` the robot's track is read, and its folder's name is the start; archived trials are
+    read like others.
 
     Raises:
         TrackError: names the file, the line and the column.

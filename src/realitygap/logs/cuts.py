@@ -39,8 +39,8 @@ def jumps(t: Floats, place: Floats, run: NDArray[np.int64]) -> tuple[Mask, Mask]
         return cut, alone
     within = np.diff(run[seen]) == 0
     way, step = np.hypot(*np.diff(place[seen], axis=0).T), np.diff(t[seen])
-    fast = FASTER * np.quantile((way / step)[within], 0.95)
-    far = LONGER * np.quantile(way[within], 0.95)
+    fast = FASTER * np.quantile((way / step)[within], 0.9)
+    far = LONGER * np.quantile(way[within], 0.9)
 
     def off(a: int, b: int) -> bool:
         length = float(np.hypot(*(place[b] - place[a])))

@@ -12,6 +12,7 @@ of a recording.toml. A "?" is what `realitygap look` could not tell.
 
 import hashlib
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +27,7 @@ from realitygap.logs.table import Log, read_log
 from realitygap.track import Track
 from realitygap.values import Floats
 
-__all__ = ["ASKED", "KINDS", "SIDES", "UNITS", "Mapped", "quaternion_yaw", "read_map"]
+__all__ = ["ASKED", "KINDS", "SIDES", "UNITS", "Mapped", "cumulative", "quaternion_yaw", "read_map"]
 
 KINDS = ("wheels", "infrared", "ambient", "track")
 ASKED = "?"
@@ -52,6 +53,7 @@ WRAP = 2.0**16
 """Counters of 16 bits begin anew there."""
 ANEW = 10
 """Usual steps by which a clock goes back that begins anew."""
+MOST_SENSORS = 1000
 AGAIN_S = 0.5
 """A pose that is the same for less was not measured anew."""
 
@@ -116,7 +118,9 @@ def read_map(path: str | Path) -> Mapped:
     facts = read_toml(path, RecordingError, "Make one with `realitygap look LOG`.")
     logs, kind, columns = (facts.pop(key, None) for key in ("logs", "kind", "columns"))
     if not isinstance(logs, list) or not logs or not all(isinstance(one, str) for one in logs):
-        raise RecordingError(f'{path}: logs: expected a list of files, as in logs = ["run.txt"], got {logs!r}.')
+        raise RecordingError(
+            f'{path}: logs: expected a list of files, as in logs = ["run.txt"], got {logs!r}.'
+        )
     if kind not in KINDS:
         raise RecordingError(f"{path}: kind: expected {', '.join(KINDS)}, got {kind!r}.")
     if not isinstance(columns, Mapping) or not columns:
@@ -126,8 +130,8 @@ def read_map(path: str | Path) -> Mapped:
     said = {name: _entry(path, name, entry) for name, entry in columns.items()}
     if "unit" in said.get("x_cm", {}) and "y_cm" in said:
         said["y_cm"].setdefault("unit", said["x_cm"]["unit"])
-    read = [read_log(path.parent / one) for one in logs]
-    parts = [_one(path, log, said) for log in read]
+    read = [read_log(os.path.normpath(path.parent / one)) for one in logs]
+    parts = [{name: _converted(path, log, name, entry) for name, entry in said.items()} for log in read]
     notes = [note for log in read for note in log.notes]
     made = {name: np.concatenate([part[name] for part in parts]) for name in said}
     lines = [f"{log.path}, line {k}" for log in read for k in log.lines.tolist()]
@@ -137,7 +141,8 @@ def read_map(path: str | Path) -> Mapped:
     made, run = {name: column[kept] for name, column in made.items()}, run[kept]
     for name in (f"counter_{side}" for side in SIDES):
         if name in made:
-            made[name] = _cumulative(made[name], run, bool(said[name].get("per_row")), name, notes)
+            made[name], wraps = cumulative(made[name], run, per_row=bool(said[name].get("per_row")))
+            notes += [f"{name} begins anew {wraps} times after 16 bits: it goes on"] if wraps else []
     if "t_s" in made:
         run, names, good = _in_time(made["t_s"], run, names, notes)
         made, run, kept = {name: column[good] for name, column in made.items()}, run[good], kept[good]
@@ -178,20 +183,19 @@ def _entry(path: Path, name: str, entry: Any) -> dict[str, Any]:
     if asked:
         what = f"one of {', '.join(units)}" if asked[0] == "unit" else "the log's own"
         raise RecordingError(
-            f'{where}: {asked[0]}: expected {what}, got "?": `realitygap look` could not tell. Write it there.'
+            f'{where}: {asked[0]}: expected {what}, got "?": `realitygap look` could not tell it. Write it.'
         )
-    if made.get("unit", next(iter(units))) not in units:
-        raise RecordingError(f"{where}: unit: expected {', '.join(units)}, got {made['unit']!r}.")
-    if made.get("sign", 1) not in (1, -1):
-        raise RecordingError(f"{where}: sign: expected 1 or -1, got {made['sign']!r}.")
     if "column" not in made:
         raise RecordingError(f"{where}: expected {{ column = … }}, got {entry!r}.")
+    for key, good, expected in (
+        ("unit", str(made.get("unit", next(iter(units)))) in units, ", ".join(units)),
+        ("sign", made.get("sign", 1) in (1, -1), "1 or -1"),
+        ("offset_deg", isinstance(made.get("offset_deg", 0), int | float), "degrees"),
+        ("per_row", isinstance(made.get("per_row", False), bool), "true or false"),
+    ):
+        if not good:
+            raise RecordingError(f"{where}: {key}: expected {expected}, got {made[key]!r}.")
     return made
-
-
-def _one(path: Path, log: Log, said: Mapping[str, Mapping[str, Any]]) -> dict[str, Floats]:
-    """A log's columns in the units of this file; runs as they stand, numbered if they are words."""
-    return {name: _converted(path, log, name, entry) for name, entry in said.items()}
 
 
 def _converted(path: Path, log: Log, name: str, entry: Mapping[str, Any]) -> Floats:
@@ -259,19 +263,16 @@ def _in_time(
     return number, named, good
 
 
-def _cumulative(
-    pulses: Floats, run: NDArray[np.int64], per_row: bool, name: str, notes: list[str]
-) -> Floats:
-    """[n] pulses since each run's begin; a counter of 16 bits goes on where it begins anew."""
+def cumulative(pulses: Floats, run: NDArray[np.int64], *, per_row: bool) -> tuple[Floats, int]:
+    """[n] pulses from the begin, of a counter that may be one of 16 bits, and how often it began anew."""
+    if per_row:
+        return np.asarray(np.cumsum(np.nan_to_num(pulses))), 0
     step = np.diff(pulses, prepend=pulses[:1])
     step[np.diff(run, prepend=run[:1]) != 0] = 0.0
-    if per_row:
-        return np.asarray(np.cumsum(np.nan_to_num(pulses)))
     wraps = (np.abs(step) > 0.75 * WRAP) & (np.ptp(pulses) <= WRAP)
     if not wraps.any():
-        return pulses
-    notes.append(f"{name} begins anew {wraps.sum()} times after 16 bits: it goes on")
-    return np.asarray(np.cumsum(step - WRAP * np.sign(step) * wraps))
+        return pulses, 0
+    return np.asarray(np.cumsum(step - WRAP * np.sign(step) * wraps)), int(wraps.sum())
 
 
 def _sensors(path: Path, made: Mapping[str, Floats]) -> Floats | None:
@@ -279,6 +280,10 @@ def _sensors(path: Path, made: Mapping[str, Floats]) -> Floats | None:
     if "reading" in made:
         if "sensor" not in made:
             raise RecordingError(f"{path}: reading: expected a column sensor beside it, or s0, s1 …")
+        known = np.isin(made["sensor"], range(MOST_SENSORS))
+        if not known.all():
+            got = made["sensor"][int((~known).argmax())]
+            raise RecordingError(f"{path}: sensor: expected its number, from 0 on, in each row, got {got:g}.")
         number = made["sensor"].astype(np.int64)
         out = np.full((len(number), int(number.max()) + 1), math.nan)
         out[np.arange(len(number)), number] = made["reading"]

@@ -70,11 +70,11 @@ def read_log(path: str | Path) -> Log:
     middle = body[len(body) // 10 :][:SAMPLE]
     share, wide, sign = max((*_fit(lines, middle, sign), sign) for sign in SEPARATORS)
     closed = all(not _split(lines[k], sign)[-1] for k in middle) and sign != " "
-    rows = {}
+    rows: dict[int, list[str]] = {}
     for k in body:
-        cells = _split(lines[k], sign)
-        if len(cells) == wide and _numeric(cells):
-            rows[k] = cells[:-1] if closed else cells
+        row = _split(lines[k], sign)
+        if len(row) == wide and _numeric(row):
+            rows[k] = row[:-1] if closed else row
     wide -= closed
     if share < 0.5 or wide < 2 or len(rows) < FEWEST:
         raise RecordingError(

@@ -34,7 +34,9 @@ def draw_log(target: Path, columns: Mapping[str, Floats], run: NDArray[np.int64]
     """
     shown = {key: told for key, told in PANELS.items() if set(told[1]) & columns.keys()}
     placed, timed = {"x_cm", "y_cm"} <= columns.keys(), "t_s" in columns
-    near = {name for name in columns if name[:1] == "s" and name[1:].isdecimal()} | (columns.keys() & {"reading"})
+    near = {name for name in columns if name[:1] == "s" and name[1:].isdecimal()} | (
+        columns.keys() & {"reading"}
+    )
     count = len(shown) * timed + placed + timed + bool(near)
     rows = -(-max(count, 1) // 3)
     with styled():
@@ -55,7 +57,7 @@ def draw_log(target: Path, columns: Mapping[str, Floats], run: NDArray[np.int64]
             t, within = columns["t_s"], np.diff(run) == 0
             ax = axes.pop(0)
             ax.plot(t[1:][within], np.diff(t)[within], ".", ms=2, color=COLOURS[0])
-            ax.set(xlabel="time, s", ylabel="s", title="time to the row before")
+            ax.set(xlabel="time, s", ylabel="s", title="time to the row before", ylim=(0, None))
             for name, names in shown.values():
                 ax = axes.pop(0)
                 for k, one in enumerate(n for n in names if n in columns):

@@ -22,6 +22,7 @@ from realitygap.files import atomic_write
 from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
 from realitygap.report.drawing import robot_figure, room_figure
+from realitygap.report.drive import Driven, drive_data
 from realitygap.report.evolution import WHO, Paths, mean_of, parts_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, rendered
@@ -37,7 +38,7 @@ from realitygap.world.robot import Profile, load_profile
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
 
-__all__ = [ "arena_html", "network_html", "of_calibration", "of_study", "profile_html",
+__all__ = [ "arena_html", "driven_live", "network_html", "of_calibration", "of_study", "profile_html",
     "replayed", "run_html", "shown_calibration", "shown_study", "study_html",
 ]  # fmt: skip
 
@@ -125,6 +126,16 @@ def replayed(
     return _player(replay_data(simulation, run.study.slots(run.task, genes), driven, title), title, 1150)
 
 
+def driven_live(run: Run, who: str | int, height: int) -> Shown:
+    """The player in which a run's controller can be driven; `who` as of `Run.replay`."""
+    name, genes = run.individual(who)
+    simulation = Simulation(run.study.task(run.task), run.study.profile, run.noise)
+    genotype, title = run.study.slots(run.task, genes), f"{run.name}, {name}"
+    data = replay_data(simulation, genotype, simulation.trajectory(genotype.networks(), stream=0), title)
+    driven = Driven(task=simulation.task, profile=simulation.profile, runs={title: genotype})
+    return _player(data, title, height, None if simulation.task.spread else drive_data([driven]))
+
+
 def shown_calibration(made: Calibration, height: int) -> Shown:
     with tempfile.TemporaryDirectory(prefix="realitygap-") as folder:
         page = write_calibration_page(made, Path(folder) / "page.html")
@@ -187,8 +198,11 @@ def network_html(genotype: Genotype) -> str:
     return _face(draw=draw, alt=f"A network: {said}")
 
 
-def _player(data: Mapping[str, object], title: str, height: int) -> Shown:
-    facts = {"title": title, "player": Markup(player_json(dict(data)))}
+def _player(
+    data: Mapping[str, object], title: str, height: int, drive: Mapping[str, object] | None = None
+) -> Shown:
+    facts = {"title": title, "player": Markup(player_json(dict(data))), "drive_first": True}
+    facts["drive"] = Markup(player_json(dict(drive)) if drive else "")
     return Shown(rendered("notebook.html.j2", facts), height)
 
 

@@ -5,6 +5,7 @@ A function's arguments lie in the page's memory, each number or pointer in eight
 it returns: a page hands over one address.
 """
 
+import inspect
 import os
 import pickle
 import struct
@@ -25,8 +26,8 @@ from realitygap.kernels.types import Networks, Path, World
 __all__ = ["BASE", "Arguments", "Memory", "WasmError", "entries", "module"]
 
 TRIPLE = "wasm32-unknown-unknown"
-FEATURES = "+bulk-memory,+sign-ext,+nontrapping-fptoint"
-"""In every browser since 2021."""
+FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint"
+"""In every browser since 2023."""
 BASE = 1 << 16
 """Where a page's memory begins: before it are the module's own constants."""
 SLOT = 8
@@ -53,7 +54,7 @@ class Arguments(NamedTuple):
     scratch: Scratch
 
 
-def entries(given: Arguments) -> Entries:
+def entries(given: Arguments) -> dict[str, tuple[Callable[..., Any], tuple[Any, ...]]]:
     """The functions of kernels/page.py, for such arguments."""
     return {one.__name__: (one, given) for one in (page.start, page.stand, page.step)}
 
@@ -65,7 +66,8 @@ def module(functions: Entries) -> bytes:
         WasmError: Numba or LLVM is another one than this was made for; says what failed.
     """
     types = {name: (one.__qualname__, *map(numba.typeof, given)) for name, (one, given) in functions.items()}
-    return kept(__file__, repr(types), lambda: _in_a_child(functions))
+    text = [inspect.getsource(one) for one, _ in functions.values()]
+    return kept(__file__, repr((types, text)), lambda: _in_a_child(functions))
 
 
 def _in_a_child(functions: Entries) -> bytes:
@@ -229,13 +231,19 @@ class Memory:
 
     def __init__(self) -> None:
         self.data = bytearray()
+        self._arrays: dict[int, tuple[Any, int]] = {}  # by their ids: the array, its address
 
     def lay(self, given: tuple[Any, ...]) -> tuple[int, dict[str, int]]:
-        """Lay a function's arguments down; their address, and those of each number and array by name."""
+        """Lay a function's arguments down; their address, and those of each number and array by name.
+
+        An array that is laid down already stays where it is.
+        """
         found, where, numbers = list(leaves(given)), dict[str, int](), list[int | float]()
         for name, _, value in found:
             if isinstance(value, np.ndarray):
-                where[name] = self._room(value.tobytes())
+                if id(value) not in self._arrays:
+                    self._arrays[id(value)] = value, self._room(value.tobytes())
+                where[name] = self._arrays[id(value)][1]
         at = BASE + len(self.data) + SLOT * RETURNED
         for i, (name, _, value) in enumerate(found):
             where.setdefault(name, at + SLOT * i)

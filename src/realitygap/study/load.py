@@ -485,6 +485,19 @@ class Run(Plan):
             )
         return f"evaluation {int(who)}", self.study.genotype(self.id, int(who))
 
+    def drive_live(self, who: str | int = "champion", *, height: int = 1150) -> Any:
+        """The page's player, in which the robot can be dragged and its noise changed, in a notebook; `save`
+        writes it. Where the notebook forbids WebAssembly it shows a recorded trial.
+
+        Args:
+            who: "champion", "fittest" or the number of an evaluation.
+            height: of its frame, in pixels.
+
+        Raises:
+            UsageError: there is no such individual.
+        """
+        return lazy.notebook().driven_live(self, who, height)
+
     def replay(
         self,
         who: str | int = "champion",

@@ -493,7 +493,7 @@ function openPlayer() {
   const seen = new IntersectionObserver(([one]) => {
     if (!one.isIntersecting) return;
     seen.disconnect();
-    if (now.position === 0 && !now.playing) play(true);
+    if (now.position === 0 && !now.playing && !root.classList.contains("driving")) play(true);
   }, { threshold: 0.6 });
   seen.observe(byId("player-arena-0"));
 }

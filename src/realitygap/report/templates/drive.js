@@ -1,0 +1,347 @@
+// Drive it yourself: the simulation's own compiled steps, in this page's memory. Lengths in cm.
+const MANY = 40; // futures
+const AHEAD = 60; // steps of each
+const TAIL = 600; // steps of the track that stay
+const WRONG = "#d1492e";
+
+async function unzip(text) {
+  const zipped = new Blob([bytesOf(text)]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(zipped).arrayBuffer());
+}
+
+// A task's robot under network n.
+class Live {
+  static async load(told) {
+    const image = await unzip(told.memory);
+    const kernels = await Promise.all(told.kernels.map(async (text) => WebAssembly.compile(await unzip(text))));
+    const robots = Object.entries(told.tasks).map(async ([name, facts]) => {
+      const memory = new WebAssembly.Memory({ initial: Math.ceil((told.base + image.length) / 65536) });
+      const parts = facts.kernels.map((one) => WebAssembly.instantiate(kernels[one], { env: { __linear_memory: memory } }));
+      const exports = Object.assign({}, ...(await Promise.all(parts)).map((one) => one.exports));
+      new Uint8Array(memory.buffer).set(image, told.base);
+      return [name, new Live(facts, exports, memory.buffer)];
+    });
+    return Object.fromEntries(await Promise.all(robots));
+  }
+
+  constructor(facts, exports, buffer) {
+    Object.assign(this, facts, { exports, buffer });
+    const see = (name, Kind, many) => new Kind(buffer, facts.where[name], many);
+    for (const name of ["n", "stream", "k", "many"]) this["_" + name] = see(name, BigUint64Array, 1);
+    this.level = see("world.level", Float64Array, 1);
+    this.from = see("scratch.start", Float64Array, 3);
+    this._pose = see("scratch.state.pose", Float64Array, 3);
+    this._readings = see("scratch.readings", Float64Array, facts.sensors);
+    this._inputs = see("scratch.state.inputs", Int32Array, facts.inputs);
+    this._outputs = see("scratch.state.outputs", Int32Array, 5 * facts.neurons);
+    this._sizes = see("nets.neurons", BigInt64Array, facts.runs.length);
+    this.path = ["path.x", "path.y", "path.contact"].map((name) => see(name, Float64Array, facts.steps));
+    this._state = new Uint8Array(buffer, facts.where["scratch.state.pose"], facts.at - facts.where["scratch.state.pose"]);
+  }
+
+  choose(run) {
+    this._n[0] = BigInt(this.runs.indexOf(run));
+  }
+
+  start(seed) {
+    [this._stream[0], this._k[0]] = [BigInt(seed), 0n];
+    this.exports.start(this.at);
+  }
+
+  // At rest; says whether the body fits.
+  stand({ x, y, heading }) {
+    this.from.set([x, y, heading]);
+    this._k[0] = 0n;
+    this.exports.stand(this.at);
+    return this.path[2][0] === 0;
+  }
+
+  step(many = 1) {
+    this._many[0] = BigInt(many);
+    this.exports.step(this.at);
+    this._k[0] += BigInt(many);
+  }
+
+  get k() {
+    return Number(this._k[0]);
+  }
+
+  get pose() {
+    const [x, y, heading] = this._pose;
+    return { x, y, heading };
+  }
+
+  // What the last step read, and what its network put out.
+  get inside() {
+    const neurons = Number(this._sizes[Number(this._n[0])]);
+    const outputs = [...this._outputs.slice(4 * neurons, 5 * neurons)]; // the row of the last update
+    return { readings: [...this._readings], commands: outputs.slice(0, 2), outputs: [...this._inputs, ...outputs] };
+  }
+
+  // What `look` finds; afterwards all is as it was.
+  aside(look) {
+    const [state, k, stream] = [this._state.slice(), this._k[0], this._stream[0]];
+    const found = look((seed) => {
+      this._state.set(state);
+      [this._k[0], this._stream[0]] = [k, seed ?? stream];
+    });
+    this._state.set(state);
+    [this._k[0], this._stream[0]] = [k, stream];
+    return found;
+  }
+
+  // Courses from here on, each under noise of its own.
+  futures() {
+    const many = Math.min(AHEAD, this.steps);
+    return this.aside((back) =>
+      Array.from({ length: MANY }, (_, t) => {
+        back(BigInt(t + 1) << 32n);
+        this.step(many);
+        return [this.path[0].slice(0, many), this.path[1].slice(0, many)];
+      }),
+    );
+  }
+}
+
+function openDrive() {
+  const source = byId("drive-data");
+  if (!source) return;
+  const data = JSON.parse(byId("player-data").textContent);
+  const [root, deck, canvas] = ["player", "player-deck", "player-arena-0"].map(byId);
+  const [open, noise, play] = ["open", "noise", "play"].map((name) => byId(`drive-${name}`));
+  const lists = ["task", "noise", "run"].map((name) => byId(`player-${name}`));
+  const on = () => root.classList.contains("driving");
+  let robots = null;
+  let shown = null; // what is chosen, and what shows it
+  let seed = 1;
+  let now = null; // a drive: its track so far, what is inside, what is held
+
+  async function enter() {
+    try {
+      robots ??= await Live.load(JSON.parse(source.textContent));
+    } catch (error) {
+      byId("drive-lost").hidden = false;
+      byId("drive-lost").textContent = `This browser does not run the simulation (${error.message}): the recorded drives remain.`;
+      return;
+    }
+    if (byId("player-play").classList.contains("on")) byId("player-play").click();
+    root.classList.add("driving");
+    choose();
+  }
+
+  function choose(pose = null) {
+    const [t, n, r] = lists.map((list) => list.selectedIndex);
+    const task = data.tasks[t];
+    const run = task.noises[n].runs[r];
+    const live = robots[task.name];
+    byId("drive-lost").hidden = live !== undefined;
+    if (!live) byId("drive-lost").textContent = "Trials of this task draw a robot's constants anew: it cannot be driven here.";
+    if (!live) return leave();
+    live.choose(run.link);
+    live.level[0] = Number(noise.value);
+    const tracks = run.trials.filter((one) => one.driven).map((one) => openTrack(one.driven, task.unit_cm));
+    shown = {
+      task, live, tracks, colour: task.noises[n].colour,
+      readings: makeReadings(byId("player-readings-0"), task.sensors),
+      commands: makeCommands(byId("player-commands-0")),
+      network: makeNetwork(byId("player-network-0"), run.network, data.robot),
+    };
+    root.style.setProperty("--noise", shown.colour);
+    begin(pose);
+    document.dispatchEvent(new CustomEvent("drivechoice", { detail: { live, task, run, again: () => choose(now.track.at(-1)) } }));
+  }
+
+  function leave() {
+    root.classList.remove("driving");
+    now = null;
+    lists[2].dispatchEvent(new Event("change")); // the recorded drives, as they were
+    open.textContent = "Drive it yourself";
+  }
+
+  // From a pose, or from a start of the task's own.
+  function begin(pose = null, playing = now ? now.playing : !still.matches) {
+    const { live } = shown;
+    live.start(seed);
+    if (pose) live.stand(pose);
+    const from = live.pose;
+    const apart = ({ x, y }) => Math.hypot(x - from.x, y - from.y);
+    const near = shown.tracks.filter((one) => one.pose(0)).sort((a, b) => apart(a.pose(0)) - apart(b.pose(0)));
+    now = { track: [from], due: 0, playing, held: null, fan: [], ghost: near[0], before: performance.now(), own: pose };
+    open.textContent = "Watch them drive";
+    byId("drive-ghost").textContent = near[0] ? `Faint: the ${near[0].who}, from its start nearest to this one.` : "";
+    look();
+    rest();
+  }
+
+  // What the sensors read here; what may follow.
+  function look() {
+    now.inside = shown.live.aside(() => (shown.live.step(), shown.live.inside));
+    now.fan = now.held?.bad ? [] : shown.live.futures();
+  }
+
+  function rest(playing = now.playing) {
+    Object.assign(now, { playing, before: performance.now() });
+    play.textContent = playing ? "Pause" : "Play";
+    if (playing) now.fan = [];
+    else look();
+    show();
+    requestAnimationFrame(tick);
+  }
+
+  function tick(time) {
+    const drive = now;
+    if (!on() || !drive?.playing || drive.held || drive.ticking === time) return;
+    drive.ticking = time;
+    const gone = Math.min(Math.max(time - drive.before, 0), 250) / 1000;
+    drive.before = time;
+    for (drive.due += (gone * Number(byId("player-speed").value)) / data.step_s; drive.due >= 1; drive.due--) {
+      shown.live.step();
+      drive.track.push(shown.live.pose);
+      drive.inside = shown.live.inside;
+      if (drive.track.length > TAIL) drive.track.shift();
+    }
+    show();
+    requestAnimationFrame(tick);
+  }
+
+  function show() {
+    if (!on() || !now) return;
+    const { task, live, colour } = shown;
+    const { held, inside, fan } = now;
+    const paint = colours();
+    const stage = (now.stage = openStage(canvas, task.arena));
+    const track = { steps: now.track.length - 1, pose: (k) => now.track[k] };
+    const share = now.playing && !still.matches ? now.due - 1 : 0; // a step behind, so that it is between two
+    const pose = held ?? poseBetween(track, Math.max(0, track.steps + share));
+    const look = { colour, width: 1.1, alpha: 1, dash: [], body: held?.bad ? WRONG : paint.body };
+    drawArena(stage, task.arena, paint);
+    if (byId("player-rays").checked) drawRays(stage, task.arena, task.sensors, pose, inside.readings, paint);
+    if (now.ghost) drawCourse(stage, now.ghost, look, paint);
+    if (byId("player-tails").checked && !held) drawTail(stage, track, track.steps, look, data.robot.front);
+    drawFan(stage, fan, pose, colour);
+    drawRobot(stage, data.robot, pose, look, paint);
+    drawSensors(stage, task.sensors, pose, inside.readings, paint);
+    shown.readings(inside.readings);
+    shown.commands(inside.commands);
+    shown.network(inside.outputs);
+    byId("player-who-0").textContent = "yours to drive";
+    byId("player-score-0").textContent = held?.bad ? "no room here" : `${(live.k * data.step_s).toFixed(1)} s, seed ${seed}`;
+    canvas.setAttribute("aria-label", `Your robot at ${written(pose.x)}, ${written(pose.y)} cm${held?.bad ? ": no room" : ""}`);
+  }
+
+  // Holds the robot at a pose, and shows what would follow.
+  function hold(pose) {
+    const bad = !shown.live.stand(pose);
+    now.held = { ...now.held, ...pose, bad };
+    look();
+    show();
+  }
+
+  function drop() {
+    const { held, track } = now;
+    clearTimeout(now.timer);
+    begin(held.bad ? (track.at(-1) ?? null) : held);
+    byId("player-said").textContent = canvas.getAttribute("aria-label");
+  }
+
+  // Moves it by so much, and lets go of it if nothing follows.
+  function nudge(x, y, turn) {
+    const at = now.held ?? now.track.at(-1);
+    clearTimeout(now.timer);
+    hold({ x: at.x + x, y: at.y + y, heading: at.heading + turn });
+    now.timer = setTimeout(() => on() && now?.held && drop(), 700);
+  }
+
+  function spot(event) {
+    const box = canvas.getBoundingClientRect();
+    const { scale, x, y } = now.stage;
+    return { x: (event.clientX - box.left - x(0)) / scale, y: (y(0) - (event.clientY - box.top)) / scale };
+  }
+
+  function drag(event) {
+    if (!on() || !now.held || now.held.id === undefined) return;
+    const [at, { x, y, id, off, heading }] = [spot(event), now.held];
+    // The pointer moves it; with shift, and of a second finger, it looks at the pointer.
+    if (event.shiftKey || event.pointerId !== id) hold({ x, y, heading: Math.atan2(at.y - y, at.x - x) });
+    else hold({ x: at.x + off.x, y: at.y + off.y, heading });
+  }
+
+  root.addEventListener("click", (event) => on() && deck.contains(event.target) && event.stopPropagation(), true);
+  canvas.addEventListener("pointerdown", (event) => {
+    if (!on()) return;
+    canvas.setPointerCapture(event.pointerId);
+    const [at, is] = [spot(event), now.track.at(-1)];
+    const near = Math.hypot(at.x - is.x, at.y - is.y) < 1.3 * data.robot.radius || event.shiftKey;
+    const off = near ? { x: is.x - at.x, y: is.y - at.y } : { x: 0, y: 0 };
+    if (now.held?.id === undefined) now.held = { ...is, id: event.pointerId, off };
+    drag(event);
+  });
+  canvas.addEventListener("pointermove", drag);
+  for (const name of ["pointerup", "pointercancel"])
+    canvas.addEventListener(name, (event) => on() && now.held?.id === event.pointerId && drop());
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      if (!on()) return;
+      event.preventDefault();
+      nudge(0, 0, event.deltaY * 0.003);
+    },
+    { passive: false },
+  );
+  const KEYS = { ArrowLeft: [-1, 0, 1], ArrowRight: [1, 0, -1], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0] };
+  document.addEventListener(
+    "keydown",
+    (event) => {
+      if (!on()) return;
+      event.stopImmediatePropagation(); // the recorded drives stay where they are
+      const free = event.target === document.body || event.target === deck;
+      if (!free || event.ctrlKey || event.altKey || event.metaKey) return;
+      const [x, y, turn] = KEYS[event.key] ?? [];
+      if (event.key === " ") rest(!now.playing);
+      else if (x === undefined) return;
+      else if (event.shiftKey) nudge(0, 0, (turn * Math.PI) / 36);
+      else nudge(x, y, 0);
+      event.preventDefault();
+    },
+    true,
+  );
+  open.addEventListener("click", () => (on() ? leave() : enter()));
+  play.addEventListener("click", () => rest(!now.playing));
+  byId("drive-new").addEventListener("click", () => {
+    seed++;
+    begin();
+  });
+  byId("drive-again").addEventListener("click", () => begin(now.own));
+  noise.addEventListener("input", () => {
+    byId("drive-level").textContent = Number(noise.value).toFixed(1);
+    shown.live.level[0] = Number(noise.value);
+    if (!now.playing) rest();
+  });
+  for (const list of lists) list.addEventListener("change", () => on() && choose());
+  for (const name of ["rays", "tails"]) byId(`player-${name}`).addEventListener("change", show);
+  window.addEventListener("resize", show);
+  window.addEventListener("hashchange", () => on() && choose());
+  document.addEventListener("themechange", show);
+  open.hidden = false;
+  if (location.hash === "#drive" || source.dataset.open) enter();
+}
+
+function drawFan(stage, courses, pose, colour) {
+  const { pen, x, y } = stage;
+  pen.strokeStyle = pen.fillStyle = colour;
+  for (const [xs, ys] of courses) {
+    pen.globalAlpha = 0.4;
+    pen.lineWidth = 1.2;
+    pen.beginPath();
+    pen.moveTo(x(pose.x), y(pose.y));
+    xs.forEach((cm, k) => pen.lineTo(x(cm), y(ys[k])));
+    pen.stroke();
+    pen.globalAlpha = 0.9;
+    pen.beginPath();
+    pen.arc(x(xs.at(-1)), y(ys.at(-1)), 2.2, 0, 2 * Math.PI);
+    pen.fill();
+  }
+  pen.globalAlpha = 1;
+}
+
+openDrive();
