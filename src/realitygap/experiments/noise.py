@@ -113,9 +113,9 @@ class NoiseConfig(Settings):
         seed: random seed.
         tasks: of the paper, one or both: the score's exemplars are for them.
         seconds: length of a trial; the task's own if None.
-        robot: instead of the twin, `stranger` or `enki:MODEL` with its units; or one of your own,
-            `file.py:Class` or `module:Class`, as the only unit.
-        base: the approximate profile of your own robot, by name or file.
+        robot: instead of the twin, `stranger` or `enki:MODEL` with its units; or as the only unit one of your
+            own, `file.py:Class` or `module:Class`, or readings recorded of one, `table:PROFILE`.
+        base: the approximate profile of your own robot, by name or file; of recorded readings their profile.
         arena: another than the task's, by name or file, if there is one task; for a larger robot.
 
     Raises:
@@ -180,8 +180,10 @@ class NoiseConfig(Settings):
             object.__setattr__(self, "robot", None if model == "twin" else model)
             return
         cure = "For one that a person carries, use record, calibrate, evolve and transfer, one by one."
-        form = f"twin, stranger, enki:MODEL, or {own}"
-        require(address.kind == "own", "robot", form, robot, "" if address.port is None else cure)
+        form = f"twin, stranger, enki:MODEL, table:PROFILE, or {own}"
+        require(address.is_file, "robot", form, robot, "" if address.port is None else cure)
+        if address.kind == "table":
+            object.__setattr__(self, "base", self.base or address.rest)
         rough = f"the rough profile of {robot}: its radius, heights, top command and speed"
         require(isinstance(self.base, str), "base", rough, self.base)
         alone = "1 with a robot of your own, which is the only unit"
@@ -189,7 +191,9 @@ class NoiseConfig(Settings):
         quiet = "1 with a robot of your own, which has its own noise"
         require(self.twin_noise == 1, "twin_noise", quiet, self.twin_noise)
         file = place_of(robot)
-        if file is not None:
+        if address.kind == "table":
+            object.__setattr__(self, "robot", f"table:{_whole_path(address.rest)}")
+        elif file is not None:
             object.__setattr__(self, "robot", placed(robot, file[0].resolve()))
         object.__setattr__(self, "base", _whole_path(str(self.base)))
 

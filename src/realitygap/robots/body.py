@@ -155,6 +155,7 @@ class Body(ABC):
         read_at: when what `sense` gives arrived, by its clock: of a body whose line may miss a step.
         infrared_grid: (bearings, distances in cm) of the infrared's plan (`record`), if not the usual ones:
             of a body that is set down at many places in no time.
+        infrared_objects: of its plan, if not both: of a body that knows of one only.
     """
 
     channels: tuple[Channel, ...]
@@ -166,6 +167,7 @@ class Body(ABC):
     pose: Pose | None = None
     read_at: float | None = None
     infrared_grid: tuple[int, tuple[float, ...]] | None = None
+    infrared_objects: tuple[str, ...] = ("wall", "cylinder")
 
     @abstractmethod
     def reset(self, pose: Pose | None = None) -> None:
