@@ -19,6 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from common import told
+from parts import Individual, genes_of
 
 from realitygap.correspondence.setting import Setting
 from realitygap.experiments.experiment import write_table
@@ -84,24 +85,6 @@ def design(arm: str, **changes: Any) -> Design:
     return replace(made, foreign=min(made.foreign, made.units - 1))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Individual(Controller):
-    """A run's champion, or its fittest of the last population."""
-
-    individual: str = "champion"
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """The names of the streams of its trials."""
-        return (*super().key, *(() if self.individual == "champion" else (self.individual,)))
-
-    @property
-    def name(self) -> str:
-        """Its name in files and messages."""
-        who = "" if self.individual == "champion" else f"-{self.individual}"
-        return f"{self.task}-set-{self.seed_set}-level-{self.level!r}-run-{self.run}{who}"
-
-
 class SecondStudy(NoiseExperiment):
     """Its design: sixteen units, two sets of seeds, starts of each unit's own, two individuals a run."""
 
@@ -147,12 +130,8 @@ class SecondStudy(NoiseExperiment):
         return f"{pair.unit}.{pair.start}"
 
     def genes(self, one: Controller) -> Any:
-        """Its run's champion, or the highest stored fitness of the last population (the first of equals)."""
-        if one.individual == "champion" or one in self.known:
-            return super().genes(one)
-        study = self.study(one.study)
-        last = study.state(study.run(one.run_name).id)
-        return last.genes[np.argmax(last.fitness)]
+        """Of its run's champion, or its fittest."""
+        return super().genes(one) if one in self.known else genes_of(one, self.study(one.study))
 
     def keep(self, track: Track, made: Recording, task: Any) -> dict[str, Any]:
         """Paths, and in single precision what the robot read and did."""

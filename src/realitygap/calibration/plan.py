@@ -353,7 +353,8 @@ def tasks_of(plan: Plan, body: Body) -> list[Task]:
     bearings, distances = plan.grid(body)
     if plan.kind in ("infrared", "all"):
         shape = base.body if base else KHEPERA
-        names = (plan.object,) if plan.object else ("wall", CYLINDER)
+        whole = {"wall": "wall", "cylinder": CYLINDER}
+        names = (plan.object,) if plan.object else tuple(whole[one] for one in body.infrared_objects)
         tasks += [infrared_task(one, shape, plan.reflectance, bearings, distances) for one in names]
     if plan.kind in ("ambient", "all"):
         tasks.append(ambient_task())

@@ -130,9 +130,11 @@ def _known_of(robot: str, base: str | None = None) -> dict[str, Any]:
     with closing(Address.parse(str(robot)).open()) as body:
         tasks_of(plan, body)
         kinds = {one.name for one in body.channels} | ({TURNS} if body.counts_turns else set())
-        grid = body.infrared_grid
+        grid, objects = body.infrared_grid, body.infrared_objects
     places = {"bearings": grid[0], "distances_cm": list(grid[1])} if grid else {}
-    return {"robot": robot, "parts": [name for name in PARTS if NEEDS[_kind_of(name)] in kinds], **places}
+    parts = [name for name in PARTS if NEEDS[_kind_of(name)] in kinds]
+    parts = [name for name in parts if _kind_of(name) != "infrared" or name.partition("-")[2] in objects]
+    return {"robot": robot, "parts": parts, **places}
 
 
 def _kind_of(part: str) -> str:

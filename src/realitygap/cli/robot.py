@@ -58,7 +58,7 @@ def robot() -> None:
     type=options.ROBOT,
     required=True,
     help="khepera:PORT, epuck:PORT, epuck2:HOST, thymio:PORT, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, "
-    "or a body of your own, file.py:Class.",
+    "table:PROFILE (recorded readings, replayed), or a body of your own, file.py:Class.",
 )
 @options.baud
 @options.profile(says=" Gives the speed of its commands, for the movement; omitted: the robot's own base.")
@@ -331,8 +331,8 @@ class Reflectance(click.FloatRange):
     "--robot",
     type=options.ROBOT,
     required=True,
-    help="twin:UNIT, stranger:UNIT or enki:MODEL:UNIT (placed by the program), serial:PORT, epuck:PORT, "
-    "epuck2:HOST or thymio:PORT (placed by you), or a body of your own, file.py:Class.",
+    help="twin:UNIT, stranger:UNIT, enki:MODEL:UNIT or table:PROFILE (placed by the program), serial:PORT, "
+    "epuck:PORT, epuck2:HOST or thymio:PORT (placed by you), or a body of your own, file.py:Class.",
 )
 @click.option(
     "--plan",

@@ -67,7 +67,8 @@ class TransferSettings(TypedDict):
     required=True,
     metavar="R",
     help="twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, epuck2:HOST, "
-    "thymio:PORT, or a body of your own, file.py:Class; may be repeated.",
+    "thymio:PORT, table:PROFILE (recorded readings, replayed), or a body of your own, file.py:Class; may be "
+    "repeated.",
 )
 @options.starts(type=options.Whole(1), default=1, help="Trials of each run, each from its own start.")
 @click.option(
@@ -237,7 +238,8 @@ def _stopped(stop: BaseException, kept: Path) -> str:
     "--robot",
     type=options.ROBOT,
     default="twin:1",
-    help="It must place itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2) or FILE.py:CLASS.",
+    help="It must place itself: twin:UNIT, stranger:UNIT, enki:khepera (epuck, thymio2), table:PROFILE or "
+    "FILE.py:CLASS.",
 )
 @options.pose()
 @options.starts(type=options.Whole(1), default=1, help="Trials, each from a start that the task draws.")

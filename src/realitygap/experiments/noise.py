@@ -113,9 +113,9 @@ class NoiseConfig(Settings):
         seed: random seed.
         tasks: of the paper, one or both: the score's exemplars are for them.
         seconds: length of a trial; the task's own if None.
-        robot: instead of the twin, `stranger` or `enki:MODEL` with its units; or one of your own,
-            `file.py:Class` or `module:Class`, as the only unit.
-        base: the approximate profile of your own robot, by name or file.
+        robot: instead of the twin, `stranger` or `enki:MODEL` with its units; or as the only unit one of your
+            own, `file.py:Class` or `module:Class`, or readings recorded of one, `table:PROFILE`.
+        base: the approximate profile of your own robot, by name or file; of recorded readings their profile.
         arena: another than the task's, by name or file, if there is one task; for a larger robot.
 
     Raises:
@@ -180,8 +180,10 @@ class NoiseConfig(Settings):
             object.__setattr__(self, "robot", None if model == "twin" else model)
             return
         cure = "For one that a person carries, use record, calibrate, evolve and transfer, one by one."
-        form = f"twin, stranger, enki:MODEL, or {own}"
-        require(address.kind == "own", "robot", form, robot, "" if address.port is None else cure)
+        form = f"twin, stranger, enki:MODEL, table:PROFILE, or {own}"
+        require(address.is_file, "robot", form, robot, "" if address.port is None else cure)
+        if address.kind == "table":
+            object.__setattr__(self, "base", self.base or address.rest)
         rough = f"the rough profile of {robot}: its radius, heights, top command and speed"
         require(isinstance(self.base, str), "base", rough, self.base)
         alone = "1 with a robot of your own, which is the only unit"
@@ -189,7 +191,9 @@ class NoiseConfig(Settings):
         quiet = "1 with a robot of your own, which has its own noise"
         require(self.twin_noise == 1, "twin_noise", quiet, self.twin_noise)
         file = place_of(robot)
-        if file is not None:
+        if address.kind == "table":
+            object.__setattr__(self, "robot", f"table:{_whole_path(address.rest)}")
+        elif file is not None:
             object.__setattr__(self, "robot", placed(robot, file[0].resolve()))
         object.__setattr__(self, "base", _whole_path(str(self.base)))
 
@@ -353,7 +357,7 @@ class NoiseExperiment:
 
     Every draw is a function of names alone, so that neither the order of work nor the rest of the experiment
     affects results. What another design may change is a method of its own: `controllers`, `driven`, `seed`,
-    `start_poses`, `genes`, `keep`, `cell`, and the tables' rows.
+    `start_poses`, `calibrate`, `ruler`, `genes`, `keep`, `cell`, and the tables' rows.
     """
 
     def __init__(self, folder: Path, config: NoiseConfig) -> None:
@@ -423,6 +427,23 @@ class NoiseExperiment:
     def profile_file(self, unit: int) -> Path:
         """A unit's calibration."""
         return calibration_folder(self.folder, unit) / recorded.PROFILE
+
+    def calibrate(self, unit: int, workers: Workers, report: Recorded) -> None:
+        """Make a unit's profile with the experiment's twin noise, which belongs to the unit."""
+        config = self.config
+        where: dict[str, Any] = {
+            "folder": calibration_folder(self.folder, unit), "workers": workers, "on_progress": report,
+            "seed": named_stream(config.seed, "calibration", unit) >> 1,
+        }  # fmt: skip
+        if config.base is not None:
+            recorded.calibrated_robot(robot=config.address(unit), base=config.base, **where)
+            return
+        who = unit if config.robot is None else config.address(unit)
+        recorded.calibrated_unit(unit=who, noise=config.twin_noise, **where)
+
+    def ruler(self, unit: int) -> Profile:
+        """The robot as which a unit's tracks are scored."""
+        return self.profile(unit)
 
     def evolution(self, study: str) -> StudyConfig:
         """The configuration of a study of evolution, in the simulation of its calibration unit."""
@@ -530,7 +551,7 @@ class NoiseExperiment:
 
     def seen(self, one: Controller, driven: Driven) -> tuple[dict[Pair, Trial], dict[int, float], int]:
         """Comparable trials on the robot, mean fitness on each unit, and the number of lost ones."""
-        task, robot = self.task(one.task), self.profile(one.home)
+        task, robot = self.task(one.task), self.ruler(one.home)
         trials: dict[Pair, Trial] = {}
         fitness: dict[int, list[float]] = {unit: [] for unit in driven.units}
         pairs = [Pair(unit, k) for unit in driven.units for k in range(1, driven.poses.shape[1] + 1)]
@@ -794,27 +815,15 @@ def _carry_out(
     )  # fmt: skip
     work = Phases(made.folder, pool, phases, on_progress)
 
-    def record(unit: int, report: Recorded) -> None:
-        """Make a unit's profile with the experiment's twin noise, which belongs to the unit."""
-        place = calibration_folder(made.folder, unit)
-        seed = named_stream(config.seed, "calibration", unit) >> 1
-        if config.base is None:
-            recorded.calibrated_unit(
-                place, unit=unit if config.robot is None else config.address(unit), noise=config.twin_noise,
-                seed=seed, workers=recorders, on_progress=report,
-            )  # fmt: skip
-        else:
-            recorded.calibrated_robot(
-                place, robot=config.address(unit), base=config.base, seed=seed, workers=recorders,
-                on_progress=report,
-            )  # fmt: skip
-
     def jobs(left: list[Controller], *, compared: bool) -> Iterator[Job]:
         for one in left:
             paths = made.driven_file(one).read_bytes() if compared and far(pool) else b""
             yield Job(one, made.genes(one), paths if compared else None)
 
-    work.calibrate(calibrating, uncalibrated, record, len(recorded.PARTS) + 1)
+    work.calibrate(
+        calibrating, uncalibrated, lambda unit, report: made.calibrate(unit, recorders, report),
+        len(recorded.PARTS) + 1,
+    )  # fmt: skip
     evolution = (
         (made.evolved_folder(name), made.evolution(name), len(runs)) for name, runs in studies.items()
     )

@@ -23,12 +23,13 @@ ADDRESSES = {
     "epuck:PORT, epuck2:PORT": "an e-puck or e-puck2 on a serial port",
     "epuck2:HOST[:TCPPORT]": "an e-puck2 over WiFi",
     "thymio:PORT, thymio:HOST:PORT": "a Thymio II on a cable or a dongle, or simulated",
+    "table:PROFILE": "readings recorded of a robot, replayed: a profile with look-up tables",
     "FILE.py:CLASS, MODULE:CLASS": "a body of your own",
 }
 """What each form of an address means; a unit or a model may be left out."""
 FORMS = (
     "twin, twin:UNIT, stranger:UNIT, enki:MODEL:UNIT, khepera:PORT, serial:PORT, epuck:PORT, "
-    "epuck2:HOST, thymio:PORT, file.py:Class or module:Class"
+    "epuck2:HOST, thymio:PORT, table:PROFILE, file.py:Class or module:Class"
 )
 
 OPENERS = {
@@ -40,6 +41,7 @@ OPENERS = {
     "epuck": "realitygap.robots.epuck:opened",
     "epuck2": "realitygap.robots.epuck:opened_second",
     "thymio": "realitygap.robots.thymio:opened",
+    "table": "realitygap.simulation.table:opened",
 }
 """What opens each kind of robot, loaded when needed; any other prefix is a user's file or module."""
 OWN = "realitygap.robots.body:opened"
@@ -139,7 +141,12 @@ class Address:
     @property
     def port(self) -> str | None:
         """Where a robot's line is; None for one without."""
-        return self.rest if self.unit is None and self.kind != "own" else None
+        return self.rest if self.unit is None and not self.is_file else None
+
+    @property
+    def is_file(self) -> bool:
+        """Whether it is a file of this machine: a body of your own, or readings that were recorded."""
+        return self.kind in ("own", "table")
 
     def __str__(self) -> str:
         return self.rest if self.kind == "own" else f"{self.kind}:{self.rest}"
@@ -148,8 +155,11 @@ class Address:
         """Name of its folder: twin-1, enki-epuck-1-noise-2 (its noise scale), serial-ttyUSB0, mine-Five."""
         if self.unit is None:
             place, _, name = self.rest.rpartition(":")
+            path = Path(self.rest)
             words = (
-                f"{Path(place).stem}-{name}" if self.kind == "own" else f"{self.kind}-{Path(self.rest).name}"
+                f"{Path(place).stem}-{name}"
+                if self.kind == "own"
+                else f"{self.kind}-{path.stem if self.is_file else path.name}"
             )
             return re.sub(r"[^A-Za-z0-9._-]", "-", words)
         short = f"{twin_noise:g}"

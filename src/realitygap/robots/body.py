@@ -157,6 +157,7 @@ class Body(ABC):
             may stall.
         infrared_grid: (bearings, distances in cm) of the infrared's plan (`record`), if not the usual ones:
             of a body that is set down at many places in no time.
+        infrared_objects: of its plan, if not both: of a body that knows of one only.
     """
 
     channels: tuple[Channel, ...]
@@ -169,6 +170,7 @@ class Body(ABC):
     read_at: float | None = None
     stalls: Sequence[float] = ()
     infrared_grid: tuple[int, tuple[float, ...]] | None = None
+    infrared_objects: tuple[str, ...] = ("wall", "cylinder")
 
     @abstractmethod
     def reset(self, pose: Pose | None = None) -> None:

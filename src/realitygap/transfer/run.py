@@ -459,7 +459,7 @@ def _by_themselves(
         return
     away, here = far(pool), TrialWorker(study, place, place)
     for spec in todo if away else ():
-        own = spec.controller or (spec.robot if spec.robot.kind == "own" else None)
+        own = spec.controller or (spec.robot if spec.robot.is_file else None)
         if own is not None:
             raise UsageError(
                 f"{own}: expected one that the cluster's workers have too: its file is on this "

@@ -145,7 +145,7 @@ def trial_specs(study: Study, options: Transfer) -> Iterator[TrialSpec]:
                 seed=seed,
                 start=start,
                 seconds=round(steps * study.profile.period_s, 6),
-                baud=None if robot.kind == "own" else BAUD if options.baud is None and twin else options.baud,
+                baud=None if robot.is_file else BAUD if options.baud is None and twin else options.baud,
                 stream=transfer_stream(seed, run, start),
                 source=source,
                 view=options.view,
