@@ -384,7 +384,6 @@ def _with_doubts(trials: Sequence[Trial]) -> list[Trial]:
     found = f"{trials[0].source}: heading_deg contradicts the way from row to row"
     if best > EXPLAINS and best > as_is + BETTER:
         raise TrackError(f"{found}: {cure}.")
-    if as_is >= CONTRADICTS:
     far = max(float(np.abs((trial.x, trial.y)).max()) for trial in trials)
     doubt = ""
     if as_is < CONTRADICTS:
