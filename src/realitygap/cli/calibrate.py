@@ -122,10 +122,8 @@ def _facts(made: Calibration) -> dict[str, object]:
         "wheels": {
             "form": made.wheels.form,
             "rmse": made.wheels.rmse,
-            "held_out_speeds": {
-                "constant": made.wheels.law.constant, "curve": made.wheels.law.curve,
-                "chosen": made.wheels.law.chosen,
-            },
+            "held_out_speeds": {key: getattr(made.wheels.law, key) for key in ("constant", "curve", "chosen")}
+            if made.wheels.law else None,
             "held_out_ends": made.wheels.odometry.held_out if made.wheels.odometry else None,
             "base_ends": made.wheels.odometry.by_base if made.wheels.odometry else None,
             "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in made.wheels.alike],

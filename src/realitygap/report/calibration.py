@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from realitygap.calibration.calibrate import Calibration, ChannelFit
+    from realitygap.calibration.law import Law
     from realitygap.calibration.wheels import WheelFit
+    from realitygap.world.robot import Profile
 
 __all__ = [
     "REAL", "TITLES", "calibrated_part", "calibration_figures", "curves_figure", "look_of",
@@ -81,9 +83,9 @@ def calibration_figures(made: Calibration) -> Figures:
         if made.wheels.rmse:
             draw = partial(steps_figure, made.wheels, driven[0])
             figures.add("wheels-steps", draw, "Speed steps, measured and modelled.")
-        if made.wheels.law is not None and len(made.wheels.law.holds):
+        if (law := made.wheels.law) is not None and len(law.holds):
             alt = "Settled speed over command, measured and fitted."
-            figures.add("wheels-law", partial(law_figure, made.wheels), alt)
+            figures.add("wheels-law", partial(law_figure, made.wheels.profile, law), alt)
         if made.wheels.odometry is not None and len(made.wheels.odometry.ways):
             figures.add("wheels-slip", partial(slip_figure, made.wheels), "Camera minus counters.")
     return figures
@@ -253,11 +255,11 @@ def steps_figure(fit: WheelFit, recording: WheelRecording) -> Figure:
     return figure
 
 
-def law_figure(fit: WheelFit) -> Figure:
+def law_figure(profile: Profile, law: Law) -> Figure:
     """Settled speeds, a dot a hold of a command, and the law that was fitted."""
     figure = new_figure(PAGE, 2.6, layout="constrained")
-    axes, wheels = figure.subplots(), fit.profile.wheels
-    wheel, command, speed, _ = fit.law.holds.T
+    axes, wheels = figure.subplots(), profile.wheels
+    wheel, command, speed, _ = law.holds.T
     reach = np.abs(command).max()
     asked = np.linspace(-reach, reach, 401)
     settled = wheels.proportional(np.stack([asked, asked], 1)) * np.array(wheels.speed_per_unit_cm_s)
