@@ -43,7 +43,9 @@ config = realitygap.StudyConfig(
 )
 study = realitygap.run_study(folder / "study", config, workers=1)
 for run in study.runs:
-    print(f"{run.name}: best during evolution {run.best_fitness:.2f}, test score {run.fitness:.2f}")
+    print(
+        f"{run.name}: best during evolution {run.best_fitness:.2f}, test score {run.fitness:.2f}"
+    )
 
 # %% [markdown]
 # The best during evolution is the highest of many noisy values, so it flatters; the test score, the

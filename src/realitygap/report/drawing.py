@@ -25,16 +25,7 @@ from realitygap.errors import UsageError
 from realitygap.files import atomic_path
 from realitygap.kernels.types import RAYS, Arena, Robot
 from realitygap.report import style
-from realitygap.report.style import (
-    COLUMN,
-    PAGE,
-    SIMULATED,
-    Look,
-    new_figure,
-    noise_styles,
-    styled,
-    write_figure,
-)
+from realitygap.report.style import COLUMN, PAGE, SIMULATED, Look, new_figure, noise_styles, styled
 from realitygap.tasks.task import Task
 from realitygap.track import Track, Trajectory
 from realitygap.values import Floats, fed
