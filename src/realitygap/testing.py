@@ -409,7 +409,7 @@ class EngineContract:
     def test_wrong_batches_are_refused(self) -> None:
         """Streams that are not a row for each network end in a message, not in a result."""
         for engine, networks, streams in self._engines():
-            mistakes: list[Any] = [streams[1:], streams.astype(np.int64), streams[0]]
+            mistakes: list[Any] = [streams[1:], streams.astype(np.float64), streams[..., np.newaxis]]
             for wrong in mistakes:
                 accepted = f"streams {wrong.dtype}{list(wrong.shape)} were accepted"
                 with TestCase().assertRaises(UsageError, msg=accepted):

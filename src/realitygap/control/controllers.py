@@ -21,6 +21,10 @@ from realitygap.values import Command, shown
 __all__ = ["OwnController", "as_controller", "named_controller", "own_controller"]
 
 
+_rounded: set[str] = set()
+"""Whose commands have been warned about."""
+
+
 class OwnController:
     """What drives a body as `decide(inputs) → (left, right)` says: whole numbers −10 … 10 in and out.
 
@@ -35,7 +39,7 @@ class OwnController:
     def __init__(
         self, decide: Callable[..., Any], reset: Callable[[], Any] | None = None, place: str = "controller"
     ) -> None:
-        self._decide, self._reset, self._place, self._warned = decide, reset, place, False
+        self._decide, self._reset, self._place = decide, reset, place
 
     def reset(self) -> None:
         """Before a trial."""
@@ -62,8 +66,9 @@ class OwnController:
             numbers = False
         if not numbers:
             raise UsageError(f"{self._place}: decide: expected {expected}, got {given!r}.")
-        if not self._warned and (left, right) != tuple(pair):
-            self._warned = True
+        whose = f"{self._place}:{getattr(self._decide, '__qualname__', '')}"
+        if whose not in _rounded and (left, right) != tuple(pair):
+            _rounded.add(whose)
             told = f"decide: expected {expected}, got {given!r}: such commands are rounded and clipped"
             warnings.warn(f"{self._place}: {told}.", RealityGapWarning, stacklevel=2)
         return Command(left=int(left), right=int(right))

@@ -46,9 +46,7 @@ LIT_RAYS_CM = 15.0
 """Only walls end the ambient sensors' rays: a picture shows this much of them."""
 TALLEST = 3.0
 """A figure's arena is at most so many times as high as wide: a longer one is drawn narrower."""
-STAMPS = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}
-"""Metadata left out of each kind of file, so that the same picture has the same bytes."""
-PICTURES = tuple(STAMPS)
+PICTURES = (".png", ".svg", ".pdf")
 FILMS = (".gif", ".mp4")
 DPI = 100
 
@@ -427,13 +425,15 @@ def save_picture(
     path = checked_ending(path, PICTURES)
     scene = Scene.of(task, profile)
     wide = 4.6 if steepness(scene.arena) <= 1 else 3.4
-    with styled():
+
+    def draw() -> Figure:
         figure = new_figure(wide, (wide - 0.6) * steepness(scene.arena) + 0.75, layout="constrained")
         ax = figure.add_subplot()
         draw_path(ax, scene, trajectory)
         ax.set_title(title, loc="left")
-        with atomic_path(path) as spare:
-            figure.savefig(spare, dpi=200, metadata={STAMPS[path.suffix.lower()]: None})
+        return figure
+
+    style.write_figure(draw, path)
     return path
 
 

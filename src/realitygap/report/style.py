@@ -155,14 +155,13 @@ def write_figure(draw: Callable[[], Figure], path: Path, width: float | None = N
 
     `width`, inches, makes it wider or narrower at the same size of text. The same figure, the same bytes.
     """
-    undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None, "Creator": "realitygap"}}
+    stamp = {".pdf": "CreationDate", ".svg": "Date"}.get(path.suffix.lower(), "Software")
     with styled(), matplotlib.rc_context({"svg.fonttype": "path"}), atomic_path(path) as spare:
         figure = draw()
         if width is not None:
             _fit(figure, width)
         cut = {"bbox_inches": "tight", "pad_inches": 0.0} if width is not None else {}
-        metadata = undated.get(path.suffix.lower(), {"Software": None})
-        figure.savefig(spare, dpi=300, metadata=metadata, **cut)  # type: ignore[arg-type]
+        figure.savefig(spare, dpi=300, metadata={stamp: None}, **cut)  # type: ignore[arg-type]
 
 
 def _fit(figure: Figure, width: float) -> None:
