@@ -158,8 +158,8 @@ def test_the_policy_allows_wasm_alone_and_without_it_there_are_recorded_drives(
     browser.until("!document.getElementById('drive-lost').hidden")
     assert "the recorded drives remain" in browser.run("document.getElementById('drive-lost').textContent")
     assert not browser.run(ON)
-    browser.run("document.getElementById('player-play').click()")
-    browser.until("Number(document.getElementById('player-scrub').value) === 20")
+    browser.run("document.getElementById('player-on').click()")
+    assert browser.run("Number(document.getElementById('player-scrub').value)") >= 1
     problems, browser.problems = browser.problems, []
     assert all("Content Security Policy" in one or "wasm" in one.lower() for one in problems)
 
