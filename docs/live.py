@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 import realitygap
 from realitygap import Genotype, Simulation
-from realitygap.report.drive import Driven, drive_data, driven_runs
+from realitygap.report.drive import Driven, drive_json, driven_runs
 from realitygap.report.evolution import Paths, parts_of
 from realitygap.report.page import rendered
 from realitygap.report.player import player_data, player_json, replay_data
@@ -51,9 +51,10 @@ def write_drive(page: Path, there: Path) -> None:
     assert data is not None
     for noises in (task["noises"] for task in data["tasks"]):
         noises.insert(0, noises.pop(1))  # observed noise first
-        trials = (trial for noise in noises for run in noise["runs"] for trial in run["trials"])
-        for one in trials:  # what is recorded is for browsers without WebAssembly
-            one["simulated"] |= dict.fromkeys(("readings", "commands", "outputs"))
+        for run in (run for noise in noises for run in noise["runs"]):
+            run["network"]["links"] = [link for link in run["network"]["links"] if link["works"]]
+            for one in run["trials"]:  # what is recorded is for browsers without WebAssembly
+                one["simulated"] |= dict.fromkeys(("readings", "commands", "outputs"))
     _write(page, "Drive it yourself", DRIVE, data, driven_runs(parts, study.profile))
 
 
@@ -102,12 +103,7 @@ def _evolved(simulation: Simulation, evaluations: int) -> np.ndarray:
 
 
 def _write(page: Path, title: str, lead: str, data: Any, driven: list[Driven], **more: Markup) -> None:
-    drive = drive_data(driven)
-    facts = {
-        "player": Markup(player_json(data)),
-        "drive": drive and Markup(player_json(drive)),
-        "drive_first": True,
-    }
+    facts = {"player": Markup(player_json(data)), "drive": drive_json(driven), "drive_first": True}
     text = rendered("notebook.html.j2", {**facts, "title": title, "lead": lead, **more})
     page.write_text(
         re.sub(r"(?m)^[ \t]+(//.*\n)?|^//.*\n", "", text), "utf-8"

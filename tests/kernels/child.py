@@ -20,6 +20,7 @@ from realitygap.compiled import folder
 from realitygap.control.encoding import Variation
 from realitygap.control.genotype import Genotype
 from realitygap.kernels.rng import substream
+from realitygap.report.drive import Driven, drive_json
 from realitygap.simulation.simulation import Simulation
 from realitygap.tasks import load_task
 from realitygap.twin.body import TwinBody
@@ -77,6 +78,8 @@ if __name__ == "__main__":
         one = Simulation("obstacle-avoidance", "paper")
         course, _ = one.trajectory(Genotype.braitenberg(one.task.feeds).networks(), stream=0, seconds=0.1)
         one.probe(course.end)
+        avoider = Genotype.braitenberg(one.task.feeds)
+        drive_json([Driven(task=one.task, profile=one.profile, runs={"avoider": avoider})])
         twin = TwinBody({"size_cm": [50, 50]}, unit=1)
         twin.advance(1), twin.proximity(), twin.ambient()
     else:

@@ -4,6 +4,7 @@ Here are its figures and numbers; its words are in the templates.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -16,6 +17,7 @@ from realitygap.experiments.reproduction import again
 from realitygap.report.answer import answer_figure, answer_of, caveats, counted
 from realitygap.report.calibration import TITLES, calibrated_part
 from realitygap.report.drawing import Scene, arena_figure, paths_figure, robot_figure, shown_sensors
+from realitygap.report.drive import drive_json, driven_runs
 from realitygap.report.evolution import (
     PER_CONDITION,
     NoiseClass,
@@ -103,8 +105,10 @@ def build_report(study_path: str | PathLike[str], *, on_progress: OnProgress | N
         "versions": {name: ", then ".join(found) for name, found in study.versions().items()},
         "player": Markup("" if data is None else player_json(data)),
     }  # fmt: skip
-    page = folder / "index.html"
-    return write_page(page, "page.html.j2", pictures.figures, facts, on_progress, tables=tables)
+    with ThreadPoolExecutor(1) as beside:  # to compile takes as long as to draw
+        live = beside.submit(drive_json, driven_runs(parts, study.profile))
+        page, told = folder / "index.html", {**facts, "drive": live}
+        return write_page(page, "page.html.j2", pictures.figures, told, on_progress, tables=tables)
 
 
 def figures_of(study: Study) -> Figures:

@@ -7,18 +7,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 
 from realitygap.control.genotype import Genotype
 from realitygap.kernels.trial import new_scratch
 from realitygap.kernels.types import Path
 from realitygap.report.evolution import TaskPart, individual
-from realitygap.report.player import MOST_RUNS, Json
+from realitygap.report.player import MOST_RUNS, Json, player_json
 from realitygap.simulation.simulation import Simulation
 from realitygap.simulation.wasm import BASE, Arguments, Memory, WasmError, entries, module
 from realitygap.tasks.task import Task
 from realitygap.world.robot import Profile
 
-__all__ = ["Driven", "drive_data", "driven_runs"]
+__all__ = ["Driven", "drive_json", "driven_runs"]
 
 READ = (
     "world.level", "nets.neurons", "nets.thresholds", "nets.sensor_links", "n", "stream", "k", "many",
@@ -53,8 +54,9 @@ def driven_runs(parts: Iterable[TaskPart], profile: Profile) -> list[Driven]:
     return found
 
 
-def drive_data(driven: Iterable[Driven]) -> Json | None:
-    """A page's own simulation of tasks; None, with a warning, where it cannot be compiled."""
+def drive_json(driven: Iterable[Driven]) -> Markup | None:
+    """A page's own simulation of tasks as text for a script element, empty without any; None, with a warning,
+    where it cannot be compiled."""
     memory, kernels = Memory(), dict[bytes, int]()
     try:
         tasks = {one.task.name: _laid(one, memory, kernels) for one in driven}
@@ -62,7 +64,8 @@ def drive_data(driven: Iterable[Driven]) -> Json | None:
         warnings.warn(f"{error}. The page shows recorded drives only.", RuntimeWarning, stacklevel=2)
         return None
     packed = [_packed(kernel) for kernel in kernels]
-    return {"base": BASE, "memory": _packed(bytes(memory.data)), "kernels": packed, "tasks": tasks}
+    data: Json = {"base": BASE, "memory": _packed(bytes(memory.data)), "kernels": packed, "tasks": tasks}
+    return Markup(player_json(data) if tasks else "")
 
 
 def _laid(one: Driven, memory: Memory, kernels: dict[bytes, int]) -> Json:

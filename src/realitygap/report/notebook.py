@@ -22,7 +22,7 @@ from realitygap.files import atomic_write
 from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
 from realitygap.report.drawing import robot_figure, room_figure
-from realitygap.report.drive import Driven, drive_data
+from realitygap.report.drive import Driven, drive_json
 from realitygap.report.evolution import WHO, Paths, mean_of, parts_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, rendered
@@ -43,6 +43,7 @@ __all__ = [ "arena_html", "driven_live", "network_html", "of_calibration", "of_s
 ]  # fmt: skip
 
 NEW = "champion’s test score (mean of new trials ± 95 % interval)"
+NO_DRIVE = Markup("")
 MOST_ROWS = 30
 """Runs shown in a study's table."""
 
@@ -133,7 +134,7 @@ def driven_live(run: Run, who: str | int, height: int) -> Shown:
     genotype, title = run.study.slots(run.task, genes), f"{run.name}, {name}"
     data = replay_data(simulation, genotype, simulation.trajectory(genotype.networks(), stream=0), title)
     driven = Driven(task=simulation.task, profile=simulation.profile, runs={title: genotype})
-    return _player(data, title, height, None if simulation.task.spread else drive_data([driven]))
+    return _player(data, title, height, drive_json([driven] * (not simulation.task.spread)))
 
 
 def shown_calibration(made: Calibration, height: int) -> Shown:
@@ -198,11 +199,10 @@ def network_html(genotype: Genotype) -> str:
     return _face(draw=draw, alt=f"A network: {said}")
 
 
-def _player(
-    data: Mapping[str, object], title: str, height: int, drive: Mapping[str, object] | None = None
-) -> Shown:
-    facts = {"title": title, "player": Markup(player_json(dict(data))), "drive_first": True}
-    facts["drive"] = Markup(player_json(dict(drive)) if drive else "")
+def _player(data: Mapping[str, object], title: str, height: int, drive: Markup | None = NO_DRIVE) -> Shown:
+    facts = {
+        "title": title, "player": Markup(player_json(dict(data))), "drive": drive, "drive_first": True,
+    }  # fmt: skip
     return Shown(rendered("notebook.html.j2", facts), height)
 
 

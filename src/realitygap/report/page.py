@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,7 +78,8 @@ def write_page(
 ) -> Path:
     """Write a page from a template: draw its figures, write its tables, then the page, as a whole.
 
-    `tables` are CSV texts by name; None for a page that stands alone, with no files beside it.
+    `tables` are CSV texts by name; None for a page that stands alone, with no files beside it. Facts that are
+    futures are waited for once the figures are drawn.
     """
     report = on_progress or (lambda done, total, name: None)
     for name, text in (tables or {}).items():
@@ -87,7 +89,8 @@ def write_page(
         report(done, len(figures) + 1, name)
         svgs[name] = Markup(inline_svg(picture.save(folder), name, picture.alt))
     report(len(figures), len(figures) + 1, target.name)
-    atomic_write(target, rendered(template, {**facts, "svgs": svgs}))
+    known = {name: fact.result() if isinstance(fact, Future) else fact for name, fact in facts.items()}
+    atomic_write(target, rendered(template, {**known, "svgs": svgs}))
     report(len(figures) + 1, len(figures) + 1, "")
     return target
 

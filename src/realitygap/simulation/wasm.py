@@ -71,15 +71,10 @@ def module(functions: Entries) -> bytes:
 
 
 def _in_a_child(functions: Entries) -> bytes:
-    words = [
-        sys.executable,
-        "-c",
-        f"import sys; sys.path[:] = {sys.path!r}; import {__name__} as w; w.main()",
-    ]
-    made = subprocess.run(
-        words, input=pickle.dumps(functions), capture_output=True, check=False,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "0"},
-    )  # fmt: skip
+    program = f"import sys; sys.path[:] = {sys.path!r}; import {__name__} as made; made.main()"
+    words, environment = [sys.executable, "-c", program], {**os.environ, "NUMBA_DISABLE_JIT": "0"}
+    told = pickle.dumps(functions)
+    made = subprocess.run(words, input=told, capture_output=True, check=False, env=environment)
     if made.returncode:
         why = made.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         raise WasmError(f"the simulation was not compiled for the page: {why}")
@@ -87,8 +82,12 @@ def _in_a_child(functions: Entries) -> bytes:
 
 
 def main() -> None:
-    """Compile the functions that stdin has for stdout."""
-    sys.stdout.buffer.write(_compile(pickle.load(sys.stdin.buffer)))
+    """Compile the functions that stdin has for stdout; else the last line of stderr says what failed."""
+    try:
+        made = _compile(pickle.load(sys.stdin.buffer))
+    except Exception as error:  # Numba's own are long
+        sys.exit(f"{type(error).__name__}: {str(error).partition(chr(10))[0]}")
+    sys.stdout.buffer.write(made)
 
 
 def _lowered(functions: Entries) -> tuple[Any, dict[str, tuple[Any, str]]]:

@@ -249,7 +249,7 @@ function openDrive() {
     const at = now.held ?? now.track.at(-1);
     clearTimeout(now.timer);
     hold({ x: at.x + x, y: at.y + y, heading: at.heading + turn });
-    now.timer = setTimeout(() => on() && now?.held && drop(), 700);
+    if (at.id === undefined) now.timer = setTimeout(() => on() && now.held && drop(), 700);
   }
 
   function spot(event) {
@@ -270,6 +270,7 @@ function openDrive() {
   canvas.addEventListener("pointerdown", (event) => {
     if (!on()) return;
     canvas.setPointerCapture(event.pointerId);
+    clearTimeout(now.timer);
     const [at, is] = [spot(event), now.track.at(-1)];
     const near = Math.hypot(at.x - is.x, at.y - is.y) < 1.3 * data.robot.radius || event.shiftKey;
     const off = near ? { x: is.x - at.x, y: is.y - at.y } : { x: 0, y: 0 };
