@@ -24,6 +24,8 @@ __all__ = ["experiment", "show_noise", "show_robots"]
 
 NARROW = 5
 """Columns of the noise experiment's table that a terminal has room for; the page has them all."""
+BESIDE = 3
+"""Robots side by side in a terminal; more go below."""
 FEW = 5
 """Runs a level below which the robots' table has no scores: their means would say nothing."""
 
@@ -234,10 +236,12 @@ def show_robots(out: Path, places: list[Place]) -> None:
         page = build_robots_page(out, places, robots, few=few, on_progress=drawn)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
     (head, rows), made = matrix(places, robots, few=few), [one for one in places if not one.why]
+    parts = [slice(first, first + BESIDE) for first in range(1, len(head), BESIDE)]
+    tables = "\n\n".join(table([head[0], *head[p]], [[row[0], *row[p]] for row in rows]) for p in parts)
     facts = [
         {"robot": one.robot, "folder": str(one.folder), **noise_summary(data)}
         for one, data in zip(made, robots.values(), strict=True)
     ]
     left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
     found = {"folder": str(out), "report": str(page), "robots": facts, "left_out": left}
-    tell(found, f"{table(head, rows)}\n\nreport {link(page)}")
+    tell(found, f"{tables}\n\nreport {link(page)}")
