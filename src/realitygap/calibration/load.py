@@ -366,7 +366,7 @@ def _read_wheels(
     table: Table, where: Path, facts: Mapping[str, Any], origin: dict[str, Any]
 ) -> WheelRecording:
     """Drives; what is known of the wheels is one of commands, counters and speeds at least."""
-    have = set(table.columns)
+    have = {name for name in table.columns if any(table.texts(name))}
     some = next((pair for pair in (COUNTERS, SPEEDS, COMMANDS) if set(pair) <= have), None)
     if some is None:
         raise RecordingError(
@@ -387,7 +387,7 @@ def _read_wheels(
     def pair(names: Sequence[str]) -> Floats:
         if not set(names) <= have:
             return np.full((len(t), 2), math.nan)
-        return np.stack([table.numbers(name, empty=names != some) for name in names], 1)
+        return np.stack([table.numbers(name, empty=names == SPEEDS and some != SPEEDS) for name in names], 1)
 
     commands, counters, speeds = map(pair, (COMMANDS, COUNTERS, SPEEDS))
     if some == SPEEDS:  # by trapezia: where they were read is not known better
