@@ -240,19 +240,19 @@ def measure_odometry(
     deviation = (_left_out(pieces)[1] if len(pieces) > 1 else np.diag(PRIOR) ** -0.5) * _scale(known)
     size = float(t.ppf(0.975, max(len(pieces) - 1, 1))) * deviation
     sure = (deviation < DETERMINED * _scale(fit.theta)).tolist()
-    left, right, track, *others = (
+    left, right, between, *others = (
         Constant(key=key, value=value, low=value - half, high=value + half, told=told)
         for key, value, half, told in zip(KEYS, _shown(fit.theta), _shown(size), sure, strict=True)
     )
     lengths = left, right
-    track = replace(track, low=max(track.low, 0.0))
+    between = replace(between, low=max(between.low, 0.0))
     slip = _slip(recording, fit.theta, base.noise.wheel)
     _, ways, beyond = _segments(recording, fit.theta, APART)
     return Odometry(
         cm_per_pulse=(float(fit.theta[0]), float(fit.theta[1])), track_cm=float(fit.theta[2]),
         slip=slip.value, place_cm=float(fit.error[0]), heading_deg=math.degrees(fit.error[2]),
         drift_deg_per_m=_drift(recording, fit.theta), lengths=lengths,
-        constants=(*(lengths if recording.counted else ()), track, *others, slip),
+        constants=(*(lengths if recording.counted else ()), between, *others, slip),
         halves=_halves(fit) if runs.count >= FEWEST_PIECES else None, theta=fit.theta,
         held_out=_held_out(recording, without or (lambda _: recording), known, fit.theta),
         by_base=_medians(_ends(_Runs(recording, sys.maxsize), known)), ways=ways, beyond=beyond,

@@ -350,7 +350,8 @@ def _with(base: Profile, values: dict[str, float]) -> Profile:
     speeds = (values["speed_left"], values["speed_right"])
     # A little below the loader's bound, because of rounding.
     top = min(wheels.top_command, base.body.radius_cm / base.period_s / max(speeds) * (1 - 1e-9))
-    return replace(base, wheels=replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains))
+    wheels = replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains)  # type: ignore[arg-type]
+    return replace(base, wheels=wheels)
 
 
 def _curved(profile: Profile, law: Law, top: float) -> Profile:
