@@ -348,9 +348,10 @@ HINTS = {
     "floor": "places in bright light", "dark": "places in the dark",
     "kp": "steps between many speeds", "ki": "steps between many speeds", "kd": "steps between many speeds",
     "lag": "steps between many speeds", "play_cm": "turning round on the spot and back",
-    "friction_cm_s2": "standing starts at low speeds", "speed": "a camera over the floor",
-    "cm": "a camera over the floor", "track": "a camera over the floor",
-    "noise.wheel": "a camera that sees each step",
+    "friction_cm_s2": "standing starts at low speeds", "speed": "straight drives under a camera",
+    "cm": "straight drives under a camera", "track": "turns on the way under a camera",
+    "marker": "turns on the way under a camera", "poses": "changes of speed under a camera",
+    "noise.wheel": "a camera that sees each step sharply",
 }  # fmt: skip
 """Which readings would determine a constant, by the beginning of its key."""
 

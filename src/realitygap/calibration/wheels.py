@@ -261,6 +261,16 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             f"wheels: the speed is not proportional to the command: at {command:g} the {side} wheel settles "
             f"at {abs(share):.0%} of the fitted speed"
         )
+    told = {c.key: c.told for c in wheels.odometry.constants} if wheels.odometry else {}
+    if not told.get("track_cm", True):
+        assert wheels.odometry is not None
+        alone = all(c.told for c in wheels.odometry.lengths)
+        out.append(
+            "wheels: no turns: the track stays near the base profile's"
+            if alone
+            else "wheels: nothing but turns on the spot tells only how fast a wheel is over the track: both "
+            "stay near the base profile's"
+        )
     halves = wheels.odometry.halves if wheels.odometry else None
     if halves is not None:
         out.append(
@@ -396,7 +406,8 @@ def _with(base: Profile, values: dict[str, float]) -> Profile:
     speeds = (values["speed_left"], values["speed_right"])
     # A little below the loader's bound, because of rounding.
     top = min(wheels.top_command, base.body.radius_cm / base.period_s / max(speeds) * (1 - 1e-9))
-    return replace(base, wheels=replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains))
+    wheels = replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains)  # type: ignore[arg-type]
+    return replace(base, wheels=wheels)
 
 
 def _curved(profile: Profile, law: Law, top: float) -> Profile:
@@ -474,16 +485,19 @@ def _with_others(
 ) -> tuple[Constant, ...]:
     """A form's constants, those in cm with the uncertainty of the pulses' length added, not identifiable
     where that is assumed; and those from the camera and the standing starts."""
-    camera = odometry.constants if odometry else ()
-    spread = {c.key: (c.high - c.low) / 2 / c.value for c in camera if c.key.startswith("cm_per_pulse")}
-    shares = [spread.get(f"cm_per_pulse_{side}", 0.0 if odometry else SIGMAS * ASSUMED) for side in SIDES]
+    shares, known = [SIGMAS * ASSUMED] * 2, [False] * 2
+    if odometry is not None:
+        known = [c.told for c in odometry.lengths]
+        # Speeds that the camera itself measured err with lengths only where these are unknown.
+        pulses = any(c.key.startswith("cm_per_pulse") for c in odometry.constants)
+        shares = [(c.high - c.low) / 2 / c.value if pulses or not c.told else 0.0 for c in odometry.lengths]
     out = []
     for c in constants:
         size = max((shares[w] for w in LENGTHS.get(c.key, ())), default=0.0) * c.value
         low, high = c.value - np.hypot(c.low - c.value, size), c.value + np.hypot(c.high - c.value, size)
-        told = c.told and (odometry is not None or c.key not in LENGTHS)
+        told = c.told and all(known[w] for w in LENGTHS.get(c.key, ()))
         out.append(replace(c, low=max(float(low), 0.0), high=float(high), told=told))
-    out += camera
+    out += odometry.constants if odometry else ()
     if friction is not None:
         value, least, most, _ = friction
         out.append(Constant(key="friction_cm_s2", value=value, low=least, high=most, told=least > 0))
