@@ -24,8 +24,8 @@ from realitygap.study.runner import run_study
 
 HERE = Path(__file__).parent
 DRIVE = (
-    "Six networks that evolved under three levels of noise, in the simulation in which they evolved; it is "
-    "calibrated to a real Khepera. Drag the robot, change the noise, and see how far apart its futures come."
+    "Six networks that evolved under three levels of noise, in the simulation in which they did, calibrated "
+    "to a real Khepera. Drag the robot, change the noise, and see how far apart its futures come."
 )
 BY_HAND = (
     "Two neurons, one a wheel, and five infrared eyes: twelve numbers decide how this robot drives. Can you "

@@ -212,14 +212,15 @@ function openDrive() {
     const stage = (now.stage = openStage(canvas, task.arena));
     const track = { steps: now.track.length - 1, pose: (k) => now.track[k] };
     const share = now.playing && !still.matches ? now.due - 1 : 0; // a step behind, so that it is between two
-    const pose = held ?? poseBetween(track, Math.max(0, track.steps + share));
-    const look = { colour, width: 1.1, alpha: 1, dash: [], body: held?.bad ? WRONG : paint.body };
+    const at = Math.max(0, track.steps + share);
+    const pose = held ?? poseBetween(track, at);
+    const dress = { colour, width: 1.1, alpha: 1, dash: [], body: held?.bad ? WRONG : paint.body };
     drawArena(stage, task.arena, paint);
     if (byId("player-rays").checked) drawRays(stage, task.arena, task.sensors, pose, inside.readings, paint);
-    if (now.ghost) drawCourse(stage, now.ghost, look, paint);
-    if (byId("player-tails").checked && !held) drawTail(stage, track, track.steps, look, data.robot.front);
+    if (now.ghost) drawCourse(stage, now.ghost, dress, paint);
+    if (byId("player-tails").checked && !held) drawTail(stage, track, at, dress, data.robot.front);
     drawFan(stage, fan, pose, colour);
-    drawRobot(stage, data.robot, pose, look, paint);
+    drawRobot(stage, data.robot, pose, dress, paint);
     drawSensors(stage, task.sensors, pose, inside.readings, paint);
     shown.readings(inside.readings);
     shown.commands(inside.commands);
