@@ -169,7 +169,6 @@ function openDrive() {
     now = { track: [from], due: 0, playing, held: null, fan: [], ghost: near[0], before: performance.now(), own: pose };
     open.textContent = "Watch them drive";
     byId("drive-ghost").textContent = near[0] ? `Faint: the ${near[0].who}, from its start nearest to this one.` : "";
-    look();
     rest();
   }
 
@@ -182,8 +181,8 @@ function openDrive() {
   function rest(playing = now.playing) {
     Object.assign(now, { playing, before: performance.now() });
     play.textContent = playing ? "Pause" : "Play";
+    if (!playing || !now.inside) look();
     if (playing) now.fan = [];
-    else look();
     show();
     requestAnimationFrame(tick);
   }
@@ -319,7 +318,7 @@ function openDrive() {
     shown.live.level[0] = Number(noise.value);
     if (!now.playing) rest();
   });
-  for (const list of lists) list.addEventListener("change", () => on() && choose());
+  for (const list of lists) list.addEventListener("change", () => on() && choose(list === lists[0] ? null : now.own));
   for (const name of ["rays", "tails"]) byId(`player-${name}`).addEventListener("change", show);
   window.addEventListener("resize", show);
   window.addEventListener("hashchange", () => on() && choose());
