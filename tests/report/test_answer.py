@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.stats import tukey_hsd
@@ -51,6 +53,14 @@ def test_the_best_level_is_named_with_its_test() -> None:
 def test_every_outcome_has_its_words(values: dict[float, list[float]], words: str) -> None:
     """Significant, not, another order, no spread, single runs, unequal numbers, one level."""
     assert words in said(values)
+
+
+def test_many_levels_are_summed_up() -> None:
+    """A sentence does not list eight levels one by one."""
+    values = {0.25 * k: [9.5 - k, 9.7 - k, 9.6 - k, 9.4 - k] for k in range(6)}
+    text = said({**values, 0.0: [9.4, 8.7, 9.9, 9.2]})
+    assert "against 4.5 to 8.5 at the five other levels; with four runs a level" in text
+    assert re.search(r"significant from 4 of these 5 \(Games–Howell test: p < 0.001 to p = 0\.\d+\)", text)
 
 
 def test_equal_levels_are_not_ordered() -> None:

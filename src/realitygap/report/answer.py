@@ -26,6 +26,8 @@ FEW_STARTS = 8
 """Below this number of starts two different robots can look alike."""
 TOP = 10.0
 """The highest correspondence score."""
+MOST = 3
+"""Other levels that a sentence names one by one."""
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 STAND_INS = {
     "twin": "the twin is a physics model of the robot that shares no code with the simulation",
@@ -117,7 +119,11 @@ class Answer:
             of += ", ± its 95 % interval" * ("±" in self.text(level)) + self._paper_here(level)
             return f"{self.where} ({of}). No other level has a score to compare it with."
         rest = [f"{self._number(self.means[one].value)} at {self.names[one]}" for one in sorted(others)]
-        best = f"{self.what} {self.where} {self.text(level)}, against {_listed(rest)} noise"
+        against = f"{_listed(rest)} noise"
+        if len(others) > MOST:
+            low, high = (self._number(self.means[one].value) for one in (others[-1], others[0]))
+            against = f"{low} to {high} at the {counted(len(others), 'other level')}"
+        best = f"{self.what} {self.where} {self.text(level)}, against {against}"
         return f"{best}{self._paper_order(level)}; {self._tested()}."
 
     @property
@@ -150,7 +156,11 @@ class Answer:
         sure = {level: p < SIGNIFICANT for level, p in sorted(self.p_values.items())}
         shown = [f"{_p(self.p_values[level])} against {self.names[level]}" for level in sure]
         kinds = set(sure.values())
-        if len(kinds) == 1:
+        if len(sure) > MOST:
+            ends = _p(min(self.p_values.values())), _p(max(self.p_values.values()))
+            shown = [" to ".join(dict.fromkeys(ends))]
+            verdict = f"the difference is significant from {sum(sure.values())} of these {len(sure)}"
+        elif len(kinds) == 1:
             verdict = f"the difference is{' not' * (kinds == {False})} significant"
         else:
             yes, no = (_listed([self.names[k] for k in sure if sure[k] is kind]) for kind in (True, False))

@@ -32,7 +32,7 @@ from realitygap.world.robot import NOISE_LEVELS, noise_level, noise_name
 __all__ = [
     "PER_CONDITION", "WHO", "Mean", "NoiseClass", "Paths", "Row", "TaskPart", "best_so_far",
     "curves_figure", "decimals", "difference", "ends_of_paths", "individual", "mean_curve", "mean_of",
-    "parts_of", "running_best", "table_csv",
+    "parts_of", "running_best", "table_csv", "unit_of",
 ]  # fmt: skip
 
 PER_CONDITION = 5
@@ -172,8 +172,7 @@ class TaskPart:
     @property
     def unit(self) -> str:
         """The unit of its values, to be written after them."""
-        unit = self.task.fitness_unit
-        return f"× {unit}" if unit[:1].isdigit() else unit
+        return unit_of(self.task)
 
     def show(self, mean: Mean | float | None) -> tuple[str, str]:
         """A value and its ± as text, in the table's unit; a dash for None or NaN."""
@@ -185,6 +184,12 @@ class TaskPart:
         if value is None or math.isnan(value):
             return "–"
         return number(value / self.task.fitness_scale, self.places)
+
+
+def unit_of(task: Task) -> str:
+    """A task's unit of fitness, to be written after a number: "× 10⁻⁶ cm⁻²"."""
+    unit = task.fitness_unit
+    return f"× {unit}" if unit[:1].isdigit() else unit
 
 
 def decimals(largest: float) -> int:

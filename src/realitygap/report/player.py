@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from realitygap.control.genotype import Genotype
 from realitygap.report.drawing import LIT_RAYS_CM, WHEEL_CM, front
-from realitygap.report.evolution import PER_CONDITION, NoiseClass, Paths, Row, TaskPart, individual
+from realitygap.report.evolution import PER_CONDITION, NoiseClass, Paths, Row, TaskPart, individual, unit_of
 from realitygap.report.network import network_drawing
 from realitygap.report.page import rendered
 from realitygap.report.style import noise_styles
@@ -109,7 +109,7 @@ def _document(profile: Profile, tasks: Sequence[Json]) -> Json:
 def _scene(task: Task, profile: Profile) -> Json:
     """A task: its arena, the sensors it feeds."""
     return {
-        "name": task.name, "title": task.title, "unit": task.fitness_unit, "feeds": task.feeds,
+        "name": task.name, "title": task.title, "unit": unit_of(task), "feeds": task.feeds,
         "unit_cm": _unit_cm(task), "arena": arena_json(task.arena), "sensors": _sensors(task, profile),
     }  # fmt: skip
 

@@ -154,6 +154,8 @@ def save_figure(figure: Figure, folder: Path | None, name: str, *, dpi: int = 20
 
 
 _FONT = re.compile(r"'DejaVu Sans'(, [^;\"]*)?(?=[;\"])")
+PHONE_PX = 350
+"""A wider figure may scroll sideways on a phone, and its caption says so."""
 _HEAD = re.compile(r"^.*?(?=<svg)", re.DOTALL)
 _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 
@@ -173,7 +175,8 @@ def inline_svg(svg: str, name: str, alt: str) -> str:
     box = viewbox.group(0) if viewbox else ""
     size = f"{float(width.group(1)) / 0.75:.0f}" if width else "600"
     label = alt.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+    kind = "figure broad" if float(size) > PHONE_PX else "figure"
     return (
-        f'<svg class="figure" role="img" aria-label="{label}" {box} style="--w:{size}px" '
+        f'<svg class="{kind}" role="img" aria-label="{label}" {box} style="--w:{size}px" '
         f'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">{rest}'
     )
