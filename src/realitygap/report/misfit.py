@@ -85,4 +85,5 @@ def peak(levels: Floats, means: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         top = (x[..., 0] + x[..., 1]) / 2 - slope[..., 0] / (2 * bend)
     inside = (best > 0) & (best < len(levels) - 1) & (bend < 0)
-    return np.where(inside, top, root[best]) ** 2
+    found: Floats = np.where(inside, top, root[best]) ** 2
+    return found
