@@ -185,26 +185,6 @@ def test_no_names_and_names_that_do_not_fit(tmp_path):
     )
 
 
-def test_no_names_and_names_that_do_not_fit(tmp_path):
-    """What columns without names do says what they are; names are taken from the left, which is said."""
-    t, pose, way, _ = driven(60.0, seed=7)
-    columns = [t[::3], *pose[::3].T, *(120 * way[::3]).T]
-    form = ["{:.2f}", *["{:.3f}"] * 3, *["{:.0f}"] * 2]
-    rows = [",".join(form).format(*row) for row in zip(*columns, strict=True)]
-    (tmp_path / "d.txt").write_text("\n".join(row.replace(",", " ") for row in rows), "utf-8")
-    bare = look(tmp_path / "d.txt")
-    assert {g.name: g.columns[0] for g in bare.guesses} == {
-        "t_s": 0, "x_cm": 1, "y_cm": 2, "heading_deg": 3, "counter_left": 4, "counter_right": 5
-    }  # fmt: skip
-    (tmp_path / "e.csv").write_text("\n".join(["% A title", "t,x,y,yaw,tick_l", *rows, "1,2", ""]), "utf-8")
-    log = look(tmp_path / "e.csv").log
-    assert log.names == ("t", "x", "y", "yaw", "tick_l", "6") and len(log.values) == len(rows)
-    assert log.notes == (
-        f"1 lines are no rows of 6 values: left out (line {len(rows) + 3})",
-        "line 2 has 5 names for 6 values: taken from the left; check them",
-    )
-
-
 SENSORS = """# set down by hand
 day|sensor|distance_mm|count
 30|0|10|156
