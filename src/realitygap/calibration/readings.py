@@ -105,6 +105,12 @@ class Readings:
         some.use = self.use & ~out[:, None]
         return some
 
+    def of(self, recordings: Sequence[SensorRecording]) -> "Readings":
+        """The same with these recordings, which have the same readings."""
+        some = copy(self)
+        some.recordings = recordings
+        return some
+
     def names(self) -> list[str]:
         """One a recording: its object, or its file where objects repeat, numbered where files repeat too."""
         names = [r.object for r in self.recordings]
