@@ -180,6 +180,8 @@ def finest(sample: Sample, top: float, kind: str, *, constant: bool) -> int:
         reading
     )
     known = np.isfinite(sample.z) & (at_places(cut, number) == 0)[number]
+    if kind == "infrared":  # the dark has a figure of its own
+        known &= sample.level > DARK_COUNTS * count_unit(top)
     fold = np.random.default_rng(0).permutation(len(groups))[number] % FOLDS
 
     def likelihood(knots: int) -> Floats:
@@ -187,11 +189,8 @@ def finest(sample: Sample, top: float, kind: str, *, constant: bool) -> int:
         out = np.zeros(sample.z.shape)
         for k in range(FOLDS):
             fits, judged = known & (fold != k)[:, None], known & (fold == k)[:, None]
-            if not knots:
-                square = np.where(fits, sample.z, 0.0) ** 2
-                size = np.sqrt(square.sum(axis=0) / np.maximum(fits.sum(axis=0), 1)) + np.zeros(out.shape)
-            else:
-                size = table_at(table_of(sample, fits, top, knots), np.nan_to_num(sample.level / top))
+            table = table_of(sample, fits, top, knots or 1)  # one figure a sensor
+            size = table_at(table, np.nan_to_num(sample.level / top))
             size = np.maximum(size, 0.3)  # of rounding
             off = np.minimum(np.abs(sample.z) / size, OUTLYING)
             out = np.where(judged, -np.log(size) - off**2 / 2, out)
