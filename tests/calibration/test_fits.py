@@ -229,11 +229,14 @@ def test_two_columns_exchanged_are_warned_of(recorded):
 
 
 def test_a_profile_is_judged_on_other_data(by_a_wall, recorded):
-    """A fit to a wall predicts a cylinder of the same robot; the paper's constants do not, and it is said to be
-    another unit, or set down elsewhere."""
+    """A fit to a wall predicts a cylinder of the same robot; the paper's constants do not, and it is said
+    to be another unit, or set down elsewhere."""
     other = recorded("cylinder:2.7", seed=9, turn=1.0)
     good, bad = judge(other, by_a_wall.profile), judge(other, PAPER)
-    assert good.rmse < 18 < 60 < bad.plain and (bad.gain, bad.start_cm) != (1.0, 0.0) == (good.gain, good.start_cm)
+    assert good.rmse < 18 < 60 < bad.plain and (bad.gain, bad.start_cm) != (1.0, 0.0) == (
+        good.gain,
+        good.start_cm,
+    )
     assert good.turn_deg == pytest.approx(1.0, abs=0.5) and good.noise_fits
     assert set(good.to_dict()) >= {"rmse", "bias", "per_sensor", "noise"}
 

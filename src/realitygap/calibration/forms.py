@@ -85,9 +85,7 @@ def _from_starts(
     scenes = model.scenes_of(data.recordings)
     rigs = [] if data.straight else [scene.turn for _, scene in scenes if scene.turn]
     free = infrared_parameters(form, base, list(dict.fromkeys(rigs)), told=not data.straight)
-    free += model.reflectances(scenes) + model.units(
-        *zip(*((s.gain, s.start) for _, s in scenes), strict=True)
-    )
+    free += model.reflectances(scenes) + model.units(data.recordings)
 
     def readings(values: Values) -> Floats:
         made = with_infrared(base, values)

@@ -94,7 +94,7 @@ class Judgement:
             said.append(f"set down {abs(10 * self.shift_cm):.1f} mm {where}")
             said.append(f"the room's infrared adds {self.background:+.5f}/cm² to that of the profile's room")
         if words := in_words(self.gain, self.start_cm):
-            said.append(f"{words}: RMSE {self.plain:.3g} without that")
+            said.append(f"{words} (RMSE {self.plain:.3g} without that)")
         if self.painted:
             said.append(f"a surface that reflects {self.reflectance:.2f} times as much as the profile's")
         return said

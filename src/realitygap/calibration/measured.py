@@ -340,7 +340,7 @@ class _Search:
                 for k in np.flatnonzero(data.use.any(axis=0))
             ]
             look = model.directions(self._sensors)
-            unit = model.units([scene.gain for _, scene in scenes], [])
+            unit = model.units(data.recordings)
             return [*size, *shifts, *gains, *unit, *self._lights()] if lobe else [*size, look]
         return [
             model.directions(self._sensors, tie=TIE_DEG if self._turned else None),
@@ -351,7 +351,7 @@ class _Search:
                 for key in lobe if key in SHARES
             ),
             *model.reflectances(scenes),
-            *model.units(*zip(*((scene.gain, scene.start) for _, scene in scenes), strict=True)),
+            *model.units(data.recordings),
             *model.turns(list(dict.fromkeys(self._rigs))),
         ]  # fmt: skip
 

@@ -126,8 +126,8 @@ def scenes_of(recordings: Sequence[SensorRecording]) -> list[tuple[str, Scene]]:
     sets, rigs = sets_of(recordings), rigs_of(recordings)
 
     def scene(i: int, r: SensorRecording) -> Scene:
-        gain = f"{GAIN}{i if 'gain' in r.facts else sets[i]}" if math.isnan(r.gain) else ""
-        start = f"{START}{i if 'start_cm' in r.facts else sets[i]}_cm" if math.isnan(r.start_cm) else ""
+        gain = f"{GAIN}{i if r.facts.get('gain') else sets[i]}"
+        start = f"{START}{i if r.facts.get('start_cm') else sets[i]}_cm"
         return replace(scene_of(r, f"{REFLECTANCE}{i}"), gain=gain, start=start, turn=rigs[i])
 
     return [(f"turn_{i}_deg", scene(i, r)) for i, r in enumerate(recordings)]
@@ -298,18 +298,21 @@ def turns(rigs: Sequence[str]) -> list[Parameter]:
     ]  # fmt: skip
 
 
-def units(gains: Sequence[str], starts: Sequence[str], *, log: bool = False) -> list[Parameter]:
-    """Gains (`log`: their logarithms), and starts (cm), by their keys."""
-    scale: dict[str, Any] = {"start": np.zeros(1), "low": -3.0, "high": 3.0} if log else {
-        "start": np.ones(1), "low": 0.05, "high": 20.0
-    }  # fmt: skip
+def units(recordings: Sequence[SensorRecording]) -> list[Parameter]:
+    """The unknown gains and starts (cm) of recordings; series before a wall have shifts instead of starts."""
+    keys = [scene for _, scene in scenes_of(recordings)]
+    gains = [scene.gain for scene, r in zip(keys, recordings, strict=True) if math.isnan(r.gain)]
+    starts = [
+        scene.start
+        for scene, r in zip(keys, recordings, strict=True)
+        if math.isnan(r.start_cm) and r.from_sensor is None
+    ]
+    scale: dict[str, Any] = {"start": np.ones(1), "low": 0.05, "high": 20.0, "prior": 1.0, "step": 2e-3}
+    away: dict[str, Any] = {"start": np.zeros(1), "low": -2.0, "high": 2.0, "prior": 0.5, "step": 2e-3}
     return [
-        *(Parameter(key=key, **scale, prior=1.0, step=2e-3) for key in dict.fromkeys(gains) if key),
-        *(
-            Parameter(key=key, start=np.zeros(1), low=-2.0, high=2.0, prior=0.5, step=2e-3)
-            for key in dict.fromkeys(starts) if key
-        ),
-    ]  # fmt: skip
+        *(Parameter(key=key, **scale) for key in dict.fromkeys(gains)),
+        *(Parameter(key=key, **away) for key in dict.fromkeys(starts)),
+    ]
 
 
 def reflectances(scenes: Scenes) -> list[Parameter]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from realitygap.calibration import model
-from realitygap.calibration.fit import Observed, Outcome, Values, fit, value_of
+from realitygap.calibration.fit import Observed, Outcome, Parameter, Values, fit, value_of
 from realitygap.calibration.readings import LIT_SHARE, Readings
 from realitygap.calibration.recordings import sets_of
 from realitygap.values import Floats
@@ -22,6 +22,11 @@ ENOUGH, FOLDS = 30, 4
 """Lit readings from which on a set is asked for constants of its own, and the folds of its places."""
 NAMED, MOVED_CM = 1.25, 0.2
 """A gain beyond this factor is another unit's, a start beyond this another start: less is a day's."""
+FREE = (
+    Parameter(key="gain", start=np.zeros(1), low=-3.0, high=3.0, prior=1.0, step=2e-3),
+    Parameter(key="start", start=np.zeros(1), low=-2.0, high=2.0, prior=0.5, step=2e-3),
+)
+"""A gain's logarithm, and a start, cm."""
 TRIED = (("gain",), ("start",), ("gain", "start"))
 
 Read = Callable[[float, float], Floats]
@@ -42,7 +47,7 @@ def own_constants(read: Read, data: Observed) -> tuple[float, float]:
         return read(float(np.exp(value_of(values, "gain"))), value_of(values, "start"))
 
     def found(keys: Sequence[str], use: Floats) -> Values:
-        free = [one for one in model.units(["gain"], ["start"], log=True) if one.key in keys]
+        free = [one for one in FREE if one.key in keys]
         some = replace(data, use=data.use & use[:, None])
         return fit(free, readings, some, intervals=False).values if free else {}
 
@@ -73,7 +78,7 @@ def own_sets(data: Readings, made: Outcome) -> Readings | None:
     scenes, rows = model.scenes_of(data.recordings), data.split(np.arange(len(data.counts)))
     for first in sorted({*sets} - {0}):
         some = [i for i, one in enumerate(sets) if one == first]
-        if any(scenes[i][1].paint or scenes[i][1].gain for i in some):
+        if any(scenes[i][1].paint or np.isnan(data.recordings[i].gain) for i in some):
             continue
         here = [scenes[i][1].tried(made.fit.values) for i in some]
 
@@ -104,13 +109,10 @@ def in_words(gain: float, start_cm: float, than: str = "") -> str:
 
 
 def units_in_words(data: Readings, values: Values) -> list[str]:
-    """Which sets of recordings have a gain or a start of their own, in words."""
-    sets, out = sets_of(data.recordings), []
-    for i, (_, scene) in enumerate(model.scenes_of(data.recordings)):
-        first, named = sets[i] == i or scene.gain.endswith(f"_{i}"), data.recordings[i]
-        gain, start = (float(values[key][0]) if key in values else usual for key, usual in (
-            (scene.gain, 1.0), (scene.start, 0.0),
-        ))  # fmt: skip
-        if first and (words := in_words(gain, start, " as the first")):
-            out.append(f"{data.kind}: {named.group or named.source}: {words}")
+    """Which sets of recordings have a gain or a start of their own among a fit's values, in words."""
+    out = []
+    for i, one in enumerate(data.recordings):
+        gain, start = value_of(values, f"{model.GAIN}{i}") or 1.0, value_of(values, f"{model.START}{i}_cm")
+        if words := in_words(gain, start, " as the first"):
+            out.append(f"{data.kind}: {one.group or one.source}: {words}")
     return out
