@@ -95,7 +95,7 @@ def within_table(profile: Profile, kind: str, knots: int) -> Floats:
     if not any(sensor.noise for sensor in part.sensors):
         return np.full(knots, profile.noise.to_dict()[CHANNELS[kind]])
     rows = np.broadcast_to(share, (knots, len(part.sensors)))
-    return np.sqrt(np.mean(table_at([s.noise for s in part.sensors], rows) ** 2, axis=1))
+    return np.asarray(np.sqrt(np.mean(table_at([s.noise for s in part.sensors], rows) ** 2, axis=1)))
 
 
 def covered(counts: Floats, model: Floats, profile: Profile, kind: str) -> float:

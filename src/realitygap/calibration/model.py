@@ -92,8 +92,8 @@ def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
     row = recording.place()
     first = np.unique(row, return_index=True)[1]
     if recording.pose is not None and recording.arena is not None:
-        room = Scene(arena=recording.arena.to_kernel(), poses=recording.pose[first], row=row)
-        return room.brighter(float(np.nan_to_num(recording.gain, nan=1.0)))
+        there = Scene(arena=recording.arena.to_kernel(), poses=recording.pose[first], row=row)
+        return there.brighter(float(np.nan_to_num(recording.gain, nan=1.0)))
     half, radius = ROOM_CM / 2, recording.radius_cm
     away = recording.reach_cm()[first] + recording.distance_cm[first]
     cylinders: tuple[Cylinder, ...] = ()

@@ -194,7 +194,7 @@ def finest(sample: Sample, top: float, kind: str, *, constant: bool) -> int:
             size = np.maximum(size, 0.3)  # of rounding
             off = np.minimum(np.abs(sample.z) / size, OUTLYING)
             out = np.where(judged, -np.log(size) - off**2 / 2, out)
-        return np.bincount(number, out.sum(axis=1))
+        return np.asarray(np.bincount(number, out.sum(axis=1)), float)
 
     best, *finer = ([0] if constant else []) + [*KNOTS[kind]]
     if known.sum() < 2 * FEWEST:

@@ -218,7 +218,7 @@ def signal(recording: SensorRecording, top: float) -> Floats:
     if recording.kind == "infrared":
         return np.nan_to_num(recording.counts) / top
     low, high = np.nanpercentile(recording.counts, [0.5, 99.5])
-    return np.nan_to_num((high - recording.counts) / max(high - low, 1.0))
+    return np.asarray(np.nan_to_num((high - recording.counts) / max(high - low, 1.0)))
 
 
 def recorded(recording: SensorRecording) -> list[int]:

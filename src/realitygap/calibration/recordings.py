@@ -332,7 +332,8 @@ def reaching(recordings: Sequence[Recording], base: Profile) -> Profile:
     """The base with the full scales that recordings exceed raised to their highest reading."""
     for kind in CHANNELS:
         counts = [r.counts for r in recordings if isinstance(r, SensorRecording) and r.kind == kind]
-        part, most = base.channel(kind), max((float(np.nanmax(c, initial=0.0)) for c in counts), default=0.0)
+        part: Any = base.channel(kind)
+        most = max((float(np.nanmax(c, initial=0.0)) for c in counts), default=0.0)
         base = replace(base, **{kind: replace(part, top=most)}) if most > part.top else base
     return base
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from realitygap.calibration import model
-from realitygap.calibration.fit import Observed, Outcome, Parameter, Values, fit, value_of
+from realitygap.calibration.fit import Observed, Outcome, Parameter, Use, Values, fit, value_of
 from realitygap.calibration.readings import LIT_SHARE, Readings
 from realitygap.calibration.recordings import sets_of
 from realitygap.values import Floats
@@ -46,7 +46,7 @@ def own_constants(read: Read, data: Observed) -> tuple[float, float]:
     def readings(values: Values) -> Floats:
         return read(float(np.exp(value_of(values, "gain"))), value_of(values, "start"))
 
-    def found(keys: Sequence[str], use: Floats) -> Values:
+    def found(keys: Sequence[str], use: Use) -> Values:
         free = [one for one in FREE if one.key in keys]
         some = replace(data, use=data.use & use[:, None])
         return fit(free, readings, some, intervals=False).values if free else {}
@@ -64,7 +64,7 @@ def own_constants(read: Read, data: Observed) -> tuple[float, float]:
         error = held_out(keys)
         if error * (BOTH_PAY if best else PAYS) < least:
             best, least = keys, error
-    values = found(best, np.ones(len(fold), bool))
+    values = found(best, fold >= 0)
     gain, start = float(np.exp(value_of(values, "gain"))), value_of(values, "start")
     other = max(gain, 1.0 / gain) > NAMED or abs(start) > MOVED_CM
     return (gain, start) if other else (1.0, 0.0)
@@ -94,8 +94,9 @@ def own_sets(data: Readings, made: Outcome) -> Readings | None:
         free |= set(some) if own_constants(read, own) != (1.0, 0.0) else set()
     if not free:
         return None
-    unknown = {"gain": np.nan, "start_cm": np.nan}
-    return data.of([replace(r, **unknown) if i in free else r for i, r in enumerate(data.recordings)])
+    return data.of(
+        [replace(r, gain=np.nan, start_cm=np.nan) if i in free else r for i, r in enumerate(data.recordings)]
+    )
 
 
 def in_words(gain: float, start_cm: float, than: str = "") -> str:
