@@ -126,8 +126,8 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
         measured = measured_speeds(recording, odometry, per_pulse)
         refuse_few_steps(recording, measured)
         straightened = Straightened(given, base, measured)
-        law, recording = straightened.law, straightened()
-        if not (law.curves and given.from_commands):
+        law, was, recording = straightened.law, recording, straightened()
+        if recording is was or not given.from_commands:
             break
     # With a camera alone it is unknown in which step a wheel began to turn.
     friction = measure_friction(recording, measured) if recording.counted else None
@@ -249,11 +249,12 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
         )
     for key, value in ((c.key, c.value) for c in wheels.constants if c.key in GAINS):
         low, high, _ = GAINS[key]
-        if value > AT_BOUND * high or value < low / AT_BOUND:  # 0 is no bound: without it
-            late = f"commands act later than a step, about {wheels.late_s:.2g} s late"
-            late = late if wheels.late_s > wheels.profile.period_s else "commands act a whole step late"
-            bound = "one step" if key == "lag" else f"{high if value > low / AT_BOUND else low:g}"
-            why = late if key == "lag" else "these wheels follow another law"
+        if value > AT_BOUND * high or value < low / AT_BOUND:  # 0 is none of it
+            bound, why = f"{high if value > AT_BOUND * high else low:g}", "these wheels follow another law"
+            if key == "lag":
+                more = wheels.late_s > wheels.profile.period_s
+                bound, why = "one step", "commands act a whole step late"
+                why = f"commands act later than a step, about {wheels.late_s:.2g} s late" if more else why
             out.append(f"wheels: {key}: at its bound of {bound}: {why}")
     if wheels.bent is not None:
         side, command, share = wheels.bent
@@ -261,21 +262,19 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             f"wheels: the speed is not proportional to the command: at {command:g} the {side} wheel settles "
             f"at {abs(share):.0%} of the fitted speed"
         )
-    told = {c.key: c.told for c in wheels.odometry.constants} if wheels.odometry else {}
-    if not told.get("track_cm", True):
-        assert wheels.odometry is not None
-        alone = all(c.told for c in wheels.odometry.lengths)
+    if (by := wheels.odometry) is None:
+        return out
+    if any(c.key == "track_cm" and not c.told for c in by.constants):
         out.append(
             "wheels: no turns: the track stays near the base profile's"
-            if alone
+            if all(c.told for c in by.lengths)
             else "wheels: nothing but turns on the spot tells only how fast a wheel is over the track: both "
             "stay near the base profile's"
         )
-    halves = wheels.odometry.halves if wheels.odometry else None
-    if halves is not None:
+    if by.halves is not None:
         out.append(
-            f"wheels: trials disagree: the first half of them gives a track of {halves[0]:.3g} cm, the "
-            f"second {halves[1]:.3g} cm: two floors?"
+            "wheels: trials disagree: the first half of them gives a track of {:.3g} cm, the second {:.3g} "
+            "cm: two floors?".format(*by.halves)
         )
     return out
 
