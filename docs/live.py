@@ -24,8 +24,8 @@ from realitygap.study.runner import run_study
 
 HERE = Path(__file__).parent
 DRIVE = (
-    "Six networks that evolved under three levels of noise, in the simulation in which they evolved; it is "
-    "calibrated to a real Khepera. Drag the robot, change the noise, and see how far apart its futures come."
+    "Six networks that evolved under three levels of noise, in the simulation in which they did, calibrated "
+    "to a real Khepera. Drag the robot, change the noise, and see how far apart its futures come."
 )
 BY_HAND = (
     "Two neurons, one a wheel, and five infrared eyes: twelve numbers decide how this robot drives. Can you "
@@ -64,10 +64,8 @@ def write_by_hand(page: Path, evaluations: int) -> None:
     simulation = Simulation(task, HERE.parent / "examples" / "five_eyes.toml", 1.0)
     evolved = _evolved(simulation, evaluations)
     numbers = {"yours": np.zeros(12, np.int8), "evolved": evolved}
-    runs = {
-        name: Genotype(genes, 5)
-        for name, genes in zip(numbers, _genes(np.stack([*numbers.values()])), strict=True)
-    }
+    genes = _genes(np.stack([*numbers.values()]))
+    runs = {name: Genotype(one, 5) for name, one in zip(numbers, genes, strict=True)}
     pages = [
         replay_data(simulation, one, simulation.trajectory(one.networks(), stream=1), name)
         for name, one in runs.items()
@@ -105,6 +103,5 @@ def _evolved(simulation: Simulation, evaluations: int) -> np.ndarray:
 def _write(page: Path, title: str, lead: str, data: Any, driven: list[Driven], **more: Markup) -> None:
     facts = {"player": Markup(player_json(data)), "drive": drive_json(driven), "drive_first": True}
     text = rendered("notebook.html.j2", {**facts, "title": title, "lead": lead, **more})
-    page.write_text(
-        re.sub(r"(?m)^[ \t]+(//.*\n)?|^//.*\n", "", text), "utf-8"
-    )  # without indentation and comments
+    spaces_and_comments = r"(?m)^[ \t]+(//.*\n)?|^//.*\n"
+    page.write_text(re.sub(spaces_and_comments, "", text), "utf-8")

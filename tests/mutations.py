@@ -28,6 +28,8 @@ MISFIT = ("tests/calibration/test_misfit.py",)
 MEASURED = ("tests/calibration/test_measured.py",)
 ENGINE = ("tests/calibration/test_fit.py",)
 ODOMETRY = ("tests/calibration/test_odometry.py",)
+DRIVES = ("tests/calibration/test_wheels.py",)
+LOOK = ("tests/calibration/test_look.py",)
 TRACKER = ("tests/film/test_tracker.py",)
 TAG = ("tests/film/test_tag.py",)
 TRACK = ("tests/test_track.py",)
@@ -166,6 +168,12 @@ MUTATIONS = (
              "np.maximum(np.abs(rows[0]), ROBUST_AT)", "np.full_like(rows[0], ROBUST_AT)", ODOMETRY),
     Mutation("calibration/odometry.py", "a piece that is left out counts as one of many",
              "(n - 1) * np.var(moved, axis=0)", "np.var(moved, axis=0)", ODOMETRY),
+    Mutation("calibration/model.py", "a step of several periods has its first one's speed",
+             "np.add.reduceat(speeds, begin) / count[:, None]", "speeds[begin]", DRIVES),
+    Mutation("logs/look.py", "exchanged wheels are not seen",
+             "way.turning(gone @ (signs * [-1, 1]))", "abs(way.turning(gone @ (signs * [-1, 1])))", LOOK),
+    Mutation("logs/mapped.py", "a counter of 16 bits jumps back",
+             "step - WRAP * np.sign(step) * wraps", "step", LOOK),
     # tracker
     Mutation("film/disk.py", "the heading is looked back",
              "math.atan2(front_y - y, front_x - x)", "math.atan2(y - front_y, x - front_x)", TRACKER),

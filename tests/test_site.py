@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import importlib.util
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import numpy as np
+
+from realitygap import Genotype, Simulation
+from tests.browser import Browser
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDY = ("evaluations=400", "evaluations=110, retest_trials=2")
@@ -55,3 +61,30 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     for name in ("drive-it", "evolve-by-hand"):  # each in one file, that fetches nothing
         page = (tmp_path / "site" / f"{name}.html").read_bytes()
         assert len(page) < 150_000 and b"default-src 'none'" in page
+
+
+def test_twelve_numbers_by_hand(tmp_path: Path, browser: Browser) -> None:
+    """Without any the robot stands; the evolved ones score as they did; a slider changes only one's own."""
+    found = importlib.util.spec_from_file_location("live", ROOT / "docs" / "live.py")
+    assert found is not None and found.loader is not None
+    live = importlib.util.module_from_spec(found)
+    found.loader.exec_module(live)
+    live.write_by_hand(tmp_path / "page.html", 400)
+    browser.show(tmp_path / "page.html", prefers_reduced_motion="reduce")
+    scores = "['yours', 'evolved'].map((one) => document.getElementById(`fitness-${one}`).textContent)"
+    browser.until(f"{scores}.every((one) => one !== '')")
+    yours, evolved = browser.run(scores)
+    simulation = Simulation("obstacle-avoidance", ROOT / "examples" / "five_eyes.toml")
+    networks = Genotype.decode(live._genes(live._evolved(simulation, 400)[np.newaxis]), 5)
+    scores_there = simulation.scores(networks, np.arange(1001, 1021, dtype=np.uint64)[np.newaxis])
+    assert float(yours) == 0 and evolved == f"{scores_there.mean():.3f}"
+    browser.run("document.getElementById('by-hand-copy').click()")
+    assert browser.run(scores) == [evolved, evolved]
+    browser.run(
+        "(() => { const slider = document.querySelector('#by-hand input'); slider.value = 10;"
+        " slider.dispatchEvent(new Event('input')); })()"
+    )
+    changed, same = browser.run(scores)
+    assert changed != evolved and same == evolved
+    problems, browser.problems = browser.problems, []
+    assert problems == []

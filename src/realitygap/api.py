@@ -467,13 +467,17 @@ def load_recordings(paths: Iterable[str], objects: Sequence[str] = ()) -> list[R
     """Every recording at some places; `objects` as of `calibrate`."""
     from realitygap.calibration.load import find_recordings, load_recording
 
-    found = [place for path in paths for place in find_recordings(path)]
+    pairs = [(path, place) for path in paths for place in find_recordings(path)]
+    found = [place for _, place in pairs]
     if len(objects) not in (0, 1, len(found)):
         raise CalibrationError(
             f"--object: expected one for all or one for each of {len(found)} recordings, got {len(objects)}."
         )
     said = [None] * len(found) if not objects else list(objects) * (len(found) if len(objects) == 1 else 1)
-    return [load_recording(place, object=name) for place, name in zip(found, said, strict=True)]
+    return [
+        replace(load_recording(place, object=name), group=str(path))
+        for (path, place), name in zip(pairs, said, strict=True)
+    ]
 
 
 def _text(given: Place | None) -> str | None:

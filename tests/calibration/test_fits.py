@@ -63,7 +63,7 @@ def test_a_wall_tells_whether_it_is_matt(recorded, matt):
 
 def test_a_surface_of_unknown_reflectance_is_fitted(recorded):
     """A cylinder 0.4 times as white as the wall: the ratio comes back with its interval, in words too, in a
-    fit and where a profile is judged; said to be as white as the wall it does not fit."""
+    fit and where a profile is judged; said to be as white as the wall it reads like another unit."""
     wall, dark = recorded(repeats=1), recorded("cylinder:4", repeats=1, reflectance=0.4, seed=5)
     unknown = replace(dark, reflectance=math.nan)
     made = calibrate([wall, unknown], PAPER, form="extended")
@@ -73,7 +73,9 @@ def test_a_surface_of_unknown_reflectance_is_fitted(recorded):
     assert "if the form extended is right)" in made.surfaces[0]
     judged = [judge(one, made.profile) for one in (dark, unknown, replace(dark, reflectance=1.0))]
     assert [one.reflectance for one in judged] == pytest.approx([0.4, 0.4, 1.0], abs=0.03)
-    assert judged[2].rmse > 2 * judged[0].rmse > 1.9 * judged[1].rmse
+    assert judged[2].plain > 2 * judged[0].rmse > 1.9 * judged[1].rmse
+    assert judged[2].gain == pytest.approx(0.4, abs=0.05) and (judged[0].gain, judged[1].gain) == (1.0, 1.0)
+    assert "another unit, or another surface, 0.4 times as sensitive" in "; ".join(judged[2].fitted_out)
     assert any("reflects 0.4" in words for words in judged[1].fitted_out) and judged[0].fitted_out[1:] == []
 
 
@@ -227,10 +229,14 @@ def test_two_columns_exchanged_are_warned_of(recorded):
 
 
 def test_a_profile_is_judged_on_other_data(by_a_wall, recorded):
-    """A fit to a wall predicts a cylinder of the same robot; the paper's constants do not."""
+    """A fit to a wall predicts a cylinder of the same robot; the paper's constants do not, and it is said
+    to be another unit, or set down elsewhere."""
     other = recorded("cylinder:2.7", seed=9, turn=1.0)
     good, bad = judge(other, by_a_wall.profile), judge(other, PAPER)
-    assert good.rmse < 18 < 60 < bad.rmse
+    assert good.rmse < 18 < 60 < bad.plain and (bad.gain, bad.start_cm) != (1.0, 0.0) == (
+        good.gain,
+        good.start_cm,
+    )
     assert good.turn_deg == pytest.approx(1.0, abs=0.5) and good.noise_fits
     assert set(good.to_dict()) >= {"rmse", "bias", "per_sensor", "noise"}
 

@@ -142,8 +142,27 @@ def test_places_only_that_repeat_and_jump(tmp_path):
     assert np.isnan(made.heading_deg) and not constants["marker_turn_deg"].told
     (said,) = recording.warnings
     jump = (len(rows) // 2 + 2) // 3 * 3 + 2
-    assert "after 16 bits" in said and "repeated poses" in said
-    assert f"1 jumps (cut at {log}, line {jump}): 2 pieces" in said
+    assert "after 16 bits (1 time)" in said and "repeated poses" in said
+    assert f"1 jump (cut at {log}, line {jump}): 2 pieces" in said
+
+
+def test_rows_of_a_camera_between_those_of_the_wheels(tmp_path):
+    """Each row has one or the other: counters are what they were in between, to the pulse or so."""
+    t, pose, way, _ = driven(seed=8)
+    rows = [
+        f"{t[k]:.2f},,,{x:.3f},{y:.3f},{h:.4f}"
+        for k, (x, y, h) in zip(range(0, 12000, 7), pose[::7], strict=True)
+    ]
+    rows += [
+        f"{t[k]:.2f},{120 * left:.0f},{120 * right:.0f},,,"
+        for k, (left, right) in enumerate(way)
+        if k % 5 == 3
+    ]
+    rows.sort(key=lambda row: float(row.split(",")[0]))
+    (tmp_path / "f.csv").write_text("\n".join(["t,left_enc,right_enc,x_cm,y_cm,yaw", *rows]), "utf-8")
+    constants, made, recording = found(mapped(tmp_path / "f.csv"))
+    assert constants["track_cm"].value == pytest.approx(TRACK, rel=0.003) and made.place_cm < 0.03
+    assert "empty cells filled from its neighbours" in recording.warnings[0]
 
 
 def test_no_names_and_names_that_do_not_fit(tmp_path):
@@ -161,7 +180,7 @@ def test_no_names_and_names_that_do_not_fit(tmp_path):
     log = look(tmp_path / "e.csv").log
     assert log.names == ("t", "x", "y", "yaw", "tick_l", "6") and len(log.values) == len(rows)
     assert log.notes == (
-        f"1 lines are no rows of 6 values: left out (line {len(rows) + 3})",
+        f"1 line left out: no rows of 6 values (line {len(rows) + 3})",
         "line 2 has 5 names for 6 values: taken from the left; check them",
     )
 
@@ -225,7 +244,7 @@ def test_a_log_is_sent_to_look_first_and_looked_at(tmp_path):
     assert told["asked"].keys() == {"pulses_per_mm"} and told["columns"][0]["name"] == "t_s"
     text = (tmp_path / "b.toml").read_text("utf-8").replace('= "?"', "= 12")
     (tmp_path / "b.toml").write_text(text, "utf-8")
-    assert "1 runs" in run(realitygap, ["look", str(log), "--map", str(tmp_path / "b.toml")]).output
+    assert "1 run" in run(realitygap, ["look", str(log), "--map", str(tmp_path / "b.toml")]).output
 
 
 @pytest.mark.parametrize("pair", [((1, 2), (3, 4)), ((3, 4), (1, 2))])

@@ -123,6 +123,10 @@ def test_what_drives_do_not_determine_stays_the_bases():
     spin = drive_of(straight, straight.commands * [-1, 1])
     told = {c.key: c for c in measured(spin).constants}
     assert not told["track_cm"].told and not told["cm_per_pulse_left"].told
+    assert any("no turns: the track" in said for said in calibrate([straight], PAPER).warnings)
+    made = calibrate([replace(spin, counters=np.full_like(spin.counters, np.nan))], PAPER)
+    assert any("nothing but turns on the spot" in said for said in made.warnings)
+    assert not any(c.told for c in made.wheels.constants if c.key in ("speed_left", "track_cm"))
 
 
 def drive_of(recording: WheelRecording, commands: Floats) -> WheelRecording:

@@ -205,7 +205,7 @@ def test_gaps_jumps_and_repeats_are_said_in_one_line(tmp_path):
     (said,) = made.warnings
     where = f"{tmp_path / 'steps.csv'}, line 52"
     assert said.endswith(
-        f"left out: 1 repeated poses, 1 poses out of reach, 1 jumps (cut at {where}), 1 gaps: 3 pieces"
+        f"left out: 1 repeated pose, 1 pose out of reach, 1 jump (cut at {where}), 1 gap: 3 pieces"
     )
     assert np.flatnonzero(np.isnan(made.pose[:, 0])).tolist() == [11, 20]
     assert np.flatnonzero(np.diff(made.trial)).tolist() == [39, 49]

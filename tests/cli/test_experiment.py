@@ -49,6 +49,8 @@ def test_noise_comes_to_tables_and_a_report(units, json_of, call, refused, tmp_p
     )
     again = call("experiment", "noise", "--out", out, "--resume")  # omitted options keep their saved values
     assert again.exit_code == 0 and "noise-matched level: obstacle-avoidance" in again.stdout
+    (told,) = json_of("experiment", "noise", "--out", out, "--resume", "--misfit")["evolve_at"]
+    assert (told["misfit"], told["runs"]) == (0.45, 3) and "evolve_at" not in made
     Path(made["report"]).unlink()
     assert json_of("report", out)["tasks"] == made["tasks"] and Path(made["report"]).is_file()
     assert "--resume" in refused(*NOISE, "--out", out)

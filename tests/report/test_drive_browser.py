@@ -28,6 +28,7 @@ POLICY = (
 )
 ON = "document.getElementById('player').classList.contains('driving')"
 LABEL = "document.getElementById('player-arena-0').getAttribute('aria-label')"
+FINGERS = (25, 30), (40, 30), (35, 45)
 PICTURE = "document.getElementById('player-arena-0').toDataURL()"
 
 
@@ -64,14 +65,19 @@ def page(browser: Browser, file: Path) -> Iterator[Browser]:
     assert problems == []
 
 
-def mouse(page: Browser, kind: str, x_cm: float, y_cm: float, modifiers: int = 0) -> None:
-    """The pointer at a place of the arena, 50 cm wide: its walls are 22 and 12 pixels from the sides."""
+def place(page: Browser, x_cm: float, y_cm: float) -> dict[str, float]:
+    """Where a place of the arena is, 50 cm wide: its walls are 22 and 12 pixels from the sides."""
     x, y, wide = page.run(
         "(() => { const box = document.getElementById('player-arena-0').getBoundingClientRect();"
         " return [box.x, box.y, box.width]; })()"
     )
     scale = (wide - 22 - 12) / 50
-    place = {"x": x + 22 + scale * x_cm, "y": y + 8 + scale * (50 - y_cm)}
+    return {"x": x + 22 + scale * x_cm, "y": y + 8 + scale * (50 - y_cm)}
+
+
+def mouse(page: Browser, kind: str, x_cm: float, y_cm: float, modifiers: int = 0) -> None:
+    """The pointer at a place of the arena."""
+    where = place(page, x_cm, y_cm)
     page.call(
         "Input.dispatchMouseEvent",
         type=kind,
@@ -79,7 +85,7 @@ def mouse(page: Browser, kind: str, x_cm: float, y_cm: float, modifiers: int = 0
         buttons=1,
         clickCount=1,
         modifiers=modifiers,
-        **place,
+        **where,
     )
 
 
@@ -106,6 +112,18 @@ def test_dragged_it_stays_where_its_body_fits(page: Browser) -> None:
     assert page.run(LABEL) == "Your robot at 15, 15 cm: no room"
     assert page.run("document.getElementById('player-score-0').textContent") == "no room here"
     mouse(page, "mouseReleased", 15, 15)
+    assert page.run(LABEL) == "Your robot at 25, 30 cm"
+
+
+def test_a_second_finger_turns_it(page: Browser) -> None:
+    """The first one holds it where it is."""
+    first, second, third = ({"id": min(i, 1), **place(page, x, y)} for i, (x, y) in enumerate(FINGERS))
+    page.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[first])
+    picture = page.run(PICTURE)
+    page.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[first, second])
+    page.call("Input.dispatchTouchEvent", type="touchMove", touchPoints=[first, third])
+    assert page.run(LABEL) == "Your robot at 25, 30 cm" and page.run(PICTURE) != picture
+    page.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
     assert page.run(LABEL) == "Your robot at 25, 30 cm"
 
 

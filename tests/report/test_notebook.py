@@ -84,6 +84,7 @@ def test_a_replay_is_the_commands(played):
     """The same trial as `Simulation` makes, of whichever individual."""
     run = played.runs[0]
     page = run.replay("fittest", noise="zero", seed=5, seconds=1.0).html
+    assert 'id="drive-data"' not in page and 'id="drive-data"' in run.drive_live("fittest").html
     simulation = realitygap.Simulation(played.task(run.task), played.profile, "zero")
     networks = played.networks(run.task, run.fittest)
     _, score = simulation.trajectory(networks, stream=5, seconds=1.0)

@@ -9,9 +9,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 import realitygap.calibration.unit
+from realitygap.robots.address import Address
+from realitygap.tasks.load import load_task
+from realitygap.world.robot import load_profile
 from studies import common
 from tests.experiments.noise_parts import SimulatedRig, quick_units, unit_by_hand
 
@@ -19,10 +23,10 @@ STUDIES = Path(__file__).resolve().parents[2] / "studies"
 SMALL = ("--runs", "1", "--evaluations", "40", "--seconds", "2", "--workers", "1")
 
 
-def script(study: str) -> ModuleType:
-    """A study's run.py as a module."""
+def script(study: str, name: str = "run") -> ModuleType:
+    """A study's run.py as a module, or another of its files."""
     spec = importlib.util.spec_from_file_location(
-        f"run_{study.replace('-', '_')}", STUDIES / study / "run.py"
+        f"{name}_{study.replace('-', '_')}", STUDIES / study / f"{name}.py"
     )
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -82,3 +86,45 @@ def test_measure_or_randomise(tmp_path, monkeypatch):
     for name in ("controllers.csv", "calibration.csv"):
         assert head(tmp_path / "results" / name) == list(common.table(f"measure-or-randomise/T/{name}"))
     assert len((tmp_path / "results" / "controllers.csv").read_text().splitlines()) == 1 + 22
+
+
+def test_an_arm_of_misfit_and_noise(tmp_path, monkeypatch):
+    """Two units, six simulations, four levels, two individuals: tables that analyse.py takes."""
+    run, analyse = script("misfit"), script("misfit", "analyse")
+
+    class Rig(SimulatedRig):
+        tracker = None
+
+        def __init__(self, task: Any, profile: Any, *, robot: Any, **others: Any) -> None:
+            super().__init__(task, profile, robot=str(robot), **others)
+            self.robot, self.profile = Address.parse(str(robot)), profile
+
+    def whole(folder: Path, *, unit: int | str, **_: Any) -> Path:
+        return unit_by_hand(folder, unit=unit)
+
+    def again(folder: Path, *, of: Path, **_: Any) -> Path:
+        return unit_by_hand(folder, unit=int(of.name.removeprefix("unit-")))
+
+    with quick_units() as patch:
+        monkeypatch.setattr(run, "calibrated_unit", whole)
+        monkeypatch.setattr(run, "calibrated_again", again)
+        monkeypatch.setattr(run.Study, "misfit", lambda study, place: float(place.number))
+        patch.setattr("realitygap.experiments.noise.Rig", Rig)
+        run.main(("T", "--realities", "2", *SMALL, "--starts", "2", "--out", str(tmp_path / "T")))
+    (arm,) = analyse.read(tmp_path)
+    assert len(arm.rows) == 2 * 6 * 4 * 2 and len(arm.cells) == 6 * len(arm.rows)
+    assert set(arm.rows["set"]) == {1, 2} and arm.rows["fitness_situated"].notna().all()
+    assert "| nominal | 2 | 11.00 |" in analyse.by_simulation(arm)
+
+
+def test_a_rivals_robots_are_about_the_nominal_one():
+    """By the plan's deviations, and the next trial's is another; no sensor leaves the body."""
+    run = script("misfit")
+    made = run.Engine("nominal, spread × 2")(load_task("avoidance"), load_profile("enki-khepera"), 1.0)
+    nominal = load_profile("enki-khepera").to_kernel().proximity
+    gains = np.log([robot.proximity.a / nominal.a for robot in made.robots])
+    assert gains.std() == pytest.approx(2 * run.RIVAL["gain"], rel=0.1) and abs(gains.mean()) < 0.05
+    reach = [np.hypot(*robot.proximity.place.T).max() for robot in made.robots]
+    assert max(reach) < 2.6
+    worlds = made.worlds(np.array([5, 6, 205], np.uint64))
+    assert worlds[0][0].robot is worlds[2][0].robot is not worlds[1][0].robot

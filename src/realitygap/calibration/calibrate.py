@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any, Self
@@ -19,7 +20,8 @@ from numpy.typing import NDArray
 
 from realitygap import lazy
 from realitygap.calibration import model, noise
-from realitygap.calibration.fit import AUTO, Fit, Outcome, Tick, Values, choose, value_of
+from realitygap.calibration.between import with_between
+from realitygap.calibration.fit import AUTO, Fit, Outcome, Tick, Values, choose
 from realitygap.calibration.forms import (
     INFRARED_FORMS,
     LIGHT_FORMS,
@@ -42,6 +44,7 @@ from realitygap.calibration.recordings import (
     count_unit,
     tells_heights,
 )
+from realitygap.calibration.sets import own_sets, units_in_words
 from realitygap.calibration.wheels import WheelFit, doubts, fit_wheels
 from realitygap.errors import CalibrationError, ConfigError
 from realitygap.values import Floats
@@ -323,7 +326,10 @@ MEASURED, LOOKUP = "measured", "lookup"
 """The form with curves (measured.py, forms.py), and that without a model (lookup.py)."""
 JUDGED = {AUTO: ("extended", MEASURED)}
 """The forms between which `auto` chooses, those with fewer constants first."""
-UNLIT = "no reading held out is neither dark nor saturated: model error over noise is that of all readings"
+UNLIT = (
+    "too little is lit to say how model error compares with the noise: fewer than half of the sensors have a "
+    "reading held out that is neither dark nor saturated; the ratio of all readings is kept"
+)
 TURNED_DEG = 15.0
 """Fitted directions further from the base's than any sensor is mounted."""
 FAINT = 2e-4
@@ -348,9 +354,10 @@ HINTS = {
     "floor": "places in bright light", "dark": "places in the dark",
     "kp": "steps between many speeds", "ki": "steps between many speeds", "kd": "steps between many speeds",
     "lag": "steps between many speeds", "play_cm": "turning round on the spot and back",
-    "friction_cm_s2": "standing starts at low speeds", "speed": "a camera over the floor",
-    "cm": "a camera over the floor", "track": "a camera over the floor",
-    "noise.wheel": "a camera that sees each step",
+    "friction_cm_s2": "standing starts at low speeds", "speed": "straight drives under a camera",
+    "cm": "straight drives under a camera", "track": "turns on the way under a camera",
+    "marker": "turns on the way under a camera", "poses": "changes of speed under a camera",
+    "noise.wheel": "a camera that sees each step sharply",
 }  # fmt: skip
 """Which readings would determine a constant, by the beginning of its key."""
 
@@ -372,6 +379,8 @@ class ChannelFit:
         deviation, measured: the noise's deviation where sensors see something, counts; whether it was
             measured (else it is the base's).
         sensors: each sensor's misfit.
+        between: deviation of readings at the same places from one recording to another, beyond the noise of
+            one, counts; NaN where no two recordings share places.
         dead: sensors that gave no information, and why.
         warnings: in words.
         distance_cm, bearing_deg: [n] of all rows; NaN where only poses are known.
@@ -392,6 +401,7 @@ class ChannelFit:
     sensors: tuple[Misfit, ...]
     judged: tuple[Misfit, ...]
     misplaced: float
+    between: float
     dead: dict[int, str]
     warnings: tuple[str, ...]
     source: str
@@ -443,10 +453,11 @@ class Fits:
     def _fitted(self, data: Readings, form: str, *, intervals: bool) -> dict[str, Outcome]:
         """Its outcome, and that of the form that it rests on."""
         if data.kind == "infrared":
-            make = {MEASURED: fit_measured, LOOKUP: fit_lookup}.get(form)
-            if make is None:
-                return {form: fit_infrared(data, self._base, form, intervals=intervals)}
-            return {form: make(data, self._base, intervals=intervals)}
+            make: Any = {MEASURED: fit_measured, LOOKUP: fit_lookup}.get(form)
+            make = make or partial(fit_infrared, form=form)
+            made = make(data, self._base, intervals=intervals)
+            own = None if form == LOOKUP else own_sets(data, made)
+            return {form: made if own is None else make(own, self._base, intervals=intervals)}
         law = "extended" if form == MEASURED else form
         outcome, lit = fit_light(data, self._base, law, room=self._room, intervals=intervals)
         return {law: outcome} | ({form: fit_curves(data, outcome, lit)} if form == MEASURED else {})
@@ -572,6 +583,7 @@ def _channel(
         by_form={name: data.rmse(one.model) for name, one in fits.items()},
         held_out={name: data.rmse(read) for name, read in held.items()}, judged=judged,
         misplaced=_misplaced(data, profile, fit.values, usual.deviation) if form != LOOKUP else np.nan,
+        between=np.nan,
         noise=tuple(found), deviation=usual.deviation, measured=usual.measured, sensors=sensors,
         dead=data.dead, source=", ".join(r.source for r in data.recordings), warnings=(),
         distance_cm=data.distance, bearing_deg=data.bearing, name=data.name, counts=live,
@@ -582,6 +594,7 @@ def _channel(
     if made.measured:
         apart = form in (MEASURED, LOOKUP) or (form == "extended" and uneven)
         profile = _with_noise(made, data, constant=not apart)
+    profile, between = with_between(profile, data, fit.values, measured=made.measured)
     said = [*said, *_doubts(made), *hanging]
     if uneven and kind == "infrared":
         said.append(
@@ -589,8 +602,9 @@ def _channel(
             f"{max(sizes.values()):.3g} counts: errors are compared with one figure for all, beside which "
             "those of quiet sensors look too small"
         )
+    said += units_in_words(data, fit.values)
     said += beyond(data, profile) if form == LOOKUP else []
-    return replace(made, profile=profile, warnings=tuple(dict.fromkeys(said)))
+    return replace(made, profile=profile, between=between, warnings=tuple(dict.fromkeys(said)))
 
 
 def _misplaced(data: Readings, profile: Profile, values: Values, deviation: float) -> float:
@@ -598,8 +612,8 @@ def _misplaced(data: Readings, profile: Profile, values: Values, deviation: floa
     if data.kind != "infrared":
         return np.nan
     change = [
-        noise.displaced(recording, profile, scene.tried(values), value_of(values, name))
-        for recording, (name, scene) in zip(data.recordings, model.scenes_of(data.recordings), strict=True)
+        noise.displaced(recording, profile, scene.tried(values), 0.0)
+        for recording, (_, scene) in zip(data.recordings, model.scenes_of(data.recordings), strict=True)
     ]
     return noise.explained(np.concatenate(change), data.live(), data.place, data.top, deviation)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from realitygap.calibration.recordings import WheelRecording
-from realitygap.logs.cuts import gaps, jumps, repeats
+from realitygap.logs.cuts import gaps, jumps, many, repeats
 
 __all__ = ["cleaned", "first_pulses"]
 
@@ -20,28 +20,31 @@ NAMED, PARTS = 3, 40
 def cleaned(recording: WheelRecording, at: Callable[[int], str]) -> WheelRecording:
     """A copy whose trials are cut at gaps of its clock and at jumps of its poses, without poses that repeat
     while it moved, or that are alone out of reach; a warning says how many. `at`: where a row stands."""
-    t, trial, pose, said = recording.t_s, recording.trial, recording.pose, []
-    cut = gap = gaps(t, trial)
+    t, trial, pose, said = recording.t_s, recording.trial, recording.pose, list[str]()
     counted = bool(np.isfinite(recording.counters).any())
     drive = np.nan_to_num(recording.counters if counted else recording.commands)
     turned = np.abs(np.diff(drive, axis=0, prepend=drive[:1]) if counted else drive).max(axis=1)
+    cut = gap = gaps(t, trial)
     if counted and not recording.from_speeds:  # which say how far it went meanwhile
-        gap &= turned > BRIDGED * np.quantile(turned, 0.95)
+        cut = gap = gap & (turned > BRIDGED * np.quantile(turned, 0.95))
     if pose is not None:
         again = repeats(np.nan_to_num(pose, nan=-1e9), turned > 0) & np.isfinite(pose[:, 0])
         jump, alone = jumps(t, np.where(again[:, None], np.nan, pose[:, :2]), trial)
-        pose = np.where((again | alone)[:, None], np.nan, pose)
-        said += [f"{n} repeated poses" for n in [again.sum()] if n]
-        said += [f"{n} poses out of reach" for n in [alone.sum()] if n]
-        where = [at(k) for k in np.flatnonzero(jump)[:NAMED].tolist()]
-        said += [f"{n} jumps (cut at {', '.join(where)}{' …' * int(n > NAMED)})" for n in [jump.sum()] if n]
-        cut = gap | jump
-    said += [f"{n} gaps" for n in [gap.sum()] if n]
+        pose, cut = np.where((again | alone)[:, None], np.nan, pose), gap | jump
+        where = ", ".join(at(k) for k in np.flatnonzero(jump)[:NAMED].tolist())
+        if again.any():
+            said.append(many(again.sum(), "repeated pose"))
+        if alone.any():
+            said.append(f"{many(alone.sum(), 'pose')} out of reach")
+        if jump.any():
+            said.append(f"{many(jump.sum(), 'jump')} (cut at {where}{' …' if jump.sum() > NAMED else ''})")
+    if gap.any():
+        said.append(many(gap.sum(), "gap"))
     if not said:
         return recording
     if cut.any():
         trial = np.cumsum(cut | (np.diff(trial, prepend=-1) != 0)) - 1
-        said[-1] += f": {trial[-1] + 1} pieces"
+        said[-1] += f": {many(int(trial[-1]) + 1, 'piece')}"
     warning = f"{recording.source}: left out: {', '.join(said)}"
     return replace(recording, pose=pose, trial=trial, warnings=(*recording.warnings, warning))
 

@@ -24,7 +24,6 @@ from realitygap.calibration.fit import (
     mended,
     scan,
     search,
-    value_of,
 )
 from realitygap.calibration.model import Scenes
 from realitygap.calibration.readings import Readings
@@ -84,14 +83,13 @@ def _from_starts(
 ) -> Outcome:
     """The fit from the most promising of some starts."""
     scenes = model.scenes_of(data.recordings)
-    free = infrared_parameters(form, base, [] if data.straight else [name for name, _ in scenes])
-    free += model.reflectances(scenes)
+    rigs = [] if data.straight else [scene.turn for _, scene in scenes if scene.turn]
+    free = infrared_parameters(form, base, list(dict.fromkeys(rigs)), told=not data.straight)
+    free += model.reflectances(scenes) + model.units(data.recordings)
 
     def readings(values: Values) -> Floats:
         made = with_infrared(base, values)
-        return np.concatenate(
-            [model.proximity(made, scene.tried(values), value_of(values, rig)) for rig, scene in scenes]
-        )
+        return np.concatenate([model.proximity(made, scene.tried(values)) for _, scene in scenes])
 
     observed, start = data.observed(), starts[0]
     if len(starts) > 1:
@@ -117,11 +115,11 @@ def preference(data: Readings, one: Fit, *, over: Fit) -> float:
     return float(gain.sum() / max(np.sqrt((gain**2).sum()), 1e-12))
 
 
-def infrared_parameters(form: str, profile: Profile, rigs: Sequence[str]) -> list[Parameter]:
-    """What a form leaves free, starting from a profile; each rig has its own rotation.
-
-    Without rigs every sensor faced a wall straight on, so directions are not identifiable and not free.
-    """
+def infrared_parameters(
+    form: str, profile: Profile, rigs: Sequence[str], *, told: bool = True
+) -> list[Parameter]:
+    """What a form leaves free, starting from a profile; each rig has its own rotation. Where every sensor
+    faced a wall straight on, directions are not identifiable and not free (not `told`)."""
     sensors = profile.infrared.sensors
     each, unit = 1 if form == "paper" else len(sensors), count_unit(profile.infrared.top)
     a = np.full(each, 1200.0 if form != "extended" else 900.0) * unit
@@ -132,7 +130,7 @@ def infrared_parameters(form: str, profile: Profile, rigs: Sequence[str]) -> lis
     ]
     if form == "extended":
         free += [
-            *([model.directions(sensors)] if rigs else []),
+            *([model.directions(sensors)] if told else []),
             Parameter(key="offset_cm", start=np.array([0.3]), low=-0.2, high=2.0, step=2e-3),
             Parameter(key="exponent", start=np.array([2.0]), low=0.0, high=8.0, step=1e-2),
         ]
@@ -307,11 +305,12 @@ def light_parameters(
             Parameter(key="near_cm", start=0.5 * one, low=0.0, high=10.0, jump=0.05),
             Parameter(key="lamp_proud_cm", start=0.3 * one, low=0.0, high=3.0, step=2e-2, jump=0.03),
         ]
-    start = {**{p.key: p.start for p in free}, **{name: np.zeros(1) for name, _ in scenes}}
+    start = {p.key: p.start for p in free}
     gain = _first_gains(form, with_light(profile, start, form), scenes, counts)
     each = gain if form != "paper" else np.array([np.median(gain)])
     free.insert(0, Parameter(key=GAIN, start=np.log(each), low=-30.0, high=40.0))
-    return free + ([] if room else model.turns([name for name, _ in scenes]))
+    rigs = dict.fromkeys(scene.turn for _, scene in scenes if scene.turn)
+    return free + ([] if room else model.turns(list(rigs)))
 
 
 def _first_gains(form: str, profile: Profile, scenes: Scenes, counts: Floats) -> Floats:
@@ -404,7 +403,7 @@ class LightModel:
         """[m, A] illumination of each place."""
         at = _of_key(keys, values)
         law = with_light(self.base, at, self._form).ambient
-        rigs = [(scene, value_of(at, name)) for name, scene in self._scenes]
+        rigs = [(scene.tried(at), 0.0) for _, scene in self._scenes]
         ambient, light = law.to_kernel(self.base.body.height_cm)
         robot = self._robot._replace(ambient=ambient, light=light)
         return model.lit_places(robot, rigs, self._work)

@@ -1,6 +1,7 @@
 """Judges a profile by recordings: RMSE, bias, and model error over noise, for each sensor."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from realitygap.calibration import model
 from realitygap.calibration import noise as misfit
+from realitygap.calibration.between import covered
 from realitygap.calibration.fit import Observed, Parameter, Values, costs, fit, value_of
 from realitygap.calibration.measured import BY_HAND, LIGHT, SHIFT
 from realitygap.calibration.model import Scene, unchecked
@@ -15,6 +17,7 @@ from realitygap.calibration.noise import LIMITS, Misfit, unmeasured
 from realitygap.calibration.odometry import measure_odometry, measured_speeds
 from realitygap.calibration.readings import (
     dead_sensors,
+    places_of,
     recorded,
     refuse_silent,
     refuse_slips,
@@ -27,14 +30,17 @@ from realitygap.calibration.recordings import (
     SensorRecording,
     WheelRecording,
     count_unit,
+    reaching,
+    sets_of,
 )
+from realitygap.calibration.sets import in_words, own_constants
 from realitygap.calibration.wheels import refuse_few_steps, refuse_lengths, refuse_odd
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
 from realitygap.work.pool import one_thread
 from realitygap.world.robot import Profile
 
-__all__ = ["LIMITS", "Judgement", "judge"]
+__all__ = ["LIMITS", "Judgement", "judge", "judge_all"]
 
 STEP = 0.01
 """Degrees, or the logarithm of a brightness, over which a difference is taken."""
@@ -48,11 +54,14 @@ class Judgement:
 
     `per_sensor` and all sums leave out dead sensors; `warnings` name them and everything else that is
     doubtful. `within` is the share of lit places on which the model errs by at most two deviations of the
-    noise: where it is near 1 and `ratio` is large, single places err. For a series of one sensor facing a
-    wall, `shift_cm` is its extra distance and `background` the room's infrared beyond the profile's (1/cm²);
-    both are fitted out, as is the `reflectance` of an unknown surface (`painted`). `misplaced` is as of a
-    calibration. `ends`: how far off (cm, degrees; medians) runs end that the profile's track and pulses
-    predict from their first pose, the marker's place on the robot fitted out; None without poses.
+    noise: where it is near 1 and `ratio` is large, single places err. `covered` is the share of readings
+    within 95 % of the profile's noise, within and `between` recordings (its deviation, counts; 0: unknown).
+    `gain` and `start_cm` are another unit's, or start's, and `plain` the RMSE without them. For a series of
+    one sensor facing a wall, `shift_cm` is its extra distance and `background` the room's infrared beyond the
+    profile's (1/cm²); both are fitted out, as is the `reflectance` of an unknown surface (`painted`).
+    `misplaced` is as of a calibration. `ends`: how far off (cm, degrees; medians) runs end that the profile's
+    track and pulses predict from their first pose, the marker's place on the robot fitted out; None without
+    poses.
     """
 
     kind: str
@@ -70,6 +79,11 @@ class Judgement:
     ends: tuple[float, float] | None = None
     within: float = math.nan
     misplaced: float = math.nan
+    covered: float = math.nan
+    between: float = 0.0
+    gain: float = 1.0
+    start_cm: float = 0.0
+    plain: float = math.nan
     counts: Floats = field(repr=False)
     model: Floats = field(repr=False)
     warnings: tuple[str, ...] = ()
@@ -82,6 +96,8 @@ class Judgement:
             where = "farther away" if self.shift_cm > 0 else "nearer"
             said.append(f"set down {abs(10 * self.shift_cm):.1f} mm {where}")
             said.append(f"the room's infrared adds {self.background:+.5f}/cm² to that of the profile's room")
+        if words := in_words(self.gain, self.start_cm):
+            said.append(f"{words} (RMSE {self.plain:.3g} without that)")
         if self.painted:
             said.append(f"a surface that reflects {self.reflectance:.2f} times as much as the profile's")
         return said
@@ -120,6 +136,8 @@ class Judgement:
             "model_error_over_noise_without_them": self.ratio_placed,
             "per_sensor": sensors, "noise": {**noise, "fits": self.noise_fits},
             "turn_deg": self.turn_deg, "shift_cm": self.shift_cm,
+            "covered": self.covered, "between": self.between, "gain": self.gain, "start_cm": self.start_cm,
+            "rmse_plain": self.plain,
             "background": self.background, "brightness": self.brightness, "reflectance": self.reflectance,
             "warnings": list(self.warnings),
         }  # fmt: skip
@@ -131,19 +149,84 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     Raises:
         RecordingError: the profile has another number of sensors, or another full scale.
     """
+    return judge_all([recording], profile)[0]
+
+
+def judge_all(recordings: Sequence[Recording], profile: Profile) -> list[Judgement]:
+    """Judge a profile by the recordings of a robot: what `judge` fits out, and for each set of them, where
+    that pays on places left out, another unit's gain and start. Recordings with one bearing of each sensor
+    have one rotation together, or none."""
+    near = [r for r in recordings if isinstance(r, SensorRecording) and r.kind == "infrared"]
+    with one_thread():
+        common = _common_turn([r.of_robot(profile) for r in near], profile)
+        found = {id(r): _judged(r, profile, common) for r in recordings}
+        for first in dict.fromkeys(sets := sets_of(near)):
+            some = [r for r, number in zip(near, sets, strict=True) if number == first]
+            turns = [found[id(r)].turn_deg for r in some]
+            gain, start = _own_constants([r.of_robot(profile) for r in some], profile, turns)
+            for r in some if (gain, start) != (1.0, 0.0) else ():
+                other = replace(r, gain=gain * r.gain, distance_cm=r.distance_cm + start)
+                again, plain = _judged(other, profile, common), found[id(r)].rmse
+                found[id(r)] = replace(again, gain=gain, start_cm=start, plain=plain)
+    return [found[id(r)] for r in recordings]
+
+
+def _common_turn(near: Sequence[SensorRecording], profile: Profile) -> float:
+    """The rotation (degrees) of the recordings that only together tell one."""
+    some = [r for r, key in zip(near, model.rigs_of(near), strict=True) if key == model.TURN]
+    if not some or profile.infrared.table:
+        return 0.0
+    scenes, counts = [model.scene_of(r) for r in some], np.concatenate([r.counts for r in some])
+    data = Observed(
+        counts=np.nan_to_num(counts), noise=FIRST_NOISE["infrared"] * count_unit(profile.infrared.top),
+        use=np.isfinite(counts), clusters=places_of(some),
+    )  # fmt: skip
+
+    def readings(values: Values) -> Floats:
+        turn = value_of(values, model.TURN)
+        return np.concatenate([model.proximity(profile, scene, turn) for scene in scenes])
+
+    return value_of(fit(model.turns([model.TURN]), readings, data, intervals=False).values, model.TURN)
+
+
+def _own_constants(
+    some: Sequence[SensorRecording], profile: Profile, turns: Sequence[float]
+) -> tuple[float, float]:
+    """Gain and start (cm) of a set of infrared recordings turned by `turns` (degrees); (1, 0) where they do
+    not pay."""
+    if profile.infrared.table or any(math.isnan(r.reflectance) for r in some):
+        return 1.0, 0.0
+    scenes, counts = [model.scene_of(r) for r in some], np.concatenate([r.counts for r in some])
+    data = Observed(
+        counts=np.nan_to_num(counts), noise=FIRST_NOISE["infrared"] * count_unit(profile.infrared.top),
+        use=np.isfinite(counts), clusters=places_of(some),
+    )  # fmt: skip
+
+    def read(gain: float, start: float) -> Floats:
+        pairs = zip(scenes, turns, strict=True)
+        return np.concatenate([model.proximity(profile, s.brighter(gain), t, start) for s, t in pairs])
+
+    return own_constants(read, data)
+
+
+def _judged(recording: Recording, profile: Profile, common: float) -> Judgement:
+    """The judgement of one recording; `common`: rotation (degrees) of a rig that it does not tell alone."""
     if isinstance(recording, WheelRecording):
         return _judge_wheels(recording, profile)
     recording = _of_a_tables_surface(recording.of_robot(profile), profile)
+    profile = reaching([recording], profile)
     part = profile.channel(recording.kind)
     dead, warnings = _doubts(recording, profile)
     live = [k for k in recorded(recording) if k not in dead]
     paint = math.isnan(recording.reflectance)
     scene, (turn, scale, shift, light) = model.scene_of(recording), (0.0, 1.0, 0.0, 0.0)
-    with one_thread():
-        if recording.from_sensor is None:
-            turn, scale, read = _fitted_out(recording, profile, scene, live)
-        else:
-            shift, light, read = _set_up(recording, profile, scene)
+    if recording.from_sensor is None:
+        turn, scale, read = _fitted_out(recording, profile, scene, live, common)
+    else:
+        shift, light, read = _set_up(recording, profile, scene)
+    at = [f"rig turned by {turn:+.0f} degrees"] * (abs(turn) > 0.999 * model.TURN_DEG)
+    at += [f"set down {10 * shift:+.0f} mm away"] * (abs(shift) > 0.999 * SHIFT["high"])
+    warnings += tuple(f"{recording.source}: {what}: at its bound; are the places right?" for what in at)
     known = np.where(np.isin(np.arange(recording.sensors), live), recording.counts, np.nan)
     lively = replace(recording, counts=known)
     estimates = misfit.measure_noise([lively], [read], part.top, profile.infrared.dead)
@@ -153,6 +236,7 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
     deviation = of_noise.deviation
     warnings += () if of_noise.measured else (f"{recording.source}: {unmeasured(deviation)}",)
     off = (read - recording.counts)[:, live]
+    off = off[np.isfinite(off)]
     change = np.full(known.shape, np.nan)
     if recording.kind == "infrared" and not profile.infrared.table:
         change = misfit.displaced(recording, profile, scene.painted(scale) if paint else scene, turn)
@@ -164,6 +248,8 @@ def judge(recording: Recording, profile: Profile) -> Judgement:
         reflectance=scale if paint else recording.reflectance, painted=paint,
         within=misfit.within(known, read, recording.place(), of_noise),
         misplaced=misfit.explained(change, known, recording.place(), part.top, deviation),
+        covered=covered(known, read, profile, recording.kind),
+        between=float(np.sqrt(np.mean(np.square(part.between)))) if part.between else 0.0,
         counts=recording.counts, model=read, warnings=warnings,
     )  # fmt: skip
 
@@ -196,20 +282,21 @@ def _doubts(recording: SensorRecording, profile: Profile) -> tuple[dict[int, str
 
 
 def _fitted_out(
-    recording: SensorRecording, profile: Profile, scene: Scene, live: list[int]
+    recording: SensorRecording, profile: Profile, scene: Scene, live: list[int], common: float
 ) -> tuple[float, float, Floats]:
     """The rig's rotation (degrees), the brightness of an unknown lamp or reflectance of an unknown surface,
     and the model's readings with both."""
     known = recording.pose is not None and recording.arena is not None
     lamp, paint = recording.kind == "ambient" and not known, math.isnan(recording.reflectance)
-    free = []
+    free, (rig,) = [], model.rigs_of([recording])
     if not (known or (recording.exact and profile.infrared.measured)):
-        free += model.turns(["turn"])
+        free += model.turns(["turn"]) if rig else []
+    usual = 0.0 if rig or known or recording.exact else common
     if not known and (lamp or paint):
         free.append(Parameter(key="scale", start=np.zeros(1), low=-30.0, high=30.0, step=STEP))
 
     def readings(values: Values) -> Floats:
-        turn, scale = value_of(values, "turn"), math.exp(value_of(values, "scale"))
+        turn, scale = value_of(values, "turn") or usual, math.exp(value_of(values, "scale"))
         if recording.kind == "infrared":
             return model.proximity(profile, scene.painted(scale) if paint else scene, turn)
         law = profile.ambient
@@ -218,7 +305,7 @@ def _fitted_out(
         return model.light_readings(made, model.illumination(profile, scene, turn))
 
     if not free:
-        return 0.0, 1.0, readings({})
+        return usual, 1.0, readings({})
     top = profile.channel(recording.kind).top
     use = np.isin(np.arange(recording.sensors), live) & np.isfinite(recording.counts)
     data = Observed(
@@ -229,7 +316,8 @@ def _fitted_out(
     starts = [{"turn": np.zeros(1), "scale": np.array([scale])} for scale in scales]
     start = min(starts, key=lambda one: float(costs(readings(one), data).sum()))
     found = fit(free, readings, data, start=start, intervals=False)
-    return value_of(found.values, "turn"), math.exp(value_of(found.values, "scale")), found.model
+    turn = value_of(found.values, "turn") or usual
+    return turn, math.exp(value_of(found.values, "scale")), found.model
 
 
 def _set_up(recording: SensorRecording, profile: Profile, scene: Scene) -> tuple[float, float, Floats]:

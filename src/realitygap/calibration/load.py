@@ -62,15 +62,16 @@ STEP_KINDS = ("step", "start", "straight", "turn")
 UNITS = "cm, degrees, s, counts, {}, pulses"
 """Units of the numbers; commands and speeds are in the robot's own units, named in the braces."""
 KNOWN = (
-    "kind", "object", "reflectance", "sensors", "full_scale", "body_radius_cm", "body_outline_cm",
-    *HEIGHTS_CM, "arena", "units", "placed_by", "notes", "robot", "unit", "twin_noise", "port", "bios",
-    "protocol", "firmware", "plan", "seed", "repeats", "bearings", "distances_cm", "places", "between",
-    "date", "base", "pulses_per_mm", "marker", "id", "productId", "fwversion", "prox.comm.tx",
+    "kind", "object", "reflectance", "gain", "start_cm", "sensors", "full_scale", "body_radius_cm",
+    "body_outline_cm", *HEIGHTS_CM, "arena", "units", "placed_by", "notes", "robot", "unit",
+    "twin_noise", "port", "bios", "protocol", "firmware", "plan", "seed", "repeats", "bearings",
+    "distances_cm", "places", "between", "date", "base", "pulses_per_mm", "marker", "id", "productId",
+    "fwversion", "prox.comm.tx",
 )  # fmt: skip
 """Keys of recording.toml: a calibration reads those about the body, surfaces, places and units; the others
 are for the record, the last ones from a Thymio."""
 UNKNOWN = "unknown"
-"""A reflectance that is to be fitted."""
+"""A reflectance, a gain or a start that is to be fitted."""
 
 KINDS = ("infrared", "ambient", "wheels")
 FARTHEST_CM, REACH_CM = 300.0, 20.0
@@ -254,6 +255,10 @@ def _read_sensors(
     else:
         table.need((*POLAR, "repeat"))
         distance, bearing = (table.numbers(column) for column in POLAR)
+    gain, start_cm = (
+        _own(where, facts, key, kind == "infrared" and not posed) for key in ("gain", "start_cm")
+    )
+    distance = distance + np.nan_to_num(start_cm)
     # An empty cell is a reading that was not taken, an empty column a sensor that was not recorded.
     counts = np.stack([table.numbers(s, empty=True) for s in sensors], 1)
     _check_readings(table, kind, distance, bearing, counts, full_scale)
@@ -270,6 +275,8 @@ def _read_sensors(
         body_outline_cm=body.outline_cm,
         body_said="body_radius_cm" in facts or "body_outline_cm" in facts,
         full_scale=full_scale,
+        gain=gain,
+        start_cm=start_cm if math.isnan(start_cm) else 0.0,
         reflectance=_reflectance(where, facts, kind == "infrared" and not posed),
         speed_cm_s=np.abs(table.numbers("speed_cm_s")) if "speed_cm_s" in table.columns else None,
         lines=[table.at(k) for k in range(len(table.rows))],
@@ -344,6 +351,19 @@ def _reflectance(where: Path, facts: Mapping[str, Any], allowed: bool) -> float:
     return _number(where, facts, "reflectance", what, WHITEST) or 1.0
 
 
+def _own(where: Path, facts: Mapping[str, Any], key: str, allowed: bool) -> float:
+    """A constant of the recording's own, `gain` or `start_cm`, NaN if it is to be fitted."""
+    usual, least, most, unit = (1.0, 0.01, 100.0, "times") if key == "gain" else (0.0, -10.0, 10.0, "cm")
+    value = facts.get(key, usual)
+    if value == UNKNOWN and allowed:
+        return math.nan
+    known = isinstance(value, int | float) and not isinstance(value, bool) and least <= value <= most
+    if not known or (key in facts and not allowed):
+        expected = f'a number from {least:g} to {most:g} ({unit}), or "{UNKNOWN}", of infrared without poses'
+        raise RecordingError(f"{where}: {key}: expected {expected}, got {value!r}.")
+    return float(value)
+
+
 def _poses(table: Table, *, empty: bool) -> Floats:
     """[n, 3] x, y (cm), heading (rad)."""
     pose = np.stack([table.numbers(name, empty=empty) for name in POSE], 1)
@@ -366,7 +386,7 @@ def _read_wheels(
     table: Table, where: Path, facts: Mapping[str, Any], origin: dict[str, Any]
 ) -> WheelRecording:
     """Drives; what is known of the wheels is one of commands, counters and speeds at least."""
-    have = set(table.columns)
+    have = {name for name in table.columns if any(table.texts(name))}
     some = next((pair for pair in (COUNTERS, SPEEDS, COMMANDS) if set(pair) <= have), None)
     if some is None:
         raise RecordingError(
@@ -387,7 +407,7 @@ def _read_wheels(
     def pair(names: Sequence[str]) -> Floats:
         if not set(names) <= have:
             return np.full((len(t), 2), math.nan)
-        return np.stack([table.numbers(name, empty=names != some) for name in names], 1)
+        return np.stack([table.numbers(name, empty=names == SPEEDS and some != SPEEDS) for name in names], 1)
 
     commands, counters, speeds = map(pair, (COMMANDS, COUNTERS, SPEEDS))
     if some == SPEEDS:  # by trapezia: where they were read is not known better

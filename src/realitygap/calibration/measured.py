@@ -183,10 +183,7 @@ class Optics:
         """[n, S] position of each reading on its curve."""
         law = self.profile(values).infrared
         robot = self._robot._replace(proximity=law.to_kernel())
-        rigs = [
-            (scene.tried(values), value_of(values, name), value_of(values, _shift_of(name)))
-            for name, scene in self.scenes
-        ]
+        rigs = [(scene.tried(values), 0.0, value_of(values, _shift_of(name))) for name, scene in self.scenes]
         light = model.received(robot, rigs, self._work) + np.outer(self._lit(values), robot.proximity.a)
         return model.up_curve(light, law.curve_cm)[self.place]
 
@@ -253,7 +250,9 @@ class _Search:
         bearings, rank = np.unique(np.nan_to_num(data.bearing), return_inverse=True)
         self._few = (rank % max(1, len(bearings) // ENOUGH) == 0)[first_of]
         self._blocks, self._folds = data.block[first_of], data.fold_of()[first_of]
-        self._turned = not any(r.exact for r in data.recordings)
+        rigs = model.rigs_of(data.recordings)
+        self._rigs = [key for key, r in zip(rigs, data.recordings, strict=True) if key and not r.exact]
+        self._turned = bool(self._rigs) and not any(r.exact for r in data.recordings)
 
     def best(self, first: "Optics") -> tuple[Optics, dict[str, Floats]]:
         """The most promising start's end: all lobes for one stage by some of the bearings, the best with one
@@ -341,7 +340,8 @@ class _Search:
                 for k in np.flatnonzero(data.use.any(axis=0))
             ]
             look = model.directions(self._sensors)
-            return [*size, *shifts, *gains, *self._lights()] if lobe else [*size, look]
+            unit = model.units(data.recordings)
+            return [*size, *shifts, *gains, *unit, *self._lights()] if lobe else [*size, look]
         return [
             model.directions(self._sensors, tie=TIE_DEG if self._turned else None),
             *size,
@@ -351,7 +351,8 @@ class _Search:
                 for key in lobe if key in SHARES
             ),
             *model.reflectances(scenes),
-            *model.turns([name for (name, _), r in zip(scenes, data.recordings, strict=True) if not r.exact]),
+            *model.units(data.recordings),
+            *model.turns(list(dict.fromkeys(self._rigs))),
         ]  # fmt: skip
 
     def _lights(self) -> list[Parameter]:

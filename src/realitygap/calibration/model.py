@@ -15,8 +15,8 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.calibration.fit import Parameter, Values
-from realitygap.calibration.recordings import SensorRecording, WheelRecording
+from realitygap.calibration.fit import Parameter, Values, value_of
+from realitygap.calibration.recordings import SensorRecording, WheelRecording, sets_of
 from realitygap.kernels.trial import Scratch, new_scratch, unfed
 from realitygap.kernels.types import Arena as KernelArena
 from realitygap.kernels.types import Robot
@@ -31,8 +31,10 @@ V = TypeVar("V")
 
 ROOM_CM = 1000.0
 """A room so large that its other walls are out of every sensor's range."""
-REFLECTANCE = "reflectance_"
-"""Prefix of the key of a recording's reflectance; its number follows."""
+REFLECTANCE, GAIN, START = "reflectance_", "gain_", "start_"
+"""Prefixes of the keys of a recording's reflectance, gain and start; its number follows."""
+TURN, BEARINGS = "turn_deg", 3
+"""Key of the rotation that recordings with fewer bearings of each sensor have in common."""
 OF_CURVES = (MEASURED - {"dead", "table"}) | {"response"}
 """Keys that stand for curves, or with them."""
 SAME_CM = 0.2
@@ -48,7 +50,8 @@ class Scene:
     """Where a recording's rows were read; each place is listed once.
 
     poses [m, 3] x, y (cm), heading (rad); row [n] the place of each row of the recording; bare: nothing but
-    the object is near; paint: key of the constant that is the object's reflectance, if it is unknown.
+    the object is near; paint, gain, start, turn: keys of the constants that are the object's reflectance, the
+    unit's gain, the distance (cm) from which distances count and the rig's rotation; "": known, or none.
     """
 
     arena: KernelArena
@@ -56,15 +59,27 @@ class Scene:
     row: NDArray[np.int64]
     bare: bool = False
     paint: str = ""
+    gain: str = ""
+    start: str = ""
+    turn: str = ""
 
     def painted(self, reflectance: float) -> Self:
         """A copy in which all surfaces have this reflectance."""
         surfaces = np.full(1 + len(self.arena.cylinders), reflectance)
         return replace(self, arena=self.arena._replace(reflectance=surfaces))
 
+    def brighter(self, gain: float) -> Self:
+        """A copy all of whose surfaces throw back so many times as much."""
+        known = self.arena.reflectance
+        surfaces = known if len(known) else np.ones(1 + len(self.arena.cylinders))
+        return replace(self, arena=self.arena._replace(reflectance=gain * surfaces)) if gain != 1.0 else self
+
     def tried(self, values: Mapping[str, Floats]) -> Self:
-        """A copy with the reflectance among the fit's values, if there is one."""
-        return self.painted(float(values[self.paint][0])) if self.paint in values else self
+        """A copy with the constants among the fit's values."""
+        factors = [float(values[key][0]) for key in (self.paint, self.gain) if key in values]
+        turn, away = value_of(values, self.turn), value_of(values, self.start)
+        moved = replace(self, poses=self.turned(turn, away)) if turn or away else self
+        return moved.brighter(math.prod(factors))
 
     def turned(self, degrees: float, away_cm: float = 0.0) -> Floats:
         """The poses [m, 3] with the rig turned further counter-clockwise, or further away, than stated."""
@@ -77,7 +92,8 @@ def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
     row = recording.place()
     first = np.unique(row, return_index=True)[1]
     if recording.pose is not None and recording.arena is not None:
-        return Scene(arena=recording.arena.to_kernel(), poses=recording.pose[first], row=row)
+        there = Scene(arena=recording.arena.to_kernel(), poses=recording.pose[first], row=row)
+        return there.brighter(float(np.nan_to_num(recording.gain, nan=1.0)))
     half, radius = ROOM_CM / 2, recording.radius_cm
     away = recording.reach_cm()[first] + recording.distance_cm[first]
     cylinders: tuple[Cylinder, ...] = ()
@@ -97,7 +113,7 @@ def scene_of(recording: SensorRecording, paint: str = "") -> Scene:
     )
     known = math.isfinite(recording.reflectance)
     scene = Scene(arena=room.to_kernel(), poses=poses, row=row, bare=True, paint="" if known else paint)
-    return scene.painted(recording.reflectance) if known and recording.reflectance != 1.0 else scene
+    return scene.brighter((recording.reflectance if known else 1.0) * np.nan_to_num(recording.gain, nan=1.0))
 
 
 Scenes = Sequence[tuple[str, Scene]]
@@ -105,8 +121,35 @@ Scenes = Sequence[tuple[str, Scene]]
 
 
 def scenes_of(recordings: Sequence[SensorRecording]) -> list[tuple[str, Scene]]:
-    """The scenes of several recordings of one robot."""
-    return [(f"turn_{i}_deg", scene_of(r, f"{REFLECTANCE}{i}")) for i, r in enumerate(recordings)]
+    """The scenes of several recordings of one robot; what a set has of its own is the same in all of it,
+    unless a recording states that it is unknown."""
+    sets, rigs = sets_of(recordings), rigs_of(recordings)
+
+    def scene(i: int, r: SensorRecording) -> Scene:
+        gain = f"{GAIN}{i if r.facts.get('gain') else sets[i]}"
+        start = f"{START}{i if r.facts.get('start_cm') else sets[i]}_cm"
+        return replace(scene_of(r, f"{REFLECTANCE}{i}"), gain=gain, start=start, turn=rigs[i])
+
+    return [(f"turn_{i}_deg", scene(i, r)) for i, r in enumerate(recordings)]
+
+
+def rigs_of(recordings: Sequence[SensorRecording]) -> list[str]:
+    """The key of each recording's rotation. One with a bearing or two of each sensor tells none: a sensor's
+    gain looks the same; all such have one in common if together they have more, else none ("")."""
+
+    def told(some: Sequence[SensorRecording]) -> bool:
+        bearings = [
+            {b for r in some for b in r.bearing_deg[np.isfinite(r.counts[:, k])].tolist()}
+            for k in range(some[0].sensors if some else 0)
+        ]
+        return max(map(len, bearings), default=0) >= BEARINGS
+
+    own = [r.pose is not None or told([r]) for r in recordings]
+    common = TURN if told([r for r, alone in zip(recordings, own, strict=True) if not alone]) else ""
+    return [
+        f"turn_{i}_deg" if alone else "" if r.exact else common
+        for i, (r, alone) in enumerate(zip(recordings, own, strict=True))
+    ]
 
 
 def proximity(profile: Profile, scene: Scene, turn_deg: float = 0.0, away_cm: float = 0.0) -> Floats:
@@ -257,6 +300,23 @@ def turns(rigs: Sequence[str]) -> list[Parameter]:
         )
         for rig in rigs
     ]  # fmt: skip
+
+
+def units(recordings: Sequence[SensorRecording]) -> list[Parameter]:
+    """The unknown gains and starts (cm) of recordings; series before a wall have shifts instead of starts."""
+    keys = [scene for _, scene in scenes_of(recordings)]
+    gains = [scene.gain for scene, r in zip(keys, recordings, strict=True) if math.isnan(r.gain)]
+    starts = [
+        scene.start
+        for scene, r in zip(keys, recordings, strict=True)
+        if math.isnan(r.start_cm) and r.from_sensor is None
+    ]
+    scale: dict[str, Any] = {"start": np.ones(1), "low": 0.05, "high": 20.0, "prior": 1.0, "step": 2e-3}
+    away: dict[str, Any] = {"start": np.zeros(1), "low": -2.0, "high": 2.0, "prior": 0.5, "step": 2e-3}
+    return [
+        *(Parameter(key=key, **scale) for key in dict.fromkeys(gains)),
+        *(Parameter(key=key, **away) for key in dict.fromkeys(starts)),
+    ]
 
 
 def reflectances(scenes: Scenes) -> list[Parameter]:

@@ -52,6 +52,8 @@ LIMITS = {"infrared": 2.0, "ambient": 1.0}
 DARK_SHARE, DARK_PLACES, SPREAD = 0.25, 8, 4.0
 """The share and the number of a sensor's places that read no more than its dark offset; and the range of such
 readings in deviations of the noise."""
+LIT_SENSORS = 0.5
+"""Share of the sensors that must be lit somewhere for one figure to stand for all."""
 UNEVEN = 4.0
 """Ratio of the loudest sensor's noise to the quietest's from which on one figure for all misleads."""
 
@@ -178,6 +180,8 @@ def finest(sample: Sample, top: float, kind: str, *, constant: bool) -> int:
         reading
     )
     known = np.isfinite(sample.z) & (at_places(cut, number) == 0)[number]
+    if kind == "infrared":  # the dark has a figure of its own
+        known &= sample.level > DARK_COUNTS * count_unit(top)
     fold = np.random.default_rng(0).permutation(len(groups))[number] % FOLDS
 
     def likelihood(knots: int) -> Floats:
@@ -185,14 +189,12 @@ def finest(sample: Sample, top: float, kind: str, *, constant: bool) -> int:
         out = np.zeros(sample.z.shape)
         for k in range(FOLDS):
             fits, judged = known & (fold != k)[:, None], known & (fold == k)[:, None]
-            if not knots:
-                size = np.full(out.shape, np.sqrt(np.mean(sample.z[fits] ** 2)) if fits.any() else 1.0)
-            else:
-                size = table_at(_table_of(sample, fits, top, knots), np.nan_to_num(sample.level / top))
+            table = table_of(sample, fits, top, knots or 1)  # one figure a sensor
+            size = table_at(table, np.nan_to_num(sample.level / top))
             size = np.maximum(size, 0.3)  # of rounding
             off = np.minimum(np.abs(sample.z) / size, OUTLYING)
             out = np.where(judged, -np.log(size) - off**2 / 2, out)
-        return np.bincount(number, out.sum(axis=1))
+        return np.asarray(np.bincount(number, out.sum(axis=1)), float)
 
     best, *finer = ([0] if constant else []) + [*KNOTS[kind]]
     if known.sum() < 2 * FEWEST:
@@ -218,13 +220,13 @@ def noise_tables(
     moving = known & (speed > 0)[:, None]
     rise = np.zeros(sample.z.shape[1])
     if moving.any() and (known & ~moving).any():
-        still = _table_of(sample, known & ~moving, top, knots)
+        still = table_of(sample, known & ~moving, top, knots)
         size = np.abs(sample.z) / np.maximum(table_at(still, sample.level / top), 1e-9)
         for k in np.flatnonzero(moving.sum(axis=0) >= FEWEST).tolist():
             ratio = np.sqrt(np.mean(size[moving[:, k], k] ** 2))
             rise[k] = max(0.0, ratio - 1.0) / speed[moving[:, k]].mean()
     bare = replace(sample, z=sample.z / (1.0 + rise * speed[:, None]))
-    table = _table_of(bare, known, top, knots)
+    table = table_of(bare, known, top, knots)
     for k in range(len(table)):
         dark = (model[:, k] <= 0.5) & (counts[:, k] < (dead or np.inf))
         if dark.sum() >= FEWEST:
@@ -232,7 +234,7 @@ def noise_tables(
     return np.minimum(table, top), rise
 
 
-def _table_of(sample: Sample, use: Use, top: float, knots: int) -> Floats:
+def table_of(sample: Sample, use: Use, top: float, knots: int) -> Floats:
     """[S, knots] deviations: squares averaged with triangular weights about each knot.
 
     Where a sensor has few values it follows the pooled table, scaled to its own noise elsewhere: some sensors
@@ -436,10 +438,11 @@ def misfits(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yard
 
 
 def lit_ratio(judged: Sequence[Misfit]) -> float:
-    """Model error over noise of all sensors where readings are neither dark nor saturated; NaN without such
-    readings."""
+    """Model error over noise of all sensors where readings are neither dark nor saturated; NaN where fewer
+    than half of the sensors have such readings."""
     told = [m.lit_ratio for m in judged if np.isfinite(m.lit_ratio)]
-    return float(np.sqrt(np.mean(np.square(told)))) if told else np.nan
+    few = len(told) < LIT_SENSORS * len(judged) or not told
+    return np.nan if few else float(np.sqrt(np.mean(np.square(told))))
 
 
 def within(counts: Floats, model: Floats, place: NDArray[np.int64], noise: Yardstick) -> float:

@@ -59,7 +59,8 @@ class Odometry:
         slip: deviation of the distance of one step, relative; the base's where the poses do not determine it.
         place_cm, heading_deg: deviations of the poses from the fitted runs; NaN without headings.
         drift_deg_per_m: drift of the heading under equal commands.
-        constants: with intervals.
+        lengths: cm_per_pulse with its intervals.
+        constants: all, with intervals.
         halves: the track by the first and by the second half of the trials, cm, where they disagree.
         theta: [7] constants as in KEYS, rad.
         held_out: how far off (cm, degrees; medians) the ends of runs are that were not fitted, see `ends`.
@@ -73,6 +74,7 @@ class Odometry:
     place_cm: float
     heading_deg: float
     drift_deg_per_m: float
+    lengths: tuple[Constant, Constant]
     constants: tuple[Constant, ...]
     halves: tuple[float, float] | None
     theta: Floats = field(repr=False)
@@ -261,18 +263,20 @@ def measure_odometry(
     deviation = (_left_out(pieces)[1] if len(pieces) > 1 else np.diag(PRIOR) ** -0.5) * _scale(known)
     size = float(t.ppf(0.975, max(len(pieces) - 1, 1))) * deviation
     sure = (deviation < DETERMINED * _scale(fit.theta)).tolist()
-    constants = tuple(
+    left, right, between, *others = (
         Constant(key=key, value=value, low=value - half, high=value + half, told=told)
         for key, value, half, told in zip(KEYS, _shown(fit.theta), _shown(size), sure, strict=True)
-        if recording.counted or not key.startswith("cm_per")
     )
+    lengths = left, right
+    between = replace(between, low=max(between.low, 0.0))
     slip = _slip(recording, fit.theta, base.noise.wheel)
     _, ways, beyond = _segments(recording, fit.theta, APART)
     return Odometry(
         cm_per_pulse=(float(fit.theta[0]), float(fit.theta[1])), track_cm=float(fit.theta[2]),
         slip=slip.value, place_cm=float(fit.error[0]),
         heading_deg=math.degrees(fit.error[2]) if np.isfinite(recording.pose[:, 2]).any() else math.nan,
-        drift_deg_per_m=_drift(recording, fit.theta), constants=(*constants, slip),
+        drift_deg_per_m=_drift(recording, fit.theta), lengths=lengths,
+        constants=(*(lengths if recording.counted else ()), between, *others, slip),
         halves=_halves(fit) if runs.count >= FEWEST_PIECES else None, theta=fit.theta,
         held_out=_held_out(recording, without or (lambda _: recording), known, fit.theta),
         by_base=_medians(_ends(_Runs(recording, sys.maxsize), known)), ways=ways, beyond=beyond,

@@ -105,6 +105,12 @@ class Readings:
         some.use = self.use & ~out[:, None]
         return some
 
+    def of(self, recordings: Sequence[SensorRecording]) -> "Readings":
+        """The same with these recordings, which have the same readings."""
+        some = copy(self)
+        some.recordings = recordings
+        return some
+
     def names(self) -> list[str]:
         """One a recording: its object, or its file where objects repeat, numbered where files repeat too."""
         names = [r.object for r in self.recordings]
@@ -212,7 +218,7 @@ def signal(recording: SensorRecording, top: float) -> Floats:
     if recording.kind == "infrared":
         return np.nan_to_num(recording.counts) / top
     low, high = np.nanpercentile(recording.counts, [0.5, 99.5])
-    return np.nan_to_num((high - recording.counts) / max(high - low, 1.0))
+    return np.asarray(np.nan_to_num((high - recording.counts) / max(high - low, 1.0)))
 
 
 def recorded(recording: SensorRecording) -> list[int]:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -53,6 +54,7 @@ class Recorded:
     Attributes:
         source, hash: the path it was read from, and the SHA-256 of its files.
         notes: by the person who made it.
+        group: the name of its set; "": that of its folder.
         facts: the whole of recording.toml.
         warnings: about what looks wrong but can be used.
     """
@@ -60,6 +62,7 @@ class Recorded:
     source: str = ""
     hash: str = ""
     notes: str = ""
+    group: str = ""
     facts: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
@@ -84,6 +87,8 @@ class SensorRecording(Recorded):
         body_said: whether the recording states the body; else a calibration uses its base's.
         full_scale: the converter's highest count; None: its robot's.
         reflectance: of the wall or cylinder, relative to what constants are for; NaN: unknown, to be fitted.
+        gain: how many times as sensitive as others its unit is; NaN: unknown, to be fitted.
+        start_cm: NaN if its distances start from an unknown one, to be fitted; else 0.
         from_sensor: the sensor that faced the wall, from which distances are measured; None: from the body's
             edge.
         speed_cm_s: [n] mean absolute speed of both wheels during each reading; None: they stood.
@@ -104,6 +109,8 @@ class SensorRecording(Recorded):
     full_scale: float | None = None
     speed_cm_s: Floats | None = None
     reflectance: float = 1.0
+    gain: float = 1.0
+    start_cm: float = 0.0
     from_sensor: int | None = None
     lines: Sequence[str] = ()
 
@@ -329,6 +336,12 @@ def check_object(kind: str, name: str, where: str) -> None:
         )
 
 
+def sets_of(recordings: Sequence[SensorRecording]) -> list[int]:
+    """For each recording the number of the first of its set."""
+    names = [r.group or str(Path(r.source).parent) for r in recordings]
+    return [names.index(name) for name in names]
+
+
 # The robot that several recordings state together
 
 
@@ -341,7 +354,8 @@ def reaching(recordings: Sequence[Recording], base: Profile) -> Profile:
     """The base with the full scales that recordings exceed raised to their highest reading."""
     for kind in CHANNELS:
         counts = [r.counts for r in recordings if isinstance(r, SensorRecording) and r.kind == kind]
-        part, most = base.channel(kind), max((float(np.nanmax(c, initial=0.0)) for c in counts), default=0.0)
+        part: Any = base.channel(kind)
+        most = max((float(np.nanmax(c, initial=0.0)) for c in counts), default=0.0)
         base = replace(base, **{kind: replace(part, top=most)}) if most > part.top else base
     return base
 

@@ -126,8 +126,8 @@ def fit_wheels(recording: WheelRecording, base: Profile, form: str, *, tick: Tic
         measured = measured_speeds(recording, odometry, per_pulse)
         refuse_few_steps(recording, measured)
         straightened = Straightened(given, base, measured)
-        law, recording = straightened.law, straightened()
-        if not (law.curves and given.from_commands):
+        law, was, recording = straightened.law, recording, straightened()
+        if recording is was or not given.from_commands:
             break
     # With a camera alone it is unknown in which step a wheel began to turn.
     friction = measure_friction(recording, measured) if recording.counted else None
@@ -249,11 +249,12 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
         )
     for key, value in ((c.key, c.value) for c in wheels.constants if c.key in GAINS):
         low, high, _ = GAINS[key]
-        if value > AT_BOUND * high or value < low / AT_BOUND:  # 0 is no bound: without it
-            late = f"commands act later than a step, about {wheels.late_s:.2g} s late"
-            late = late if wheels.late_s > wheels.profile.period_s else "commands act a whole step late"
-            bound = "one step" if key == "lag" else f"{high if value > low / AT_BOUND else low:g}"
-            why = late if key == "lag" else "these wheels follow another law"
+        if value > AT_BOUND * high or value < low / AT_BOUND:  # 0 is none of it
+            bound, why = f"{high if value > AT_BOUND * high else low:g}", "these wheels follow another law"
+            if key == "lag":
+                more = wheels.late_s > wheels.profile.period_s
+                bound, why = "one step", "commands act a whole step late"
+                why = f"commands act later than a step, about {wheels.late_s:.2g} s late" if more else why
             out.append(f"wheels: {key}: at its bound of {bound}: {why}")
     if wheels.bent is not None:
         side, command, share = wheels.bent
@@ -261,11 +262,19 @@ def doubts(wheels: WheelFit, base: Profile) -> list[str]:
             f"wheels: the speed is not proportional to the command: at {command:g} the {side} wheel settles "
             f"at {abs(share):.0%} of the fitted speed"
         )
-    halves = wheels.odometry.halves if wheels.odometry else None
-    if halves is not None:
+    if (by := wheels.odometry) is None:
+        return out
+    if any(c.key == "track_cm" and not c.told for c in by.constants):
         out.append(
-            f"wheels: trials disagree: the first half of them gives a track of {halves[0]:.3g} cm, the "
-            f"second {halves[1]:.3g} cm: two floors?"
+            "wheels: no turns: the track stays near the base profile's"
+            if all(c.told for c in by.lengths)
+            else "wheels: nothing but turns on the spot tells only how fast a wheel is over the track: both "
+            "stay near the base profile's"
+        )
+    if by.halves is not None:
+        out.append(
+            "wheels: trials disagree: the first half of them gives a track of {:.3g} cm, the second {:.3g} "
+            "cm: two floors?".format(*by.halves)
         )
     return out
 
@@ -396,7 +405,8 @@ def _with(base: Profile, values: dict[str, float]) -> Profile:
     speeds = (values["speed_left"], values["speed_right"])
     # A little below the loader's bound, because of rounding.
     top = min(wheels.top_command, base.body.radius_cm / base.period_s / max(speeds) * (1 - 1e-9))
-    return replace(base, wheels=replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains))
+    wheels = replace(wheels, speed_per_unit_cm_s=speeds, top_command=top, **gains)  # type: ignore[arg-type]
+    return replace(base, wheels=wheels)
 
 
 def _curved(profile: Profile, law: Law, top: float) -> Profile:
@@ -474,16 +484,19 @@ def _with_others(
 ) -> tuple[Constant, ...]:
     """A form's constants, those in cm with the uncertainty of the pulses' length added, not identifiable
     where that is assumed; and those from the camera and the standing starts."""
-    camera = odometry.constants if odometry else ()
-    spread = {c.key: (c.high - c.low) / 2 / c.value for c in camera if c.key.startswith("cm_per_pulse")}
-    shares = [spread.get(f"cm_per_pulse_{side}", 0.0 if odometry else SIGMAS * ASSUMED) for side in SIDES]
+    shares, known = [SIGMAS * ASSUMED] * 2, [False] * 2
+    if odometry is not None:
+        known = [c.told for c in odometry.lengths]
+        # Speeds that the camera itself measured err with lengths only where these are unknown.
+        pulses = any(c.key.startswith("cm_per_pulse") for c in odometry.constants)
+        shares = [(c.high - c.low) / 2 / c.value if pulses or not c.told else 0.0 for c in odometry.lengths]
     out = []
     for c in constants:
         size = max((shares[w] for w in LENGTHS.get(c.key, ())), default=0.0) * c.value
         low, high = c.value - np.hypot(c.low - c.value, size), c.value + np.hypot(c.high - c.value, size)
-        told = c.told and (odometry is not None or c.key not in LENGTHS)
+        told = c.told and all(known[w] for w in LENGTHS.get(c.key, ()))
         out.append(replace(c, low=max(float(low), 0.0), high=float(high), told=told))
-    out += camera
+    out += odometry.constants if odometry else ()
     if friction is not None:
         value, least, most, _ = friction
         out.append(Constant(key="friction_cm_s2", value=value, low=least, high=most, told=least > 0))

@@ -113,6 +113,7 @@ def _facts(made: Calibration) -> dict[str, object]:
                 },
                 "model_error_over_noise": {str(m.sensor): m.ratio for m in fit.sensors},
                 "model_error_over_noise_lit_held_out": {str(m.sensor): m.lit_ratio for m in fit.judged},
+                "noise_between": fit.between,
                 "explained_by_places_1_mm_off": fit.misplaced,
                 "model_error_over_noise_without_them": fit.ratio_placed,
                 "cannot_tell_apart": [{"a": a, "b": b, "correlation": r} for a, b, r in fit.fit.alike],
@@ -144,13 +145,19 @@ def _lines(made: Calibration) -> Iterator[str]:
             tail = ", heavier tails than normal" if e.heavy else ""
             by_reading = ", ".join(f"{size:.2f} at {reading:.0f}" for reading, size in e.bins)
             tail += f", depends on the reading: {by_reading}" if e.depends else ""
+            tail += (
+                f"; between recordings {fit.between:.2f}"
+                if e is fit.noise[0] and isfinite(fit.between)
+                else ""
+            )
             yield f"  noise, {e.channel}: {e.deviation:.2f} counts ({e.low:.2f} to {e.high:.2f}){tail}"
+        if not fit.noise and isfinite(fit.between):
+            yield f"  noise: not measured; between recordings {fit.between:.2f} counts"
         ratios = ", ".join(f"{m.sensor} {shown(m.lit_ratio, '.2f')}" for m in fit.judged)
         share = fit.ratio * fit.deviation / made.profile.channel(fit.kind).top
-        yield (
-            "  model error over noise, held out, neither dark nor saturated: "
-            f"{shown(fit.ratio, '.2f')} ({ratios}), {shown(share, '.1%')} of the full scale"
-        )
+        whole = f"{fit.ratio:.2f} ({ratios}), {share:.1%} of the full scale"
+        whole = whole if isfinite(fit.ratio) else f"too little is lit to say ({ratios})"
+        yield f"  model error over noise, held out, neither dark nor saturated: {whole}"
         yield from _misplaced(fit)
         yield from _alike(fit.fit.alike)
     if made.wheels:
@@ -202,12 +209,12 @@ def _check(recordings: tuple[str, ...], objects: tuple[str, ...], name: str) -> 
     """Judge a profile by recordings."""
     from realitygap.api import load_recordings
     from realitygap.calibration.calibrate import refuse_twice
-    from realitygap.calibration.judge import judge
+    from realitygap.calibration.judge import judge_all
     from realitygap.world.robot import load_profile
 
     profile, read = load_profile(name), load_recordings(recordings, objects)
     refuse_twice(read)
-    found = [judge(recording, profile) for recording in read]
+    found = judge_all(read, profile)
     warnings = list(dict.fromkeys(warning for one in found for warning in one.warnings))
     every = [one.to_dict() for one in found]
     facts = {**every[0], "profile": profile.name, "warnings": warnings, "recordings": every}
@@ -232,6 +239,11 @@ def _judgement(one: Judgement) -> Iterator[str]:
         within = f"{one.within:.0%} of places err by two deviations at most"
         yield f"  model error over noise, neither dark nor saturated: {one.ratio:.2f}; {within}"
         yield from _misplaced(one)
+    elif one.kind != "wheels":
+        yield "  model error over noise, neither dark nor saturated: too little is lit to say"
+    if isfinite(one.covered):
+        between = f" and between recordings ({one.between:.3g} counts)" if one.between else ""
+        yield f"  {one.covered:.0%} of the readings lie within 95 % of the profile's noise{between}"
     for channel, (measured, stated) in one.noise.items():
         yield f"  noise, {channel}: measured {measured:.3g}, profile {stated:.3g}"
     if one.noise_fits is not None:

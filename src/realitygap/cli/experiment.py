@@ -24,6 +24,8 @@ __all__ = ["experiment", "show_noise", "show_robots"]
 
 NARROW = 5
 """Columns of the noise experiment's table that a terminal has room for; the page has them all."""
+BESIDE = 3
+"""Robots side by side in a terminal; more go below."""
 FEW = 5
 """Runs a level below which the robots' table has no scores: their means would say nothing."""
 
@@ -64,9 +66,10 @@ def experiment() -> None:
 @options.runs(help="Runs of each task at each level; the units take turns [default: 40].")
 @click.option(
     "--robot",
+    "--reality",
     metavar="R",
-    help="twin, stranger, enki:MODEL, or a body of your own that places itself, file.py:Class: the only unit "
-    "[default: twin].",
+    help="twin, stranger, enki:MODEL; or as the only unit table:PROFILE (recorded readings, replayed), or a "
+    "body of your own that places itself, file.py:Class [default: twin].",
 )
 @options.base
 @click.option(
@@ -86,6 +89,9 @@ def experiment() -> None:
 )
 @options.seconds
 @options.arena
+@click.option(
+    "--misfit", is_flag=True, help="Say at which level to evolve, where a model errs as much as this one."
+)
 @options.workers
 @options.engine
 @options.shard
@@ -99,6 +105,7 @@ def noise(
     resume: bool,
     robot: str | None,
     units: int | None,
+    misfit: bool,
     **settings: Unpack[NoiseSettings],
 ) -> None:
     """Find which noise level crosses the reality gap best.
@@ -108,28 +115,33 @@ def noise(
     same starts; its tracks there are compared with the simulation at every level. Makes tables and a page of
     four figures. With --resume, omitted options keep their saved values.
 
-    Examples: the full experiment; on a twin twice as noisy; a small one to try; a robot of your own
+    Examples: the full experiment; on a twin twice as noisy; a small one to try; a robot of your own; one of
+    which only a recording is there
 
     \b
         realitygap experiment noise
         realitygap experiment noise --twin-noise 2 --out out/noise-2
         realitygap experiment noise --levels 0,1,2 --runs 4 --units 1 --starts 4 --out out/small
         realitygap experiment noise --robot my_robot.py:MyRobot --base my_robot.toml --out out/mine
+        realitygap experiment noise --reality table:my_table.toml --misfit --out out/table
     """
     from realitygap.experiments.noise import NoiseConfig, noise_experiment
+    from realitygap.robots.address import Address
     from realitygap.work.shard import read_mark
 
     out = out if shard is None else shard.folder(out)
     begun = NoiseConfig.begun(out, resume=resume)
     if robot == "twin" and begun.robot is not None:
         raise click.UsageError(f"--robot: expected {begun.robot}, this experiment's robot, got twin.")
-    if robot is None and begun.base is not None:
+    if robot is None and Address.parse(begun.robot or "twin").kind == "own":
         raise click.UsageError(
             f"--robot: expected {begun.robot}, the robot of this experiment: a program, "
             "which runs only when you name it."
         )
     if robot is not None and robot.partition(":")[0] not in ("twin", "stranger", "enki") and units is None:
         units = 1
+    if robot is not None and robot.startswith("table:") and settings["tasks"] is None:
+        settings["tasks"] = ("obstacle-avoidance",)  # a table has no light
     own = None if robot == "twin" else robot
     config = replace(begun, **options.given(robot=own, units=units, **settings))
     if resume:
@@ -142,12 +154,16 @@ def noise(
     if read_mark(out) is not None:
         show_shard(out, {})
     else:
-        show_noise(out, results)
+        show_noise(out, results, misfit=misfit)
 
 
-def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) -> None:
-    """Make the page of a noise experiment, and print its table, with `more` parts of the JSON."""
+def show_noise(
+    out: Path, results: Path, more: Mapping[str, Any] | None = None, *, misfit: bool = False
+) -> None:
+    """Make the page of a noise experiment, and print its table, with `more` parts of the JSON, and with at
+    which level to evolve, where a model has this `misfit`."""
     from realitygap.report.experiment import NoiseData, build_noise_page, noise_summary, noise_table
+    from realitygap.report.misfit import advice
 
     with ProgressLine() as progress:
         drawn = counts(progress.show, "making the report", "figures")
@@ -158,10 +174,12 @@ def show_noise(out: Path, results: Path, more: Mapping[str, Any] | None = None) 
     where = {"study": str(out), "results": str(results), "report": str(page)}
     narrow = table(head[:NARROW], [row[:NARROW] for row in rows])
     words = f"{narrow}\n\nnoise-matched level: {matched}"
-    tell(
-        {**where, **noise_summary(data), **(more or {})},
-        f"{words}\n\nresults {results}\nreport  {link(page)}",
-    )
+    found = dict(more or {})
+    if misfit:
+        said = advice(data)
+        words += "\n" + "\n".join(one.words for one in said)
+        found["evolve_at"] = [{**one._asdict(), "told": one.told} for one in said]
+    tell({**where, **noise_summary(data), **found}, f"{words}\n\nresults {results}\nreport  {link(page)}")
 
 
 @experiment.command()
@@ -234,10 +252,12 @@ def show_robots(out: Path, places: list[Place]) -> None:
         page = build_robots_page(out, places, robots, few=few, on_progress=drawn)
     warn(f"{place.robot} is left out: {place.why}" for place in places if place.why)
     (head, rows), made = matrix(places, robots, few=few), [one for one in places if not one.why]
+    parts = [slice(first, first + BESIDE) for first in range(1, len(head), BESIDE)]
+    tables = "\n\n".join(table([head[0], *head[p]], [[row[0], *row[p]] for row in rows]) for p in parts)
     facts = [
         {"robot": one.robot, "folder": str(one.folder), **noise_summary(data)}
         for one, data in zip(made, robots.values(), strict=True)
     ]
     left = [{"robot": one.robot, "why": one.why} for one in places if one.why]
     found = {"folder": str(out), "report": str(page), "robots": facts, "left_out": left}
-    tell(found, f"{table(head, rows)}\n\nreport {link(page)}")
+    tell(found, f"{tables}\n\nreport {link(page)}")

@@ -95,8 +95,9 @@ def _lines(made: Look) -> Iterator[str]:
 
 
 def _mapped_lines(read: Mapped) -> Iterator[str]:
+    from realitygap.logs.cuts import many
     from realitygap.logs.look import findings
 
-    yield f"{read.path}: {read.kind}, {len(read.run)} rows, {len(read.names)} runs"
+    yield f"{read.path}: {read.kind}, {many(len(read.run), 'row')}, {many(len(read.names), 'run')}"
     yield from read.notes
     yield from findings(read.columns, read.run, read.lines)

@@ -807,7 +807,8 @@ def _carry_out(
     trials = config.starts * sum(len(made.driven(one)) for one in every) / max(len(every), 1)
     where = "on the robot" if config.robot else "on the twin"
     calibrating, evolving, driving, comparing = phases = (
-        Phase("calibrate", "calibrating to the units", "units", config.units, len(uncalibrated), unit_cost),
+        Phase("calibrate", "calibrating to the units", "units", len(config.every_unit), len(uncalibrated),
+              unit_cost),
         Phase("evolve", "evolving", "runs", len(own), 0 if evolved else len(own), run_cost),
         Phase("situated", where, "controllers", len(every), len(to_drive), trial_cost * trials),
         Phase("simulated", "comparing with the simulations", "controllers", len(every), len(to_compare),

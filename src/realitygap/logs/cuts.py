@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from realitygap.values import Floats
 
-__all__ = ["gaps", "jumps", "repeats"]
+__all__ = ["gaps", "jumps", "many", "repeats"]
 
 GAP_S, GAP_STEPS = 1.0, 3.0
 """A step longer than both, seconds and usual steps, is a gap."""
@@ -20,6 +20,11 @@ def gaps(t: Floats, run: NDArray[np.int64]) -> Mask:
     step, within = np.diff(t), np.diff(run) == 0
     usual = float(np.median(step[within])) if within.any() else 0.0
     return np.concatenate([[False], within & (step > max(GAP_S, GAP_STEPS * usual))])
+
+
+def many(count: int, noun: str) -> str:
+    """A count of things, in words."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def repeats(pose: Floats, moved: Mask) -> Mask:

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.logs.cuts import gaps, jumps, repeats
-from realitygap.logs.mapped import ASKED, SIDES, SPEED, UNITS, cumulative, quaternion_yaw
+from realitygap.logs.cuts import gaps, jumps, many, repeats
+from realitygap.logs.mapped import ASKED, SIDES, SPEED, UNITS, cumulative, filled, quaternion_yaw
 from realitygap.logs.table import Log, read_log
 from realitygap.values import Floats
 
@@ -238,7 +238,7 @@ def _clock(log: Log, found: dict[str, Guess]) -> None:
     usual = float(np.median(forth)) if len(forth) else 1.0
     epoch = [unit for unit, now in EPOCHS.items() if now < begin < 5 * now]
     guess.unit = epoch[0] if epoch else "s" if usual < 2.5 else "ms" if usual < 2500 else "us"
-    guess.why += "; it counts from 1970" if epoch else f"; a row each {usual:.3g} of it"
+    guess.why += "; it counts from 1970" if epoch else f"; one row every {usual:.3g}"
 
 
 class _Way:
@@ -249,7 +249,7 @@ class _Way:
     """
 
     def __init__(self, log: Log, found: Mapping[str, Guess], run: NDArray[np.int64]) -> None:
-        self.t = found["t_s"].values(log) if "t_s" in found else np.arange(len(run)) * 0.1
+        self.t = found["t_s"].values(log) if "t_s" in found else np.arange(0.0, len(run)) / 10
         self.run, self.faced, pairs = run, False, list[tuple[int, int]]()
         x, y = (found[n].values(log) if n in found else np.full(len(run), math.nan) for n in ("x_cm", "y_cm"))
         good = np.flatnonzero(np.isfinite(x + y)).tolist()
@@ -271,7 +271,7 @@ class _Way:
     def face(self, heading: Floats) -> None:
         """Take turns and the sense of the way from headings [n], rad."""
         self.faced, self.turn = True, _half(heading[self.end] - heading[self.begin])
-        self.gone = self.gone * np.sign(np.cos(self.to - heading[(self.begin + self.end) // 2]))
+        self.gone = np.copysign(self.gone, np.cos(self.to - heading[self.begin] - self.turn / 2))
 
     def over(self, total: Floats) -> Floats:
         """[m] how much a sum [n] grows in each, 0 where that is unknown."""
@@ -280,7 +280,7 @@ class _Way:
     def integral(self, rate: Floats) -> Floats:
         """[m] of a rate [n] over the time of each."""
         step = np.diff(self.t, prepend=self.t[:1]) * (np.diff(self.run, prepend=self.run[:1]) == 0)
-        return self.over(np.cumsum(np.nan_to_num(rate) * step))
+        return self.over(np.cumsum(np.nan_to_num(filled(rate, self.t, self.run)) * step))
 
     def turning(self, apart: Floats) -> float:
         """Correlation of the turns with something [m]; 0 if there are too few."""
@@ -303,7 +303,7 @@ def _place(log: Log, found: dict[str, Guess], way: _Way) -> None:
         could = [unit for unit, to in UNITS["x_cm"].items()
                  if SLOW <= speed * to <= FAST and SMALL <= way.extent * to <= LARGE]  # fmt: skip
         guess.unit = could[0] if len(could) == 1 else ASKED
-        guess.why += f"; {speed:.2g} a second over {way.extent:.3g}: {' or '.join(could) or 'no robot'}"
+        guess.why += f"; {speed:.2g} a second over {way.extent:.3g}: {' or '.join(could) or 'no robot does'}"
         way.gone = way.gone * UNITS["x_cm"].get(guess.unit, 1.0)
     found["y_cm"].unit = guess.unit
 
@@ -341,7 +341,7 @@ def _without_names(log: Log, found: dict[str, Guess], run: NDArray[np.int64]) ->
     ]  # fmt: skip
     if told and max(told)[0] > EVIDENT:
         for side, k in zip(SIDES, max(told)[1], strict=True):
-            found[f"counter_{side}"] = Guess(f"counter_{side}", [k], why="it turns when it goes")
+            found[f"counter_{side}"] = Guess(f"counter_{side}", [k], why="it turns when the place moves")
 
 
 def _explained(way: _Way, counts: Sequence[Floats], run: NDArray[np.int64]) -> list[float]:
@@ -356,22 +356,22 @@ def _explained(way: _Way, counts: Sequence[Floats], run: NDArray[np.int64]) -> l
 
 def _heading(log: Log, guess: Guess, way: _Way) -> None:
     """The heading's unit, sign and zero: those with which it goes where it faces."""
-    most = float(np.nanmax(np.abs(log.values[:, guess.columns])))
-    units = [guess.unit] if guess.unit in UNITS["heading_deg"] else ["rad", "deg"] if most < 13 else ["deg"]
+    units = [guess.unit] if guess.unit in UNITS["heading_deg"] else ["rad", "deg"]
     tried = [(*_faced(log, guess.columns, unit, sign, way), unit) for unit in units for sign in (1, -1)]
     share, sign, zero, guess.unit = max(tried)
     other = max(one for one, s, _, unit in tried if (s, unit) == (-sign, guess.unit))
     if share < SURE:
-        guess.unit = units[0]
-        guess.why += f"; unit by its size; it goes where it faces by {share:.2f} only: look at it"
+        whole_turn = float(np.abs(np.nan_to_num(log.values[:, guess.columns])).max()) < 2 * math.tau
+        guess.unit = units[0] if whole_turn else units[-1]
+        guess.why += f"; unit by its size; the path agrees with it by {share:.2f} only: check it"
         return
     if share - other < CLEAR:  # it hardly turned
         sign, zero = 1, 0.0
-    guess.sign, guess.why = sign, f"{guess.why}; so it goes where it faces: {share:.2f}, reversed {other:.2f}"
+    guess.sign, guess.why = sign, f"{guess.why}; the path agrees by {share:.2f}, reversed by {other:.2f}"
     if abs(zero) > SQUARE_DEG:
         near = math.copysign(90.0, zero)
         guess.more["offset_deg"] = near if abs(zero - near) < SQUARE_DEG else float(round(zero))
-        guess.why += f", turned by {zero:.0f}°"
+        guess.why += f", if turned by {zero:.0f}°"
     way.face(guess.values(log))
 
 
@@ -384,7 +384,7 @@ def _wheels(log: Log, found: dict[str, Guess], way: _Way, run: NDArray[np.int64]
         if kind == "speed":
             gone = np.stack([way.integral(guess.values(log)) for guess in pair], 1)
         else:
-            counts = [guess.values(log) for guess in pair]
+            counts = [filled(guess.values(log), way.t, run) for guess in pair]
             each, why = _of_each_row(way, counts, run)
             gone = np.stack([way.over(cumulative(one, run, per_row=each)[0]) for one in counts], 1)
             for guess in pair:
@@ -401,7 +401,7 @@ def _of_each_row(way: _Way, counts: Sequence[Floats], run: NDArray[np.int64]) ->
     row. And why."""
     if len(way.gone) > 10:
         sums, rows = _explained(way, counts, run)
-        return rows > sums, f"so it explains {max(sums, rows):.2f} of the way, else {min(sums, rows):.2f}"
+        return rows > sums, f"explains {max(sums, rows):.2f} of the path, else {min(sums, rows):.2f}"
     shares = []
     for one in counts:
         total = np.nan_to_num(cumulative(one, run, per_row=False)[0])
@@ -414,7 +414,7 @@ def _signs(pair: Sequence[Guess], gone: Floats, way: _Way) -> None:
     ahead = np.linalg.lstsq(gone, way.gone, rcond=None)[0]
     told = way.faced and np.abs(ahead).min() > 0.2 * np.abs(ahead).max()
     signs = np.where((ahead if told else gone.sum(axis=0)) < 0, -1, 1)
-    why = "reversed: it goes where it faces" if told else "reversed: it mostly goes forwards"
+    why = f"reversed, so that it {'drives where it faces' if told else 'mostly drives forwards'}"
     for guess, sign in zip(pair, signs.tolist(), strict=True):
         guess.sign, guess.why = sign, guess.why + f"; {why}" * (sign < 0)
     if (alike := way.turning(gone @ (signs * [-1, 1]))) < -0.5:
@@ -426,7 +426,7 @@ def _signs(pair: Sequence[Guess], gone: Floats, way: _Way) -> None:
             left.sign,
         )
         for guess in pair:
-            guess.why = f"left and right exchanged: else it turns the other way ({alike:.2f}); {guess.why}"
+            guess.why = f"exchanged, or it would turn the other way ({alike:.2f}); {guess.why}"
 
 
 def _rates(log: Log, found: dict[str, Guess], way: _Way) -> None:
@@ -439,15 +439,15 @@ def _rates(log: Log, found: dict[str, Guess], way: _Way) -> None:
             ratio = float(np.abs(way.turn[known]).sum() / max(np.abs(turned[known]).sum(), 1e-12))
             fast = float(np.nanmax(np.abs(w.values(log)))) > 30
             w.unit = "deg/s" if (ratio < 0.1 if known.any() else fast) else "rad/s"
-            w.why += f"; it turns by {ratio:.3g} of it" if known.any() else "; by its size"
+            w.why += f"; the path turns {ratio:.3g} rad per unit" if known.any() else "; by its size"
         if (alike := way.turning(turned)) < -0.5:
-            w.sign, w.why = -1, f"{w.why}; reversed: it turns the other way ({alike:.2f})"
+            w.sign, w.why = -1, f"{w.why}; reversed, or it would turn the other way ({alike:.2f})"
     for name, guess in found.items():
         if name == "command_v":
             _speed_unit(log, {}, [guess], way, np.zeros(0))
         elif name.startswith("command") and guess.unit not in UNITS[name]:
             guess.unit = next(iter(UNITS[name]))
-            guess.why += f"; {guess.unit} is supposed"
+            guess.why += "; its unit is assumed"
 
 
 def _speed_unit(log: Log, found: Mapping[str, Guess], some: Sequence[Guess], way: _Way, gone: Floats) -> None:
@@ -458,11 +458,11 @@ def _speed_unit(log: Log, found: Mapping[str, Guess], some: Sequence[Guess], way
     if "x_cm" in found and found["x_cm"].unit != ASKED and np.abs(gone).sum() > 0:
         factor = float(np.abs(way.gone).sum() / np.abs(gone).sum())
         could = [unit for unit, to in SPEED.items() if abs(math.log(factor / to)) < 0.4]
-        why = f"it goes {factor:.3g} cm for each of it"
+        why = f"the path goes {factor:.3g} cm per unit"
     else:
         top = max(float(np.nanquantile(np.abs(guess.values(log)), 0.95)) for guess in some)
         could = [unit for unit, to in SPEED.items() if 3 * SLOW <= top * to <= FAST]
-        could, why = (could if len(could) == 1 and own == ASKED else []), f"up to {top:.3g}"
+        could, why = (could if len(could) == 1 and own == ASKED else []), f"values up to {top:.3g}"
     for guess in some:
         guess.unit, guess.why = could[0] if could else own, f"{guess.why}; {why}"
 
@@ -479,6 +479,10 @@ def _told(log: Log, found: dict[str, Guess], run: NDArray[np.int64]) -> Look:
     if kind == ASKED:
         asked["kind"] = "wheels, infrared, ambient or track; name its columns below"
     if near:
+        if "heading_deg" in found and "x_cm" not in found:
+            turned = found["heading_deg"]
+            why = "an angle beside a distance; unit by its size or name"
+            found.setdefault("bearing_deg", Guess("bearing_deg", turned.columns, turned.unit, why))
         asked["object"] = 'what they saw: "wall" or "cylinder:RADIUS_CM" (or "lamp": kind = "ambient")'
         if "bearing_deg" not in found:
             asked["bearing_deg"] = "of it, counter-clockwise from the front: a number, or one for each sensor"
@@ -515,19 +519,19 @@ def findings(columns: Mapping[str, Floats], run: NDArray[np.int64], lines: Seque
     if not (step > 0).any():
         return
     usual, (low, high) = np.median(step[step > 0]), np.quantile(step, (0.05, 0.95))
-    again = f", {n} of a time before" if (n := int((step <= 0).sum())) else ""
-    yield f"rows {usual:.3g} s apart (90 %: {low:.3g} to {high:.3g}, longest {step.max():.3g}){again}"
+    again = f", {n} not after the row before" if (n := int((step <= 0).sum())) else ""
+    yield f"rows {usual:.3g} s apart (90 %: {low:.3g} to {high:.3g} s, longest {step.max():.3g} s){again}"
     if (cut := gaps(t, run)).any():
-        yield f"{cut.sum()} gaps, the first before line {lines[int(cut.argmax())]}"
+        yield f"{many(cut.sum(), 'gap')}, the first before line {lines[int(cut.argmax())]}"
     if not {"x_cm", "y_cm"} <= columns.keys():
         return
     place = np.stack([columns["x_cm"], columns["y_cm"]], 1)
     counted = [columns[name] for name in ("counter_left", "counter_right") if name in columns]
     moved = np.append(False, (np.diff(counted) != 0).any(axis=0)) if counted else np.full(len(t), True)
     if (same := repeats(place, moved)).any():
-        what = "though the wheels turned" if counted else "to the digit"
-        yield f"{same.sum()} of {len(t)} poses are the row before's {what}: not measured anew"
+        what = " though the wheels turned" if counted else ""
+        yield f"{many(same.sum(), 'pose')} of {len(t)} repeated from the row before{what}: not measured anew"
     cut, alone = jumps(t, place, run)
     if (off := cut | alone).any():
         where = lines[int(off.argmax())]
-        yield f"{off.sum()} poses jump out of reach ({alone.sum()} of them alone), the first in line {where}"
+        yield f"{many(off.sum(), 'jump')} out of reach ({alone.sum()} of one row), the first in line {where}"

@@ -13,6 +13,7 @@ of a recording.toml. A "?" is what `realitygap look` could not tell.
 import hashlib
 import math
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,11 +24,12 @@ from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
 from realitygap.files import read_toml, refuse_unknown
+from realitygap.logs.cuts import many
 from realitygap.logs.table import Log, read_log
 from realitygap.track import Track
 from realitygap.values import Floats
 
-__all__ = ["ASKED", "KINDS", "SIDES", "UNITS", "Mapped", "cumulative", "quaternion_yaw", "read_map"]
+__all__ = ["ASKED", "KINDS", "SIDES", "UNITS", "Mapped", "cumulative", "filled", "quaternion_yaw", "read_map"]
 
 KINDS = ("wheels", "infrared", "ambient", "track")
 ASKED = "?"
@@ -142,12 +144,16 @@ def read_map(path: str | Path) -> Mapped:
     for name in (f"counter_{side}" for side in SIDES):
         if name in made:
             made[name], wraps = cumulative(made[name], run, per_row=bool(said[name].get("per_row")))
-            notes += [f"{name} begins anew {wraps} times after 16 bits: it goes on"] if wraps else []
+            notes += [f"{name} wraps round after 16 bits ({many(wraps, 'time')})"] if wraps else []
     if "t_s" in made:
         run, names, good = _in_time(made["t_s"], run, names, notes)
         made, run, kept = {name: column[good] for name, column in made.items()}, run[good], kept[good]
         first = np.unique(run, return_index=True)[1]
         made["t_s"] = made["t_s"] - made["t_s"][first][run]
+        for name in (name for name in made if re.match("counter|speed_[lr]|command|v$|w$", name)):
+            empty, held = np.isnan(made[name]).sum(), name.startswith("command")
+            made[name] = filled(made[name], made["t_s"], run, held=held)
+            notes += [f"{name}: {many(empty, 'empty cell')} filled from its neighbours"] if empty else []
     lines = [lines[k] for k in kept.tolist()]
     digest = hashlib.sha256(path.read_bytes())
     for log in read:
@@ -250,7 +256,7 @@ def _in_time(
     number = np.concatenate([[0], np.cumsum(anew | ~within)])
     whose = run[np.unique(number, return_index=True)[1]].tolist()
     if anew.any():
-        notes.append(f"the clock begins anew {anew.sum()} times: a run each")
+        notes.append(f"the clock begins anew ({many(anew.sum(), 'time')}): a run each")
     again = [whose[:k].count(one) for k, one in enumerate(whose)]
     named = [f"{names[one]}.{k + 1}" if k else names[one] for one, k in zip(whose, again, strict=True)]
     good = np.full(len(t), True)
@@ -259,8 +265,20 @@ def _in_time(
         later = np.fmin.accumulate(np.append(t[rows], math.inf)[:0:-1])[::-1]
         good[rows] = t[rows] < later
     if not good.all():
-        notes.append(f"{(~good).sum()} rows with the time of a later one left out")
+        notes.append(f"{many((~good).sum(), 'row')} left out: not before all later ones")
     return number, named, good
+
+
+def filled(column: Floats, t: Floats, run: NDArray[np.int64], *, held: bool = False) -> Floats:
+    """[n] a column with its empty cells filled, as in rows of which only a pose was logged: evenly in time or
+    with the value before (`held`)."""
+    out = column.copy()
+    for rows in (np.flatnonzero(run == k) for k in np.unique(run)) if np.isnan(column).any() else ():
+        known = rows[np.isfinite(column[rows])]
+        if len(known):
+            before = np.maximum(np.searchsorted(t[known], t[rows], side="right") - 1, 0)
+            out[rows] = column[known[before]] if held else np.interp(t[rows], t[known], column[known])
+    return out
 
 
 def cumulative(pulses: Floats, run: NDArray[np.int64], *, per_row: bool) -> tuple[Floats, int]:
@@ -271,7 +289,7 @@ def cumulative(pulses: Floats, run: NDArray[np.int64], *, per_row: bool) -> tupl
     step[np.diff(run, prepend=run[:1]) != 0] = 0.0
     wraps = (np.abs(step) > 0.75 * WRAP) & (np.ptp(pulses) <= WRAP)
     if not wraps.any():
-        return pulses, 0
+        return np.asarray(pulses - np.nan_to_num(pulses[:1])), 0
     return np.asarray(np.cumsum(step - WRAP * np.sign(step) * wraps)), int(wraps.sum())
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
+from realitygap.logs.cuts import many
 from realitygap.values import Floats
 
 __all__ = ["Log", "read_log"]
@@ -85,7 +86,7 @@ def read_log(path: str | Path) -> Log:
     left = [k for k in body if k > first and k not in rows]
     if left:
         some = ", ".join(str(k + 1) for k in left[:3]) + (" …" if len(left) > 3 else "")
-        notes.append(f"{len(left)} lines are no rows of {wide} values: left out (line {some})")
+        notes.append(f"{many(len(left), 'line')} left out: no rows of {wide} values (line {some})")
     cells = list(rows.values())
     values = np.stack([_numbers(column) for column in zip(*cells, strict=True)], 1)
     head, names = _names(lines, first, sign, wide, values, notes)

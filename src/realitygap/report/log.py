@@ -38,10 +38,11 @@ def draw_log(target: Path, columns: Mapping[str, Floats], run: NDArray[np.int64]
         columns.keys() & {"reading"}
     )
     count = len(shown) * timed + placed + timed + bool(near)
-    rows = -(-max(count, 1) // 3)
+    wide = min(max(count, 1), 3)
+    rows = -(-max(count, 1) // wide)
     with styled():
         figure = new_figure(PAGE, 0.5 + 2.0 * rows, layout="constrained")
-        axes = list(figure.subplots(rows, 3, squeeze=False).ravel())
+        axes = list(figure.subplots(rows, wide, squeeze=False).ravel())
         for spare in axes[count:]:
             spare.set_visible(False)
         figure.suptitle(title, fontsize=8.5)
@@ -54,7 +55,7 @@ def draw_log(target: Path, columns: Mapping[str, Floats], run: NDArray[np.int64]
             ax.set(xlabel="x, cm", ylabel="y, cm", title=f"path{', crosses: jumps' * bool(off.any())}")
             ax.set_aspect("equal", adjustable="datalim")
         if timed:
-            t, within = columns["t_s"], np.diff(run) == 0
+            t, within = columns["t_s"] - np.nanmin(columns["t_s"]), np.diff(run) == 0
             ax = axes.pop(0)
             ax.plot(t[1:][within], np.diff(t)[within], ".", ms=2, color=COLOURS[0])
             ax.set(xlabel="time, s", ylabel="s", title="time to the row before", ylim=(0, None))
@@ -70,7 +71,15 @@ def draw_log(target: Path, columns: Mapping[str, Floats], run: NDArray[np.int64]
         if near and "distance_cm" in columns:
             ax = axes.pop(0)
             for k, one in enumerate(sorted(near)):
-                ax.plot(columns["distance_cm"], columns[one], ".", ms=3, color=COLOURS[k % 4], label=one)
+                ax.plot(
+                    columns["distance_cm"],
+                    columns[one],
+                    "ox^s"[k // 4 % 4],
+                    ms=3,
+                    color=COLOURS[k % 4],
+                    mfc="none",
+                    label=one,
+                )
             ax.set(xlabel="distance, cm", ylabel="counts", title="readings")
             ax.legend(fontsize=6, ncols=2)
         for ax in figure.axes:

@@ -244,6 +244,10 @@ def largest_pole(kp: float, ki: float, kd: float, divisor: float) -> float:
     return float(np.abs(np.roots(law)).max())
 
 
+Curve = tuple[tuple[float, float], ...]
+"""Commands, rising, and the speeds (cm/s) at which a wheel settles under them."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Wheels(Value):
     """Two wheels under the PID law of §3.2.2: δv = (Kp·P + Ki·I + Kd·D) / divisor.
@@ -265,11 +269,11 @@ class Wheels(Value):
     friction_cm_s2: float
     lag: float = 0.0
     play_cm: float = 0.0
-    curve_left: tuple[tuple[float, float], ...] = ()
-    curve_right: tuple[tuple[float, float], ...] = ()
+    curve_left: Curve = ()
+    curve_right: Curve = ()
 
     @property
-    def curves(self) -> tuple[tuple[tuple[float, float], ...], ...]:
+    def curves(self) -> tuple[Curve, ...]:
         """Of the left and the right wheel; none where speeds are proportional to commands."""
         return (self.curve_left, self.curve_right) if self.curve_left else ()
 
@@ -279,14 +283,14 @@ class Wheels(Value):
         top = self.top_command
         if not self.curves:
             return top * max(self.speed_per_unit_cm_s)
-        return float(max(np.abs(np.interp([-top, top], *zip(*c, strict=True))).max() for c in self.curves))
+        return float(max(np.abs(_settled(curve, np.array([-top, top]))).max() for curve in self.curves))
 
     def proportional(self, commands: NDArray[np.float64]) -> NDArray[np.float64]:
         """[n, 2] commands that without curves would make the same speeds."""
         if not self.curves:
             return commands
         pairs = zip(commands.T, self.curves, self.speed_per_unit_cm_s, strict=True)
-        return np.stack([np.interp(c, *zip(*curve, strict=True)) / unit for c, curve, unit in pairs], 1)
+        return np.stack([_settled(curve, column) / unit for column, curve, unit in pairs], 1)
 
     def command(self, output: int) -> int:
         """A network's output −10 … 10 in the robot's units, of which it takes whole ones.
@@ -525,9 +529,14 @@ class Profile(Value):
 def _joined(wheels: Wheels) -> NDArray[np.float64]:
     """Its curves as the kernels take them (types.Wheels)."""
     knots = np.unique([command for curve in wheels.curves for command, _ in curve])
-    settled = [np.interp(knots, *zip(*curve, strict=True)) for curve in wheels.curves]
-    units = zip(settled, wheels.speed_per_unit_cm_s, strict=False)
-    return np.column_stack([knots, *(speeds / unit for speeds, unit in units)]).reshape(-1, 3)
+    units = zip(wheels.curves, wheels.speed_per_unit_cm_s, strict=False)  # none without curves
+    return np.column_stack([knots, *(_settled(curve, knots) / unit for curve, unit in units)]).reshape(-1, 3)
+
+
+def _settled(curve: Curve, commands: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Speeds at which a wheel settles by its curve, cm/s."""
+    known, speeds = np.array(curve).T
+    return np.asarray(np.interp(commands, known, speeds))
 
 
 def load_profile(name_or_path: str | PathLike[str] | Profile) -> Profile:

@@ -169,7 +169,6 @@ function openDrive() {
     now = { track: [from], due: 0, playing, held: null, fan: [], ghost: near[0], before: performance.now(), own: pose };
     open.textContent = "Watch them drive";
     byId("drive-ghost").textContent = near[0] ? `Faint: the ${near[0].who}, from its start nearest to this one.` : "";
-    look();
     rest();
   }
 
@@ -182,8 +181,8 @@ function openDrive() {
   function rest(playing = now.playing) {
     Object.assign(now, { playing, before: performance.now() });
     play.textContent = playing ? "Pause" : "Play";
+    if (!playing || !now.inside) look();
     if (playing) now.fan = [];
-    else look();
     show();
     requestAnimationFrame(tick);
   }
@@ -212,14 +211,15 @@ function openDrive() {
     const stage = (now.stage = openStage(canvas, task.arena));
     const track = { steps: now.track.length - 1, pose: (k) => now.track[k] };
     const share = now.playing && !still.matches ? now.due - 1 : 0; // a step behind, so that it is between two
-    const pose = held ?? poseBetween(track, Math.max(0, track.steps + share));
-    const look = { colour, width: 1.1, alpha: 1, dash: [], body: held?.bad ? WRONG : paint.body };
+    const at = Math.max(0, track.steps + share);
+    const pose = held ?? poseBetween(track, at);
+    const dress = { colour, width: 1.1, alpha: 1, dash: [], body: held?.bad ? WRONG : paint.body };
     drawArena(stage, task.arena, paint);
     if (byId("player-rays").checked) drawRays(stage, task.arena, task.sensors, pose, inside.readings, paint);
-    if (now.ghost) drawCourse(stage, now.ghost, look, paint);
-    if (byId("player-tails").checked && !held) drawTail(stage, track, track.steps, look, data.robot.front);
+    if (now.ghost) drawCourse(stage, now.ghost, dress, paint);
+    if (byId("player-tails").checked && !held) drawTail(stage, track, at, dress, data.robot.front);
     drawFan(stage, fan, pose, colour);
-    drawRobot(stage, data.robot, pose, look, paint);
+    drawRobot(stage, data.robot, pose, dress, paint);
     drawSensors(stage, task.sensors, pose, inside.readings, paint);
     shown.readings(inside.readings);
     shown.commands(inside.commands);
@@ -318,7 +318,7 @@ function openDrive() {
     shown.live.level[0] = Number(noise.value);
     if (!now.playing) rest();
   });
-  for (const list of lists) list.addEventListener("change", () => on() && choose());
+  for (const list of lists) list.addEventListener("change", () => on() && choose(list === lists[0] ? null : now.own));
   for (const name of ["rays", "tails"]) byId(`player-${name}`).addEventListener("change", show);
   window.addEventListener("resize", show);
   window.addEventListener("hashchange", () => on() && choose());
