@@ -66,6 +66,7 @@ def colours() -> dict[str, dict[str, str]]:
         f"{name}_css_variables": dict(re.findall(r"--([\w-]+): ([^;]+);", block[1]))
         for name, block in (("light", light), ("dark", dark))
     }
+    assert set(FURO.values()) <= set(found["light_css_variables"])
     for name, value in FURO.items():
         found["light_css_variables"][name] = f"var(--{value})"
     found["dark_css_variables"] |= {
