@@ -78,10 +78,13 @@ def over_runs(level: Floats, misfit: Floats, stratum: NDArray, y: Floats, sets: 
     every = np.arange(len(y))
     here = float(found(every))
     groups = [np.flatnonzero(stratum == name) for name in np.unique(stratum)]
-    mixed = np.tile(y, (PLAN["permutations"], 1))
-    for rows in groups:
-        mixed[:, rows] = draw.permuted(mixed[:, rows], axis=1)
-    p = (1 + int((np.abs(found(every, mixed)) >= abs(here) - 1e-12).sum())) / (1 + len(mixed))
+    beyond = 0
+    for _ in range(PLAN["permutations"] // PLAN["resamples"]):
+        mixed = np.tile(y, (PLAN["resamples"], 1))
+        for rows in groups:
+            mixed[:, rows] = draw.permuted(mixed[:, rows], axis=1)
+        beyond += int((np.abs(found(every, mixed)) >= abs(here) - 1e-12).sum())
+    p = (1 + beyond) / (1 + PLAN["permutations"])
     cells = [rows[level[rows] == one] for rows in groups for one in np.unique(level[rows])]
     drawn = np.tile(y, (PLAN["resamples"], 1))
     for rows in cells:
