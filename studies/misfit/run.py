@@ -207,7 +207,8 @@ class Placed(Individual):
     @property
     def key(self) -> tuple[object, ...]:
         """The names of the streams of its trials."""
-        return (*super().key, self.home)
+        names = super().key
+        return (*names[:4], self.home, *names[4:])
 
     @property
     def name(self) -> str:
