@@ -200,6 +200,22 @@ def drawn(profile: Profile, spread: float, draw: np.random.Generator) -> Profile
     )  # fmt: skip
 
 
+@dataclass(frozen=True, kw_only=True)
+class Placed(Individual):
+    """An individual of a place: `home` is its number."""
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """The names of the streams of its trials."""
+        names = super().key
+        return (*names[:4], self.home, *names[4:])
+
+    @property
+    def name(self) -> str:
+        """Its name in files and messages."""
+        return f"place-{self.home}-{super().name}"
+
+
 class Study(NoiseExperiment):
     """Its design: each controller drives the reality of its place; two individuals a run."""
 
@@ -215,7 +231,7 @@ class Study(NoiseExperiment):
                 for level in self.config.rivals_evolved if rival else self.config.evolved:
                     for index in range(1, self.config.runs[place.index] // len(sets) + 1):
                         made += [
-                            Individual(
+                            Placed(
                                 task=self.config.tasks[0], level=level, run=index, home=place.number,
                                 seed_set=number, individual=who, study=f"place-{place.number}-set-{number}",
                                 run_name=f"{self.config.tasks[0]}/{named(level)}/{index}",
