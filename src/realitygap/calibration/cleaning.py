@@ -51,15 +51,13 @@ def cleaned(recording: WheelRecording, at: Callable[[int], str]) -> WheelRecordi
 
 def first_pulses(recording: WheelRecording) -> float:
     """Pulses per mm by how far poses and counters go, with which a fit can begin; NaN without poses."""
-    if recording.pose is None or not np.isfinite(recording.pose[:, 0]).any():
+    if recording.pose is None:
         return math.nan
-    place, count = recording.pose[:, :2], recording.counters.mean(axis=1)
-    step, way, pulses = np.ptp(count) / PARTS, 0.0, 0.0
-    for rows in recording.trials():
-        seen = rows[np.isfinite(place[rows, 0])]
-        last = seen[:1]
-        for k in seen.tolist():
-            if (gone := abs(float(count[k] - count[last[0]]))) > step:
-                way, pulses = way + float(np.hypot(*(place[k] - place[last[0]]))), pulses + gone
-                last = [k]
-    return pulses / way / 10 if way else math.nan
+    seen = np.flatnonzero(np.isfinite(recording.pose[:, 0]))
+    count = recording.counters.mean(axis=1)
+    part = np.rint(count[seen] / max(np.ptp(count), 1e-9) * PARTS)
+    at = seen[np.diff(part, prepend=math.inf) != 0]
+    within = np.diff(recording.trial[at]) == 0
+    way = np.hypot(*np.diff(recording.pose[at, :2], axis=0).T)[within].sum()
+    pulses = np.abs(np.diff(count[at]))[within].sum()
+    return float(pulses / way / 10) if way and pulses else math.nan
