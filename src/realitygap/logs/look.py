@@ -378,11 +378,11 @@ def _told(log: Log, found: dict[str, Guess], run: NDArray[np.int64]) -> Look:
         if guess.unit == ASKED and guess.name != "y_cm":
             asked[f"{guess.name}.unit"] = f"one of {', '.join(units)}"
     columns = {guess.name: guess.values(log) for guess in guesses}
-    told = tuple(findings(columns, run, log.lines.tolist()))
+    told = tuple(findings(columns, run, [f"line {k}" for k in log.lines]))
     return Look(log=log, guesses=guesses, kind=kind, asked=asked, columns=columns, run=run, findings=told)
 
 
-def findings(columns: Mapping[str, Floats], run: NDArray[np.int64], lines: Sequence[Any]) -> Iterator[str]:
+def findings(columns: Mapping[str, Floats], run: NDArray[np.int64], lines: Sequence[str]) -> Iterator[str]:
     """Rate, gaps, and poses that repeat or jump, in words."""
     t = columns.get("t_s", np.zeros(len(run)))
     step = np.diff(t)[np.diff(run) == 0]
@@ -391,17 +391,17 @@ def findings(columns: Mapping[str, Floats], run: NDArray[np.int64], lines: Seque
     usual, (low, high) = np.median(step[step > 0]), np.quantile(step, (0.05, 0.95))
     again = f", {n} not after the row before" if (n := int((step <= 0).sum())) else ""
     yield f"rows {usual:.3g} s apart (90 %: {low:.3g} to {high:.3g} s, longest {step.max():.3g} s){again}"
-    if (cut := gaps(t, run)).any():
-        yield f"{many(cut.sum(), 'gap')}, the first before line {lines[int(cut.argmax())]}"
-    if not {"x_cm", "y_cm"} <= columns.keys():
-        return
-    place = np.stack([columns["x_cm"], columns["y_cm"]], 1)
-    counted = [columns[f"counter_{side}"] for side in SIDES if f"counter_{side}" in columns]
-    moved = np.append(False, (np.diff(counted) != 0).any(axis=0)) if counted else np.full(len(t), True)
-    if (same := repeats(place, moved)).any():
-        what = " though the wheels turned" if counted else ""
-        yield f"{many(same.sum(), 'pose')} of {len(t)} repeated from the row before{what}: not measured anew"
-    cut, alone = jumps(t, place, run)
-    if (off := cut | alone).any():
-        where = lines[int(off.argmax())]
-        yield f"{many(off.sum(), 'jump')} out of reach ({alone.sum()} of one row), the first in line {where}"
+    found = [(gaps(t, run), "gap", "")]
+    if {"x_cm", "y_cm"} <= columns.keys():
+        place = np.stack([columns["x_cm"], columns["y_cm"]], 1)
+        counted = [columns[f"counter_{side}"] for side in SIDES if f"counter_{side}" in columns]
+        moved = np.append(False, (np.diff(counted) != 0).any(axis=0)) if counted else np.full(len(t), True)
+        cut, alone = jumps(t, place, run)
+        how = " though the wheels turned" if counted else ""
+        found += [
+            (repeats(place, moved), "pose", f" of {len(t)} repeated{how}: not measured anew"),
+            (cut | alone, "jump", f" out of reach ({alone.sum()} of one row)"),
+        ]
+    for rows, noun, what in found:
+        if rows.any():
+            yield f"{many(rows.sum(), noun)}{what}, first in {lines[int(rows.argmax())]}"

@@ -190,7 +190,7 @@ def _column(path: Path, log: Log, name: str, entry: Mapping[str, Any]) -> Floats
                 f"{path}: {name}: column: expected one of {log.path.name}'s, {', '.join(log.names)}, or its "
                 f"number from 1 to {len(log.names)}, got {column!r}."
             )
-        at.append(log.names.index(column) if column in log.names else column - 1)
+        at.append(log.names.index(column) if column in log.names else int(column) - 1)
     if len(at) not in ((2, 4) if entry["unit"] == "quaternion" else (1,)):
         raise RecordingError(
             f"{path}: {name}: column: expected one, or x, y, z, w of a quaternion, got {entry['column']!r}."

@@ -40,7 +40,7 @@ def draw_log(target: Path, columns: Mapping[str, Floats], run: NDArray[np.int64]
                 drawn.append((title, t, there, ("-", "--")))
     near = {name: columns[name] for name in columns if name == "reading" or name[1:].isdecimal()}
     if near and "distance_cm" in columns:
-        drawn.append(("readings by distance, cm", columns["distance_cm"], near, "ox^s"))
+        drawn.append(("readings by distance, cm", columns["distance_cm"], near, "ooooxxxx^^^^ssss"))
     with styled():
         wide = min(max(len(drawn) + placed, 1), 3)
         rows = -(-max(len(drawn) + placed, 1) // wide)
