@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.logs.cuts import gaps, jumps, many, repeats
-from realitygap.logs.mapped import ASKED, SENSOR, SIDES, SPEED, UNITS, converted, cumulative, filled
+from realitygap.logs.mapped import ASKED, SENSOR, SIDES, UNITS, converted, cumulative, filled
 from realitygap.logs.table import Log, read_log
 from realitygap.values import Floats
 
@@ -62,6 +62,8 @@ SURE, CLEAR, SQUARE_DEG = 0.6, 0.05, 20.0
 zero is off by more than so much."""
 EACH, FEW = 0.02, 10
 """Share of its range by which a counter of each row goes from row to row; segments that tell nothing."""
+NEARLY = 0.4
+"""Logarithm of the way by a speed over the way that went, at most."""
 
 
 @dataclass
@@ -149,10 +151,12 @@ def look(path: str | Path) -> Look:
     for kind in ("counter", "speed"):
         if f"{kind}_left" in found:
             _wheels(way, kind)
-    for name in found.keys() & {"v", "command_v"}:
-        _speed_unit(way, [found[name]], way.integral(found[name]))
-    if "w" in found:
-        _turn(way, found["w"])
+    for name in found.keys() & {"v", "w", "command_v", "command_w"}:
+        rate = found[name]
+        gone = way.integral(rate)
+        _unit_of_rates(way, [rate], gone)
+        if name == "w" and (alike := way.turning(gone)) < -0.5:
+            rate.sign, rate.why = -1, f"{rate.why}; reversed, or it would turn the other way ({alike:.2f})"
     return _told(log, found, run)
 
 
@@ -212,7 +216,7 @@ class _Way:
     """
 
     def __init__(self, log: Log, found: Mapping[str, Guess], run: NDArray[np.int64]) -> None:
-        self.log, self.found, self.run, self.faced = log, found, run, False
+        self.log, self.found, self.run, self.faced, self.measured = log, found, run, False, False
         self.t = found["t_s"].values(log) if "t_s" in found else np.arange(0.0, len(run)) / 10
         x, y = (found[n].values(log) if n in found else np.full(len(run), math.nan) for n in ("x_cm", "y_cm"))
         good = np.flatnonzero(np.isfinite(x + y)).tolist()
@@ -262,7 +266,7 @@ def _place(way: _Way) -> None:
         guess.unit = could[0] if len(could) == 1 else ASKED
         guess.why += f"; {speed:.2g} a second over {way.extent:.3g}: {' or '.join(could) or 'no robot does'}"
         way.gone = way.gone * units.get(guess.unit, 1.0)
-    way.found["y_cm"].unit = guess.unit
+    way.found["y_cm"].unit, way.measured = guess.unit, guess.unit != ASKED
 
 
 def _heading(way: _Way, guess: Guess) -> None:
@@ -306,18 +310,19 @@ def _wheels(way: _Way, kind: str) -> None:
             for guess in pair:
                 guess.why = f"exchanged, or it would turn the other way ({alike:.2f}); {guess.why}"
     if kind == "speed":
-        _speed_unit(way, pair, gone @ [guess.sign / 2 for guess in pair])
+        _unit_of_rates(way, pair, gone @ [guess.sign / 2 for guess in pair])
 
 
 def _counted(way: _Way, pair: Sequence[Guess]) -> Floats:
     """[m, 2] pulses of two counters that count each row anew or not, by the way that they explain; else by
     how far they go from row to row."""
     made = [filled(guess.values(way.log), way.t, way.run) for guess in pair]
-    shares, gone = [], []
-    for each in (False, True):
-        gone.append(np.stack([way.over(cumulative(one, way.run, per_row=each)[0]) for one in made], 1))
-        left = way.gone - gone[each] @ np.linalg.lstsq(gone[each], way.gone, rcond=None)[0]
-        shares.append(1 - float(left @ left) / max(float(way.gone @ way.gone), 1e-12))
+    gone = [
+        np.stack([way.over(cumulative(one, way.run, per_row=each)[0]) for one in made], 1)
+        for each in (False, True)
+    ]
+    left = [way.gone - one @ np.linalg.lstsq(one, way.gone, rcond=None)[0] for one in gone]
+    shares = [1 - float(one @ one) / max(float(way.gone @ way.gone), 1e-12) for one in left]
     per_row, why = shares[1] > shares[0], f"explains {max(shares):.2f} of the path, else {min(shares):.2f}"
     if len(way.gone) <= FEW:
         totals = [cumulative(one, way.run, per_row=False)[0] for one in made]
@@ -329,25 +334,17 @@ def _counted(way: _Way, pair: Sequence[Guess]) -> Floats:
     return gone[per_row]
 
 
-def _speed_unit(way: _Way, some: Sequence[Guess], gone: Floats) -> None:
-    """The unit of speeds by the way that their integral `gone` [m] went."""
-    place = way.found.get("x_cm")
-    if some[0].unit not in UNITS[some[0].name] and place and place.unit != ASKED and gone.any():
-        factor = float(np.abs(way.gone).sum() / np.abs(gone).sum())
-        could = [one for one, to in SPEED.items() if abs(math.log(factor / to)) < 0.4]
+def _unit_of_rates(way: _Way, some: Sequence[Guess], gone: Floats) -> None:
+    """The unit of speeds, of turning or ahead, by how the way went while their integral was `gone` [m]."""
+    units, turning = UNITS[some[0].name], some[0].name.endswith("w")
+    went = way.turn if turning else way.gone if way.measured else np.zeros(len(gone))
+    known = np.isfinite(went)
+    if some[0].unit not in units and went[known].any() and gone[known].any():
+        factor = float(np.abs(went[known]).sum() / np.abs(gone[known]).sum())
+        could = [one for one, to in units.items() if one != "own" and abs(math.log(factor / to)) < NEARLY]
         for guess in some:
-            guess.unit, guess.why = "".join(could), f"{guess.why}; the path goes {factor:.3g} cm per unit"
-
-
-def _turn(way: _Way, w: Guess) -> None:
-    """The unit and the sense of w, by the turns of the way."""
-    turned, known = way.integral(w), np.isfinite(way.turn)
-    if w.unit not in UNITS["w"] and known.any():
-        ratio = float(np.abs(way.turn[known]).sum() / max(np.abs(turned[known]).sum(), 1e-12))
-        w.unit = "deg/s" if ratio < 0.1 else "rad/s"
-        w.why += f"; the path turns {ratio:.3g} rad per unit"
-    if (alike := way.turning(turned)) < -0.5:
-        w.sign, w.why = -1, f"{w.why}; reversed, or it would turn the other way ({alike:.2f})"
+            guess.unit = "".join(could)
+            guess.why += f"; {factor:.3g} {'rad' if turning else 'cm'} of the path per unit"
 
 
 # What is made of it

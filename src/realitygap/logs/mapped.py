@@ -30,7 +30,7 @@ from realitygap.track import Track
 from realitygap.values import Floats
 
 __all__ = [
-    "ASKED", "SENSOR", "SIDES", "SPEED", "UNITS", "Mapped", "converted", "cumulative", "filled", "read_map",
+    "ASKED", "SENSOR", "SIDES", "UNITS", "Mapped", "converted", "cumulative", "filled", "read_map",
 ]  # fmt: skip
 
 KINDS = ("wheels", "infrared", "ambient", "track")
