@@ -59,8 +59,7 @@ def look(log: str, said: str | None, out: Path | None) -> None:
     draw_log(picture, made.columns, made.run, made.log.path.name)
     names, notes = made.log.names, [*made.log.notes, *made.findings]
     if made.unused:
-        more = f" and {len(made.unused) - NAMED} more" if len(made.unused) > NAMED else ""
-        notes.insert(0, f"not used: {', '.join(made.unused[:NAMED])}{more}")
+        notes.insert(0, f"not used: {', '.join(made.unused[:NAMED])}{' …' * (len(made.unused) > NAMED)}")
     columns = [{**vars(one), "columns": [names[k] for k in one.columns]} for one in made.guesses]
     facts = {"log": log, "map": str(target), "picture": str(picture), "kind": made.kind, "notes": notes}
     rows = [

@@ -236,7 +236,7 @@ class _Way:
 
     def over(self, total: Floats) -> Floats:
         """[m] how much a sum [n] grows in each, 0 where that is unknown."""
-        return np.nan_to_num(total[self.end] - total[self.begin])
+        return np.asarray(np.nan_to_num(total[self.end] - total[self.begin]))
 
     def integral(self, rate: Guess) -> Floats:
         """[m] of a rate over the time of each."""

@@ -170,7 +170,8 @@ def _entry(where: str, name: str, entry: Any, columns: Mapping[str, Any]) -> dic
     refuse_unknown(entry, KEYS, RecordingError, where=where)
     units, beside = UNITS.get(name, PLAIN), columns.get("x_cm") if name == "y_cm" else None
     unit = beside.get("unit") if isinstance(beside, Mapping) else None
-    made = {"column": ASKED, "unit": unit or next(iter(units)), "sign": 1, "per_row": False} | entry
+    made: dict[str, Any] = {"column": ASKED, "unit": unit or next(iter(units)), "sign": 1, "per_row": False}
+    made |= entry
     for key, good, expected in (
         ("unit", str(made["unit"]) in units, f"one of {', '.join(units)}"),
         ("sign", made["sign"] in (1, -1), "1 or -1"),

@@ -49,8 +49,9 @@ def read_log(path: str | Path) -> Log:
     body = [k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(COMMENT)]
     some = [lines[k] for k in body[len(body) // 10 :][:SAMPLE]]
     share, wide, sign = max((*_fit(some, sign), sign) for sign in SEPARATORS)
-    cells = {k: row for k in body if len(row := _split(lines[k], sign)) == wide}
-    values = {k: found for k, row in cells.items() if not np.isnan(found := [*map(_number, row)]).all()}
+    split = {k: _split(lines[k], sign) for k in body}
+    numbers = {k: [*map(_number, row)] for k, row in split.items() if len(row) == wide}
+    values = {k: row for k, row in numbers.items() if not np.isnan(row).all()}
     if share < 0.5 or wide < 2 or len(values) < FEWEST:
         raise RecordingError(
             f"{path}: expected a table of numbers, a row a time, separated by "
@@ -69,7 +70,7 @@ def read_log(path: str | Path) -> Log:
             head, given = k + 1, found + names[len(found) :]
             names = [o if not n or given.count(n) > 1 else n for n, o in zip(given, names, strict=False)]
             break
-    at, texts = np.array(list(values), np.int64) + 1, [cells[k] for k in values]
+    at, texts = np.array(list(values), np.int64) + 1, [split[k] for k in values]
     table = np.array(list(values.values()))
     closed = bool(np.isnan(table[:, -1]).all())  # rows may end with a separator, names without
     if head and not wide - closed <= len(found) <= wide:
