@@ -34,13 +34,13 @@ def two(tmp_path_factory):
 
 
 def test_evolve_ends_with_what_came_out(two, call):
-    """Two figures a run in their unit, the best, and a link to the page; no line is wider than a terminal."""
+    """Two figures a run in their unit, the answer, a link to the page; none is wider than a terminal."""
     folder, (first, _) = two
     lines = first.splitlines()
     assert re.search(r"run  name +best during evolution +test score", lines[0])
     assert re.fullmatch(r" +1  light-seeking/observed/1 +[\d.]+ +[\d.]+ ± [\d.]+", lines[1])
-    found = r"best: light-seeking, observed noise: [\d.]+ ± [\d.]+ ×10⁻⁶ cm⁻² \(mean of 3 runs\)"
-    assert re.search(found, first)
+    found = r"light-seeking: The champions evolved at observed noise: test score \([\d.]+ ± [\d.]+\) × 10⁻⁶"
+    assert re.search(f"{found} cm⁻²: in simulation at observed noise", " ".join(first.split()))
     assert lines[-1] == f"report {(folder / 'first' / 'report' / 'index.html').as_uri()}"
     for words in (("show", folder / "first", 1), ("show", folder / "first", "--verbose"), ("list",)):
         lines += call(*words).stdout.splitlines()

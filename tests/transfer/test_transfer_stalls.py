@@ -75,5 +75,5 @@ def test_trials_that_stall_are_repeated_once_and_marked(robot: WifiEpuck, tmp_pa
     assert first.stalls and first.ended == "finished"
     kept = load_transfers(study.folder)
     assert [(one.stalled_s, one.repeated) for one in kept] == [(one.stalled_s, one.repeated) for one in made]
-    told = "\n".join(transfer_lines(made))
+    told = "\n".join(transfer_lines(study.folder, made))
     assert "2 of 3 trials were repeated since the line stalled; 1 stalled again" in told

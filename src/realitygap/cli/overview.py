@@ -155,15 +155,12 @@ def compare(first: Path, second: Path, picture: Path | None) -> None:
             (name, noise_name(level), len(values), one.text(mean_of(values)))
             for name, level, values in zip(names, one.noise, one.values, strict=True)
         ]
-        unit = f" ({one.unit})" if one.unit else ""
-        said = "significant" if one.p < 0.05 else "not significant"
-        test = f"difference {one.text(one.difference)}: {said} (Welch's t-test, p = {one.p:.2g})"
-        lines += [
-            f"{one.task}: test score at {noise_name(one.tested)} noise{unit}, mean of runs ± 95 %",
-            table(("study", "evolved at", "runs", "test score"), rows),
-            test if one.difference is not None else "no interval: it takes two runs of each study",
-            "",
-        ]
+        said = "no interval: it takes two runs of each study"
+        if one.difference is not None:
+            sure = f"{'not ' * (not one.p < 0.05)}significant"
+            said = f"difference {one.text(one.difference)}: {sure} (Welch's t-test, p = {one.p:.2g})"
+        head = ("study", "evolved at", "runs", "test score")
+        lines += [f"{one.title}, mean of runs ± 95 %", table(head, rows), said, ""]
     if picture is not None:
         write_figure(lambda: compare_figure(found, names), picture)
         lines.append(f"picture {link(picture)}")

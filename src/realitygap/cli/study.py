@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import textwrap
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -149,25 +150,17 @@ def show_study(folder: Path, study: Study, page: Path | None, more: Mapping[str,
     rows = [table.to_dict() for table in scores]
     found = {"study": str(folder), "report": str(page), "runs": facts, "tables": rows, **(more or {})}
     where = f"\nstudy  {folder}", f"report {link(page)}"
-    tell(found, *lines, *_score_lines(scores), "", *_best_lines(study), *where)
+    tell(found, *lines, *_score_lines(scores), "", *_answer_lines(study, scores), *where)
 
 
-def _best_lines(study: Study) -> Iterator[str]:
-    """For each task the noise level whose runs have the highest mean test score."""
-    from realitygap.report.evolution import mean_of
+def _answer_lines(study: Study, scores: Sequence[ScoreTable]) -> Iterator[str]:
+    """Each task's answer, as its report begins."""
+    from realitygap.report.answer import answer_of
+    from realitygap.report.evolution import parts_of
 
-    fitness = Fitness(study)
-    levels: dict[str, dict[str, list[Run]]] = {}
-    for run in study.runs:
-        if run.finished:
-            levels.setdefault(run.task, {}).setdefault(run.noise_name, []).append(run)
-    for task, of in levels.items():
-        means = {name: mean_of([run.fitness or 0.0 for run in runs]) for name, runs in of.items()}
-        best, mean = max(means.items(), key=lambda one: one[1].value if one[1] else 0.0)
-        alone = of[best][0] if len(of[best]) == 1 else None
-        said = f"mean of {len(of[best])} runs" if alone is None else "1 run"
-        text = fitness.sentence(alone) if alone else f"{fitness.text(task, mean)}{fitness.unit(task)}"
-        yield f"best: {task}, {best} noise: {text} ({said})"
+    for part in parts_of(study):
+        answer = answer_of(part, [one for one in scores if one.task == part.task.name])
+        yield textwrap.fill(f"{part.task.name}: {answer.found}: {answer.detail}", 80)
 
 
 def show_shard(folder: Path, more: Mapping[str, Any], *lines: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from contextlib import suppress
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from realitygap.correspondence.logs import Log, LogComparison
     from realitygap.correspondence.score import Comparison
     from realitygap.correspondence.setting import Setting
+    from realitygap.correspondence.trials import Trial
     from realitygap.film.calibrate import Calibration
     from realitygap.film.tracker import Tracked
     from realitygap.tasks.task import Task
@@ -223,109 +225,79 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None) -> None:
     from realitygap.correspondence.logs import compare_logs
     from realitygap.correspondence.score import compare
     from realitygap.correspondence.setting import setting_of
-    from realitygap.correspondence.trials import TooSlowError, doubts_of, read_transfer, read_trials
+    from realitygap.correspondence.trials import doubts_of, read_transfer, read_trials
     from realitygap.tasks.load import load_task
 
-    logs, why = _logs(a, b)
     whose = _task_of(Path(a)) if b is None and task is None else None
-    try:
-        if why and logs is not None:
-            raise _NoPosesError(why)
-        sets = read_transfer(a) if b is None else (read_trials(a), read_trials(b))
-    except (TooSlowError, _NoPosesError) as error:
-        if logs is None:
-            raise
-        _score_logs(a, b, logs, str(error))
+    sets, logs, why = (read_transfer(a), (), "") if b is None else _tracks_and_logs(a, b)
+    placed = bool(why) and all(one.places for side in logs for one in side)
+    found = compare_logs(*logs, poses=placed) if logs else None
+    facts, lines = ({}, []) if found is None else ({"logs": asdict(found)}, [*_log_lines(found)])
+    if why and found is None:
+        has = (f"{logs[0].source}: {', '.join(logs[0].channels) or 'nothing but poses'}" for logs in logs)
+        raise TrackError(
+            f"{why}, and no columns of one name to compare instead ({'; '.join(has)}). Give both poses, or "
+            "name alike what both read or do (proximity_0, command_left, …)."
+        )
+    if why:
+        left = f"correspondence score left out: {why}"
+        tell({"a": a, "b": b, **facts, "notes": [left]}, *lines, f"note: {left}")
         return
     others = read_trials(ceiling) if ceiling is not None else None
     every = [trial for trials in (*sets, others or []) for trial in trials]
     setting = setting_of(every, load_task(task)) if task else setting_of([] if whose else every, whose)
     made = compare(sets[0], sets[1], setting, ceiling=others)
     warnings = doubts_of(every)
-    told = None if logs is None else compare_logs(*logs)
-    facts = {"a": a, "b": b, **made.to_dict(), **({} if told is None else {"logs": told.to_dict()})}
-    lines = () if told is None else ("", *_log_lines(told))
-    tell({**facts, "warnings": warnings}, *_comparison_lines(made), *lines)
+    facts = {"a": a, "b": b, **made.to_dict(), **facts, "warnings": warnings}
+    tell(facts, *_comparison_lines(made), *([""] if lines else []), *lines)
     warn(warnings)
 
 
-class _NoPosesError(TrackError):
-    """A log that has none."""
-
-
-def _logs(a: str, b: str | None) -> tuple[tuple[list[Log], list[Log]] | None, str]:
-    """Both as logs, None if they cannot be read so; and which of them lack poses, "" if none does."""
+def _tracks_and_logs(a: str, b: str) -> tuple[list[list[Trial]], list[list[Log]], str]:
+    """Both as tracks, both as logs where they can be read so, and why not all are tracks: they have no poses,
+    or too few a second."""
     from realitygap.correspondence.logs import read_logs
-
-    if b is None:
-        return None, ""
-    try:
-        both = read_logs(a), read_logs(b)
-    except TrackError:  # what reads them as tracks tells what is wrong
-        return None, ""
-    if not all(both):
-        return None, ""
-    lacking = [path for path, logs in zip((a, b), both, strict=True) if not all(one.faces for one in logs)]
-    there = [path for path in lacking if not _has_tracks(path)]
-    return both, f"no poses (x_cm, y_cm, heading_deg) in {' and in '.join(there)}" if there else ""
-
-
-def _has_tracks(path: str) -> bool:
-    """Whether poses are there in other files, as in a transfer's folder."""
     from realitygap.correspondence.trials import TooSlowError, read_trials
 
-    try:
-        return bool(read_trials(path))
-    except TooSlowError:
-        return True
-    except TrackError:
-        return False
-
-
-def _score_logs(a: str, b: str | None, logs: tuple[list[Log], list[Log]], why: str) -> None:
-    """Compare logs only, and say why."""
-    from realitygap.correspondence.logs import compare_logs
-
-    made = compare_logs(*logs, poses=all(one.poses is not None for side in logs for one in side))
-    if made is None:
-        has = (f"{logs[0].source}: {', '.join(logs[0].channels) or 'nothing but poses'}" for logs in logs)
-        raise TrackError(
-            f"{why}, and no columns of one name to compare instead ({'; '.join(has)}). Give both poses, or "
-            "name alike what both read or do (proximity_0, command_left, …)."
-        )
-    left = f"correspondence score left out: {why}"
-    tell({"a": a, "b": b, "logs": made.to_dict(), "notes": [left]}, *_log_lines(made), f"note: {left}")
+    sets, logs, lacking, slow = [], [], [], ""
+    with suppress(TrackError):  # what reads them as tracks tells what is wrong
+        logs = [read_logs(a), read_logs(b)]
+    logs = logs if all(logs) else []
+    for k, path in enumerate((a, b)):
+        try:
+            sets.append(read_trials(path))
+        except TrackError as error:
+            if logs and isinstance(error, TooSlowError):
+                slow = slow or str(error)
+            elif logs and not all(one.faces for one in logs[k]):
+                lacking.append(path)
+            else:
+                raise
+    why = f"no poses (x_cm, y_cm, heading_deg) in {' and '.join(lacking)}" if lacking else slow
+    return sets, logs, why
 
 
 def _log_lines(made: LogComparison) -> Iterator[str]:
-    rows = []
+    rows, ratio = [], 1.0
     for one in made.channels:
         pairs = (one.mean, one.deviation, one.step_noise, one.alike_s)
         rows.append([one.name, *(f"{a:.3g} / {b:.3g}" for a, b in pairs), f"{one.distance:.2f}"])
+        if min(one.step_noise) > 0:
+            ratio = max(ratio, max(one.step_noise) / min(one.step_noise))
     yield table(("A / B", "mean", "deviation", "change a step", "alike for s", "distance"), rows)
-    noise = [one.step_noise for one in made.channels if min(one.step_noise) > 0]
-    ratio = max((max(pair) / min(pair) for pair in noise), default=1.0)
-    for name, test, more in (
-        ("levels (means, deviations)", made.levels, ""),
-        (
-            "order in time",
-            made.order,
-            f"; changes a step differ by up to {ratio:.3g} times" if ratio > 1 else "",
-        ),
-    ):
-        if test.p is None:
-            yield f"{name}: too short to test; needed are {test.needed_s:.0f} s of each without gaps{more}"
-        else:
-            apart = "told apart" if test.p < TOLD_APART else "not told apart"
-            yield f"{name}: {apart}, p = {test.p:.3f}, by windows of {test.window_s:.3g} s{more}"
+    more = f"; changes a step differ by up to {ratio:.3g} times" if ratio > 1 else ""
+    tests = (("levels (means, deviations)", made.levels, ""), ("order in time", made.order, more))
+    for name, test, more in tests:
+        said = f"too short to test; needed are {test.needed_s:.0f} s of each without gaps"
+        if test.p is not None:
+            said = f"{'not ' * (test.p >= TOLD_APART)}told apart, p = {test.p:.3f}"
+            said += f", by windows of {test.window_s:.3g} s"
+        yield f"{name}: {said}{more}"
     for name, pace in zip("AB", made.pace, strict=True):
-        yield (
-            f"{name}: {pace.rows} rows, a step {pace.usual_s:.3g} s (99 % up to {pace.most_s:.3g}, longest "
-            f"{pace.longest_s:.3g}), {100 * pace.late:.1f} % late, {pace.gaps} gaps"
-        )
+        steps = f"a step {pace.usual_s:.3g} s (longest {pace.longest_s:.3g})"
+        yield f"{name}: {pace.rows} rows, {steps}, {pace.gaps} gaps"
     yield f"compared at steps of {made.step_s:.3g} s; distance is Wasserstein's, in deviations"
-    for note in made.notes:
-        yield f"note: {note}"
+    yield from (f"note: {note}" for note in made.notes)
 
 
 def _task_of(folder: Path) -> Task | None:

@@ -167,11 +167,11 @@ def transfer_lines(study: Path, made: list[TransferredTrial], verbose: bool = Fa
     rows, fitness, stalled = [], Fitness(load_study(study)), any(one.stalls for one in made)
     for one in made:
         scores = (fitness.text(one.task, value) for value in (one.fitness_simulated, one.fitness_situated))
-        stalls = [f"{one.stalls} × ({one.stalled_s:.1f} s)" if one.stalls else "–"] if stalled else []
-        more = (one.situated_from, one.late_steps) if verbose else ()
-        rows.append([one.robot, one.name, one.start, *scores, *stalls, *more])
-    head = ("robot", "run", "start", "simulated", "on the robot", *(["stalled"] if stalled else []))
-    yield table((*head, *("path from", "late steps")[: 2 * verbose]), rows)
+        stalls = f"{one.stalls} × ({one.stalled_s:.1f} s)" if one.stalls else "–"
+        more = [*[stalls] * stalled, *[one.situated_from, one.late_steps] * verbose]
+        rows.append([one.robot, one.name, one.start, *scores, *more])
+    head = ["robot", "run", "start", "simulated", "on the robot", *["stalled"] * stalled]
+    yield table([*head, *["path from", "late steps"] * verbose], rows)
     yield from fitness.units(one.task for one in made)
     if again := sum(one.repeated for one in made):
         left = sum(one.stalls > 0 for one in made)

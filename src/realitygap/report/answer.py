@@ -7,19 +7,21 @@ all pairs: Games and Howell's, which is Tukey's without the assumption of equal 
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import tukey_hsd
 
 from realitygap.report.evolution import Mean, TaskPart, mean_of
 from realitygap.report.scores import PaperRow, ScoreTable
-from realitygap.report.style import COLUMN, INK, MUTED, new_figure, noise_styles, number
+from realitygap.report.style import COLUMN, INK, MUTED, NoiseStyle, new_figure, noise_styles, number
 from realitygap.robots.address import ROBOT
 
-__all__ = ["Answer", "answer_figure", "answer_of", "caveats", "counted"]
+__all__ = ["Answer", "RunsRow", "answer_figure", "answer_of", "caveats", "counted", "draw_runs"]
 
 SIGNIFICANT = 0.05
 FEW_STARTS = 8
@@ -225,39 +227,53 @@ def caveats(kinds: Sequence[str], robots: int, starts: int) -> list[str]:
 
 
 def answer_figure(answer: Answer, levels: Sequence[float]) -> Figure:
-    """A row a noise level: each run's value, their mean with its 95 % interval, and the paper's runs.
-
-    `levels` are all of the page, so that each has one look.
-    """
-    styles, rows = noise_styles(levels), sorted(answer.means)
+    """A row a noise level, highest noise first. `levels` are all of the page, so that each has one look."""
+    styles, rows = noise_styles(levels), []
+    for level in sorted(answer.means, reverse=True):
+        mean = replace(answer.means[level], half=answer.half(level))
+        theirs, name = [row.correspondence for row in answer.paper.get(level, ())], answer.names[level]
+        rows.append(RunsRow(f"{name} noise", styles[level], answer.values[level], mean, theirs))
     figure = new_figure(COLUMN * 1.2, 0.62 + 0.44 * len(rows), layout="constrained")
-    ax, bounded = figure.add_subplot(), answer.what == "correspondence score"
-    for y, level in enumerate(reversed(rows)):
-        look, values, mean = styles[level], np.sort(answer.values[level]), answer.means[level]
-        ends = mean.value + np.array([-1.0, 1.0]) * answer.half(level)
-        ends = np.clip(ends, 0.0, TOP) if bounded else ends
+    label = f"{answer.what} {answer.where}" + (f" ({answer.unit})" if answer.unit else "")
+    draw_runs(figure.add_subplot(), rows, label, TOP if answer.what == "correspondence score" else None)
+    return figure
+
+
+class RunsRow(NamedTuple):
+    """Some runs in a plot: each one's value, their mean, and the paper's runs."""
+
+    name: str
+    look: NoiseStyle
+    values: Sequence[float]
+    mean: Mean
+    paper: Sequence[float] = ()
+
+
+def draw_runs(ax: Axes, rows: Sequence[RunsRow], label: str, top: float | None = None) -> None:
+    """A row each, the first below: means with their 95 % intervals, runs above them, the paper's below them.
+    Values are scores from 0 to `top`, if there is one."""
+    for y, (_, look, values, mean, theirs) in enumerate(rows):
+        ends = np.array([mean.value - mean.half, mean.value + mean.half])
+        ends = ends if top is None else np.clip(ends, 0.0, top)
         if np.isfinite(ends).all():
             ax.plot(ends, [y, y], color=look.colour, linestyle=look.line, marker="|", markersize=7)
         ax.plot(
             [mean.value], [y], look.marker, color=look.colour, markersize=7, markeredgecolor=INK, zorder=4
         )
         ax.plot(
-            values, np.full(len(values), y + 0.27), look.marker, color=look.colour, markersize=4,
+            np.sort(values), np.full(len(values), y + 0.27), look.marker, color=look.colour, markersize=4,
             markerfacecolor="none", zorder=3, visible=mean.count > 1,
         )  # fmt: skip
-        theirs = [row.correspondence for row in answer.paper.get(level, ())]
         if theirs:
             ax.plot(theirs, np.full(len(theirs), y - 0.27), "x", color=MUTED, markersize=3.5)
             ax.plot([np.mean(theirs)], [y - 0.27], "*", color=MUTED, markersize=8, markeredgecolor=INK,
                     markeredgewidth=0.5, zorder=3)  # fmt: skip
-    ax.set(ylim=(-0.55, len(rows) - 0.45), yticks=range(len(rows)))
-    ax.set_yticklabels([f"{answer.names[level]} noise" for level in reversed(rows)])
-    ax.set_xlabel(f"{answer.what} {answer.where}" + (f" ({answer.unit})" if answer.unit else ""))
-    if bounded:
-        ax.set_xlim(-0.2, TOP + 0.2)
+    ax.set(ylim=(-0.55, len(rows) - 0.45), yticks=range(len(rows)), xlabel=label)
+    ax.set_yticklabels([row.name for row in rows])
+    if top is not None:
+        ax.set_xlim(-0.2, top + 0.2)
     elif ax.get_xlim()[0] > 0:
         ax.set_xlim(left=0)
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="x")
     ax.set_axisbelow(True)
-    return figure

@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from scipy.stats import ttest_ind
 
 from realitygap.errors import StudyError
+from realitygap.report.answer import RunsRow, draw_runs
 from realitygap.report.evolution import Mean, decimals, difference, mean_of
-from realitygap.report.style import COLUMN, INK, new_figure, noise_styles, number
-from realitygap.study.load import Study
+from realitygap.report.style import COLUMN, new_figure, noise_styles, number
+from realitygap.study.load import Run, Study
 from realitygap.world.robot import noise_name
 
 __all__ = ["Contrast", "compare_figure", "contrasts"]
@@ -27,6 +28,12 @@ class Contrast(NamedTuple):
     tested: float
     """They were tested at."""
     values: tuple[list[float], list[float]]
+
+    @property
+    def title(self) -> str:
+        """What is compared, with its unit."""
+        unit = f" ({self.unit})" if self.unit else ""
+        return f"{self.task}: test score at {noise_name(self.tested)} noise{unit}"
 
     @property
     def difference(self) -> Mean | None:
@@ -47,13 +54,10 @@ class Contrast(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON; values in the unit."""
-        gap = self.difference
+        gap, (a, b) = self.difference, self.values
         facts = {"mean": gap and gap.value, "half": gap and gap.half, "p": self.p}
-        names = dict(zip(("runs_a", "runs_b"), self.values, strict=True))
-        return {
-            "task": self.task, "unit": self.unit, "noise": self.noise, "tested": self.tested, **names,
-            "difference": facts,
-        }  # fmt: skip
+        told = {"task": self.task, "unit": self.unit, "noise": self.noise, "tested": self.tested}
+        return {**told, "runs_a": a, "runs_b": b, "difference": facts}
 
 
 def contrasts(first: Study, second: Study) -> list[Contrast]:
@@ -63,28 +67,34 @@ def contrasts(first: Study, second: Study) -> list[Contrast]:
     Raises:
         StudyError: there is nothing to compare.
     """
-    a, b = ([(run.task, run.noise) for run in study.runs if run.finished] for study in (first, second))
-    found = [(task, noise, noise) for task, noise in dict.fromkeys(a) if (task, noise) in b]
+    a, b = (_finished(study) for study in (first, second))
+    found = [(task, noise, noise) for task, noise in a if (task, noise) in b]
     for task in dict.fromkeys(task for task, _ in a):
-        own = [list(dict.fromkeys(noise for of, noise in some if of == task)) for some in (a, b)]
+        own = [[noise for of, noise in some if of == task] for some in (a, b)]
         if len(own[0]) == len(own[1]) == 1 and own[0] != own[1]:
             found.append((task, own[0][0], own[1][0]))
     if not found:
-        had = (", ".join(f"{t}/{noise_name(n)}" for t, n in dict.fromkeys(some)) or "none" for some in (a, b))
+        had = (", ".join(f"{task}/{noise_name(noise)}" for task, noise in some) or "none" for some in (a, b))
         expected = "finished runs of one task in both studies, at one noise level or one each"
         raise StudyError(f"expected {expected}, got {' and '.join(had)}.")
-
-    def scores(study: Study, task: str, noise: float, tested: float) -> list[float]:
-        scale = study.facts(task)["fitness_scale"]
-        runs = [run for run in study.runs if (run.task, run.noise, run.finished) == (task, noise, True)]
-        return [float(run.tests["champion", tested].mean()) / scale for run in runs]
-
     made = []
     for task, one, other in found:
-        tested = one if one == other else 1.0
-        values = scores(first, task, one, tested), scores(second, task, other, tested)
-        made.append(Contrast(task, first.facts(task)["fitness_unit"], (one, other), tested, values))
+        facts, tested = first.facts(task), one if one == other else 1.0
+        values = [
+            [float(run.tests["champion", tested].mean()) / facts["fitness_scale"] for run in runs]
+            for runs in (a[task, one], b[task, other])
+        ]
+        made.append(Contrast(task, facts["fitness_unit"], (one, other), tested, (values[0], values[1])))
     return made
+
+
+def _finished(study: Study) -> dict[tuple[str, float], list[Run]]:
+    """Its finished runs by task and noise level."""
+    found = dict[tuple[str, float], list[Run]]()
+    for run in study.runs:
+        if run.finished:
+            found.setdefault((run.task, run.noise), []).append(run)
+    return found
 
 
 def compare_figure(found: Sequence[Contrast], names: tuple[str, str]) -> Figure:
@@ -92,20 +102,10 @@ def compare_figure(found: Sequence[Contrast], names: tuple[str, str]) -> Figure:
     figure = new_figure(COLUMN * 1.25, 0.2 + 1.05 * len(found), layout="constrained")
     styles = noise_styles(level for one in found for level in one.noise)
     for k, one in enumerate(found, 1):
-        ax = figure.add_subplot(len(found), 1, k)
-        for y, level, values in zip((1, 0), one.noise, one.values, strict=True):
-            look, mean = styles[level], mean_of(values) or Mean(value=math.nan, half=math.nan, count=0)
-            drawn: dict[str, Any] = {"color": look.colour, "markersize": 7}
-            ends = [mean.value - mean.half, mean.value + mean.half]
-            ax.plot(ends, [y, y], linestyle=look.line, marker="|", **drawn)
-            ax.plot([mean.value], [y], look.marker, markeredgecolor=INK, **drawn)
-            small = drawn | {"markersize": 4, "markerfacecolor": "none"}
-            ax.plot(values, [y + 0.25] * len(values), look.marker, **small)
-        ax.set(ylim=(-0.5, 1.6), yticks=(1, 0))
-        ax.set_yticklabels([f"{n}, {noise_name(of)} noise" for n, of in zip(names, one.noise, strict=True)])
-        unit = f" ({one.unit})" if one.unit else ""
-        ax.set_xlabel(f"{one.task}: test score at {noise_name(one.tested)} noise{unit}")
-        ax.tick_params(axis="y", length=0)
-        ax.grid(axis="x")
-        ax.set_axisbelow(True)
+        rows = [
+            RunsRow(f"{name}, {noise_name(level)} noise", styles[level], values, mean)
+            for name, level, values in zip(names[::-1], one.noise[::-1], one.values[::-1], strict=True)
+            if (mean := mean_of(values))
+        ]
+        draw_runs(figure.add_subplot(len(found), 1, k), rows, one.title)
     return figure

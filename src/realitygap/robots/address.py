@@ -23,7 +23,7 @@ ADDRESSES = {
     "epuck:PORT, epuck2:PORT": "an e-puck or e-puck2 on a serial port",
     "epuck2:HOST[:TCPPORT]": "an e-puck2 over WiFi",
     "thymio:PORT, thymio:HOST:PORT": "a Thymio II on a cable or a dongle, or simulated",
-    "table:PROFILE": "readings recorded of a robot, replayed: a profile with look-up tables",
+    "table:PROFILE": "a profile with look-up tables: recorded readings",
     "FILE.py:CLASS, MODULE:CLASS": "a body of your own",
 }
 """What each form of an address means; a unit or a model may be left out."""

@@ -47,6 +47,7 @@ LONGEST_GAP_S, LATE_SHARE = 0.5, 0.2
 FACTS, CALIBRATION = "drive.toml", "recording.toml"
 """The facts of a drive, and of a calibration's recording, which none is written beside."""
 STEPS = "steps.csv"
+STALLS = ("stalls", "stalled_s")
 _GROUPS = ("proximity", "ambient", "input")
 ALWAYS = [
     "t_s", "late_s", "command_left", "command_right", "counter_left", "counter_right", "speed_left",
@@ -138,16 +139,8 @@ class Recording:
         return int((self.read < self.t).sum())
 
     @classmethod
-    def from_rows(
-        cls,
-        columns: Sequence[str],
-        rows: Sequence[Sequence[float]],
-        *,
-        ended: str,
-        facts: Mapping[str, Any],
-        stalls: Sequence[float] = (),
-    ) -> Self:
-        """From the names of a file's columns and their rows [n, columns]; stalls, s each."""
+    def from_rows(cls, columns: Sequence[str], rows: Sequence[Sequence[float]], **known: Any) -> Self:
+        """From the names of a file's columns and their rows [n, columns], and what else is known."""
         table = np.array(rows, np.float64).reshape(len(rows), len(columns))
         column = dict(zip(columns, np.ascontiguousarray(table.T), strict=True))
 
@@ -168,10 +161,7 @@ class Recording:
             counters=pair("counter"),
             speeds=pair("speed"),
             read=column.get("read_s", np.full(len(rows), np.nan)),
-            ended=ended,
-            facts=facts,
-            stalls=len(stalls),
-            stalled_s=round(sum(stalls), 3),
+            **known,
         )
 
     @classmethod
@@ -186,15 +176,14 @@ class Recording:
             raise UsageError(f"{str(folder)!r} holds no recording: there is no {FACTS} in it")
         facts = read_toml(facts_file, UsageError, "It says what was recorded.")
         end = facts.pop("end", {})
-        ended, stalls = str(end.get("ended", KILLED)), int(end.get("stalls", 0))
+        told = {"ended": KILLED, **{key: end[key] for key in ("ended", *STALLS) if key in end}}
         text = read_text(steps_file, UsageError, "It holds the steps.") if steps_file.is_file() else ""
         lines = text[: text.rfind("\n") + 1].splitlines()
         columns = next(csv.reader(lines[:1]), ALWAYS)
         if [columns.count(name) for name in ALWAYS] != [1] * len(ALWAYS):
             raise UsageError(f"{steps_file}, line 1: expected columns {', '.join(ALWAYS)} and others")
         rows = [_row(line, columns, f"{steps_file}, line {k}") for k, line in enumerate(lines[1:], 2)]
-        each = float(end.get("stalled_s", 0.0)) / max(stalls, 1)
-        return cls.from_rows(columns, rows, ended=ended, facts=facts, stalls=[each] * stalls)
+        return cls.from_rows(columns, rows, facts=facts, **told)
 
 
 class Recorder:
@@ -208,7 +197,7 @@ class Recorder:
         self.facts = dict(facts or {})
         self.folder = Path(folder) if folder is not None else None
         self.ended = KILLED
-        self._stalls: Sequence[float] = ()
+        self._stalls: dict[str, Any] = {}
         self._columns = ALWAYS
         self._rows: list[list[float]] = []
         self._file: IO[str] | None = None
@@ -232,15 +221,15 @@ class Recorder:
 
     def finish(self, ended: str, stalls: Sequence[float] = ()) -> None:
         """Say how the drive ended, and how long each stall of its line took (s), and close the files."""
-        self.ended, self._stalls = ended, stalls
+        self.ended = ended
+        if stalls:
+            self._stalls = dict(zip(STALLS, (len(stalls), round(sum(stalls), 3)), strict=True))
         if self._file is None or self.folder is None:
             return
         self._file.close()
         self._file = None
         kept = self.recording()
-        end: dict[str, Any] = {"ended": ended, "steps": len(self._rows), "late_steps": kept.late_steps}
-        if kept.stalls:
-            end |= {"stalls": kept.stalls, "stalled_s": kept.stalled_s}
+        end = {"ended": ended, "steps": len(self._rows), "late_steps": kept.late_steps, **self._stalls}
         if "read_s" in self._columns:
             end["missed_steps"] = kept.missed_steps
         with (self.folder / FACTS).open("a", encoding="utf-8") as file:
@@ -248,7 +237,7 @@ class Recorder:
 
     def recording(self) -> Recording:
         """All that was kept so far."""
-        told: dict[str, Any] = {"ended": self.ended, "facts": self.facts, "stalls": self._stalls}
+        told = {"ended": self.ended, "facts": self.facts, **self._stalls}
         return Recording.from_rows(self._columns, self._rows, **told)
 
     def _write(self, words: Iterable[str]) -> None:

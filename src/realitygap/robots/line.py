@@ -320,9 +320,7 @@ class Line(Wire):
                 silent = self.clock.now() - heard
                 if silent < WAIT_S:
                     continue
-                told = (
-                    f"no answer understood on {self.device} for {silent:.1f} s, in which it was told to stop"
-                )
+                told = f"no answer understood on {self.device} for {silent:.1f} s, told to stop all the while"
                 raise LineError(f"{told}; the last: {error}") from None
             self.stalls.append(self.clock.now() - heard)
             return self.clock.now() - begun
@@ -432,13 +430,9 @@ class Budget(NamedTuple):
 
 
 def step_budget(
-    protocol: Protocol,
-    kinds: tuple[str, ...],
-    baud: int | None,
-    *,
-    turns: bool = True,
+    protocol: Protocol, kinds: tuple[str, ...], baud: int | None, *, turns: bool = True,
     step_ms: float = STEP_MS,
-) -> Budget:
+) -> Budget:  # fmt: skip
     """The commands of one step: the sensors, then (if `turns`) counters and measured speeds where they fit.
 
     Without sensors it is the counters alone: one question, which takes a body no further in its time.
@@ -466,16 +460,14 @@ def step_budget(
     reads = tuple(_READS[kind] for kind in read)
     if ms(baud, *reads) > step_ms:
         count = protocol.characters(*reads, fastest)
-        enough = next((rate for rate in protocol.rates if ms(rate, *reads) <= step_ms), None)
-        set_to = (
-            f"set the robot to {enough} baud or more" if enough else "no rate of its can: take longer steps"
-        )
+        enough = [f"{rate} baud or more" for rate in protocol.rates if ms(rate, *reads) <= step_ms]
+        cure = f"set the robot to {enough[0]}" if enough else "no rate of its can: take longer steps"
         one = ", or read one kind of sensors" if len(reads) > 1 and ms(baud, reads[0]) <= step_ms else ""
         raise BaudError(
             f"{baud} baud cannot carry a {step_ms:g} ms loop with {' and '.join(read)} readings: "
             f"{' + '.join(one.letter for one in reads)} + D are up to {count} characters of "
             f"{protocol.bits} bits, {count} × {protocol.bits} / {baud} s = {ms(baud, *reads):.0f} ms; "
-            f"{set_to}{one}"
+            f"{cure}{one}"
         )
     wheels = (protocol.counters, *protocol.measured) if kinds else (protocol.counters,)
     for asked in map(Request, wheels if turns else ()):
@@ -601,9 +593,8 @@ class LineBody(WireBody):
 
     def attend(self, *kinds: str, turns: bool = True) -> None:
         """Read these kinds of sensors from now on, and what of counters and speeds a step has room for."""
-        self.budget = step_budget(
-            self.protocol, kinds, self.baud, turns=turns, step_ms=1000.0 * self.period_s
-        )
+        step_ms = 1000.0 * self.period_s
+        self.budget = step_budget(self.protocol, kinds, self.baud, turns=turns, step_ms=step_ms)
         self._odometry = Odometry()
 
     def reset(self, pose: Pose | None = None) -> None:

@@ -128,9 +128,7 @@ def driven(
         seconds: length of the trial.
         recorder: records the steps.
     """
-    poses: list[Pose] = []
-    read: list[float] = []
-    ended: list[Odometry] = []
+    poses, read, ended = list[Pose](), list[float](), list[Odometry]()
     sensors = task.of(profile).sensors
     seen = body if body.knows_pose else None
 
@@ -150,14 +148,8 @@ def driven(
         ended.append(body.odometry)
 
     body.attend(*task.kinds)
-    made = drive(
-        body,
-        Scaled(controller, profile),
-        seconds=seconds,
-        inputs=inputs,
-        recorder=recorder,
-        at_end=look_again,
-    )
+    scaled = Scaled(controller, profile)
+    made = drive(body, scaled, seconds=seconds, inputs=inputs, recorder=recorder, at_end=look_again)
     last, unknown = ended[0], (np.nan, np.nan)
     counters = np.vstack([made.counters, last.counters or unknown])
     speeds = np.vstack([made.speeds, last.speeds or unknown])

@@ -298,25 +298,16 @@ class TrialWorker:
             self._write(spec, folder, facts, path, record.recording)
 
     def by_hand(self, spec: TrialSpec, body: Body, person: Operator, overhead: LiveOverhead | None) -> None:
-        """A whole trial on a robot that a person places; once more if the robot's line stalled.
-
-        Args:
-            spec: the trial.
-            body: the robot.
-            person: who puts it at its start.
-            overhead: the camera above, if there is one.
-        """
+        """A whole trial on a robot that a person places; once more if the robot's line stalled."""
         with new_trial(self._place / spec.folder, spec.robot) as folder:
             record, path, facts = self._placed(spec, body, person, overhead, folder)
-            if stalled := record.recording.stalls:
+            if (kept := record.recording).stalls:
                 if person.says is not None:
-                    took = f"{record.recording.stalled_s:.1f} s in all"
-                    person.says(
-                        f"The robot's line stalled ({stalled} ×, {took}); this trial is repeated, once."
-                    )
-                aside = folder / STALLED
+                    took = f"{kept.stalls} ×, {kept.stalled_s:.1f} s in all"
+                    person.says(f"The robot's line stalled ({took}); this trial is repeated, once.")
+                files, aside = list(folder.iterdir()), folder / STALLED
                 aside.mkdir()
-                for file in [one for one in folder.iterdir() if one != aside]:
+                for file in files:
                     file.rename(aside / file.name)
                 record, path, facts = self._placed(spec, body, person, overhead, folder)
                 facts["repeated"] = True
