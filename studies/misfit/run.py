@@ -29,6 +29,7 @@ from realities import Readings
 
 from realitygap.calibration.judge import judge
 from realitygap.calibration.load import load_recording
+from realitygap.calibration.plan import BEARINGS, DISTANCES_CM
 from realitygap.calibration.unit import PROFILE, Unit, calibrated_unit
 from realitygap.correspondence.setting import Setting
 from realitygap.errors import StudyInterruptedError
@@ -317,7 +318,7 @@ class Study(NoiseExperiment):
             self.recorded(reality), noise=1.0,
             unit=number if self.config.robot is None else f"{self.config.robot}:{number}",
             seed=named_stream(self.config.seed, "calibration", number) >> 1, workers=workers,
-            parts=PARTS, on_progress=report,
+            parts=PARTS, bearings=BEARINGS, distances_cm=DISTANCES_CM, on_progress=report,
         )  # fmt: skip
 
     def misfit(self, place: Place) -> float:
