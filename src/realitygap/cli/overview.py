@@ -15,7 +15,7 @@ from realitygap.cli.study import run_facts, run_lines
 from realitygap.errors import RealityGapError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
 __all__ = ["best", "compare", "figures", "listed", "open_page"]
 
@@ -41,7 +41,7 @@ def listed(what: str | None, folder: str) -> None:
     """
     from realitygap.robots.address import ADDRESSES
 
-    makers = {
+    makers: dict[str, Callable[[], Iterable[tuple[str, str]]]] = {
         "profiles": _profiles, "arenas": _arenas, "tasks": _tasks, "robots": ADDRESSES.items,
         "studies": partial(_studies, folder),
     }  # fmt: skip

@@ -69,7 +69,7 @@ def film_of(pair: Pair, arena: Arena, profile: Profile, report: Path) -> dict[st
         data = _jpeg(
             np.asarray(cv2.resize(last, (2 * HALF_PX, deep), interpolation=cv2.INTER_AREA), np.uint8)
         )
-    deep, wide = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR).shape[:2]
+    deep, wide = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)).shape[:2]
     picture = f"data:image/jpeg;base64,{base64.b64encode(data).decode('ascii')}"
     return {"pair": pair, "picture": picture, "size": (wide, deep), "link": link}
 
