@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,17 +15,18 @@ from realitygap.cli.study import run_facts, run_lines
 from realitygap.errors import RealityGapError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
 __all__ = ["best", "compare", "figures", "listed", "open_page"]
 
-KINDS = ("profiles", "arenas", "tasks", "robots", "studies")
 DEEP = 4
 """Folders below which studies are looked for."""
 
 
 @click.command(name="list")
-@click.argument("what", required=False, type=click.Choice(KINDS))
+@click.argument(
+    "what", required=False, type=click.Choice(["profiles", "arenas", "tasks", "robots", "studies"])
+)
 @click.argument("folder", default=".", type=click.Path(exists=True, file_okay=False))
 @options.as_json
 def listed(what: str | None, folder: str) -> None:
@@ -40,13 +41,13 @@ def listed(what: str | None, folder: str) -> None:
     """
     from realitygap.robots.address import ADDRESSES
 
-    makers = (_profiles, _arenas, _tasks, ADDRESSES.items, lambda: _studies(folder))
-    found = {kind: dict(make()) for kind, make in zip(KINDS, makers, strict=True) if what in (None, kind)}
-    lines = []
-    for kind, rows in found.items():
-        first, *rest = rows.items() or [("none here", "")]
-        lines += [kind, table(first, rest), ""]
-    tell(found, *lines[:-1])
+    makers: dict[str, Callable[[], Iterable[tuple[str, str]]]] = {
+        "profiles": _profiles, "arenas": _arenas, "tasks": _tasks, "robots": ADDRESSES.items,
+        "studies": partial(_studies, folder),
+    }  # fmt: skip
+    found = {kind: dict(make()) for kind, make in makers.items() if what in (None, kind)}
+    rows = {kind: list(some.items()) or [("none here", "")] for kind, some in found.items()}
+    tell(found, "\n\n".join(f"{kind}\n{table(some[0], some[1:])}" for kind, some in rows.items()))
 
 
 def _profiles() -> Iterator[tuple[str, str]]:
@@ -64,9 +65,9 @@ def _arenas() -> Iterator[tuple[str, str]]:
 
     for name in shipped("arenas"):
         arena = load_arena(name)
-        parts = {"cylinders": arena.cylinders, "inner walls": arena.walls, "lamps": arena.lamps}
-        counts = (f", {part}: {len(some)}" for part, some in parts.items() if some)
-        yield name, f"{arena.size_cm[0]:g} × {arena.size_cm[1]:g} cm{''.join(counts)}"
+        wide, deep, parts = *arena.size_cm, (arena.cylinders, arena.walls, arena.lamps)
+        counts = zip(("cylinders", "inner walls", "lamps"), map(len, parts), strict=True)
+        yield name, f"{wide:g} × {deep:g} cm" + "".join(f", {part}: {n}" for part, n in counts if n)
 
 
 def _tasks() -> Iterator[tuple[str, str]]:
@@ -81,17 +82,15 @@ def _studies(folder: str) -> Iterator[tuple[str, str]]:
     from realitygap.study.load import load_study
     from realitygap.study.store import DATABASE
 
-    for place, inner, files in os.walk(folder):
-        deep = len(Path(place).relative_to(folder).parts) >= DEEP or DATABASE in files
-        inner[:] = [] if deep else sorted(name for name in inner if not name.startswith("."))
-        if DATABASE in files:
-            try:
-                study = load_study(place)
-                tasks = ", ".join(dict.fromkeys(run.task for run in study.runs))
-                done = sum(run.finished for run in study.runs)
-                yield place, f"{tasks}: {done} of {len(study.runs)} runs finished"
-            except RealityGapError as error:
-                yield place, str(error)
+    files = (file for deep in range(DEEP + 1) for file in Path(folder).glob("*/" * deep + DATABASE))
+    for place in sorted(str(file.parent) for file in files):
+        try:
+            study = load_study(place)
+            tasks = ", ".join(dict.fromkeys(run.task for run in study.runs))
+            done = sum(run.finished for run in study.runs)
+            yield place, f"{tasks}: {done} of {len(study.runs)} runs finished"
+        except RealityGapError as error:
+            yield place, str(error)
 
 
 @click.command()
@@ -115,14 +114,13 @@ def best(study: Path) -> None:
     if not begun:
         tell({"study": str(study), "best": [], "runs": []}, "no run has begun")
         return
+    keys = dict.fromkeys(run.task for run in begun), dict.fromkeys(f"{r.task}/{r.noise_name}" for r in begun)
+    of_tasks, runs = ([loaded.run(f"best:{key}") for key in some] for some in keys)
+    best_of, facts = ([run_facts(loaded, one) for one in some] for some in (of_tasks, runs))
     fitness = Fitness(loaded)
-    runs = [loaded.run(f"best:{key}") for key in dict.fromkeys(f"{r.task}/{r.noise_name}" for r in begun)]
-    of_tasks = [loaded.run(f"best:{task}") for task in dict.fromkeys(run.task for run in begun)]
-    found = {
-        name: [run_facts(loaded, one) for one in of] for name, of in (("best", of_tasks), ("runs", runs))
-    }
     lines = (f"best: run {run.id}, {run.name}: {fitness.sentence(run)}" for run in of_tasks)
-    tell({"study": str(study), **found}, *run_lines(loaded, runs), "", *lines)
+    found = {"study": str(study), "best": best_of, "runs": facts}
+    tell(found, *run_lines(loaded, runs), "", *lines)
 
 
 @click.command()
@@ -189,7 +187,7 @@ def figures(study: Path, names: tuple[str, ...], kind: str, width: float | None,
     from realitygap.report.build import figures_of
     from realitygap.report.style import write_figure
 
-    found, folder = figures_of(load_trusted(study)), study / "figures" if out is None else out
+    found, folder = figures_of(load_trusted(study)), out or study / "figures"
     if others := set(names) - set(found):
         expected = f"expected some of {', '.join(found)}, got {others.pop()!r}."
         raise click.BadParameter(expected, param_hint="NAME")

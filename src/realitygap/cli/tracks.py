@@ -248,8 +248,8 @@ def score(a: str, b: str | None, task: str | None, ceiling: str | None) -> None:
     setting = setting_of(every, load_task(task)) if task else setting_of([] if whose else every, whose)
     made = compare(sets[0], sets[1], setting, ceiling=others)
     warnings = doubts_of(every)
-    facts = {"a": a, "b": b, **made.to_dict(), **facts, "warnings": warnings}
-    tell(facts, *_comparison_lines(made), *([""] if lines else []), *lines)
+    words = (*_comparison_lines(made), *[""] * bool(lines), *lines)
+    tell({"a": a, "b": b, **made.to_dict(), **facts, "warnings": warnings}, *words)
     warn(warnings)
 
 
@@ -294,7 +294,7 @@ def _log_lines(made: LogComparison) -> Iterator[str]:
             said += f", by windows of {test.window_s:.3g} s"
         yield f"{name}: {said}{more}"
     for name, pace in zip("AB", made.pace, strict=True):
-        steps = f"a step {pace.usual_s:.3g} s (longest {pace.longest_s:.3g})"
+        steps = f"a step {pace.usual_s:.3g} s (longest {pace.longest_s:.3g}), {100 * pace.late:.1f} % late"
         yield f"{name}: {pace.rows} rows, {steps}, {pace.gaps} gaps"
     yield f"compared at steps of {made.step_s:.3g} s; distance is Wasserstein's, in deviations"
     yield from (f"note: {note}" for note in made.notes)

@@ -27,8 +27,8 @@ __all__ = ["Log", "LogComparison", "compare_logs", "read_logs"]
 NO_CHANNELS = {"t_s", "late_s", "read_s", "start", "unit", "trial", "kind", "quality", "repeat", *COLUMNS}
 SPLITS = ("start", "trial")
 """Columns that separate several drives."""
-GAP_STEPS, GAP_S = 5.0, 1.0
-"""A gap of so many usual steps, and so long, cuts a log in two."""
+LATE, GAP_STEPS, GAP_S = 1.5, 5.0, 1.0
+"""A step of so many usual ones is late; a gap of so many, and so long, cuts a log in two."""
 SAME_PACE = 0.8
 """Logs whose steps' lengths have at least this ratio are compared row by row."""
 SHORTEST_S, LEAST = 2.0, 5
@@ -53,11 +53,13 @@ class Log:
 
 @dataclass(frozen=True)
 class Pace:
-    """How a log's rows follow each other: their number, steps in s, gaps that cut it in pieces."""
+    """How a log's rows follow each other: their number, steps in s, the share that took 1.5 usual ones and
+    more, gaps that cut it in pieces."""
 
     rows: int
     usual_s: float
     longest_s: float
+    late: float
     gaps: int
 
 
@@ -216,8 +218,8 @@ def _pace(logs: Sequence[Log]) -> Pace:
     if not len(steps):
         raise TrackError(f"{logs[0].source}: expected two rows at least, got one.")
     usual = round(float(np.median(steps)), 6)
-    gaps = int((steps > max(GAP_STEPS * usual, GAP_S)).sum())
-    return Pace(sum(len(log.t) for log in logs), usual, float(steps.max()), gaps)
+    gaps, late = int((steps > max(GAP_STEPS * usual, GAP_S)).sum()), float((steps > LATE * usual).mean())
+    return Pace(sum(len(log.t) for log in logs), usual, float(steps.max()), late, gaps)
 
 
 def _pieces(log: Log, names: Sequence[str], step_s: float, pace: Pace) -> list[Floats]:
@@ -261,15 +263,17 @@ def _alike_s(pieces: Sequence[Floats], step_s: float) -> float:
 
 
 def _levels(window: Floats) -> Floats:
-    """Means and mean squares of a window [n, channels]; deviations within it would tell of the order, too."""
-    return np.concatenate([window.mean(axis=0), (window**2).mean(axis=0)])
+    """Means and mean squares of windows [w, n, c]; deviations within them would tell of the order, too."""
+    return np.hstack([window.mean(axis=1), (window**2).mean(axis=1)])
 
 
 def _changes(window: Floats) -> Floats:
     """Log of mean squared changes over two steps and over half a window, to those over one: 0 of white noise,
     more the smoother, whatever the scale."""
-    square = [((window[k:] - window[:-k]) ** 2).mean(axis=0) + FINEST**2 for k in (1, 2, len(window) // 2)]
-    return np.asarray(np.log(np.concatenate(square[1:]) / np.tile(square[0], 2)))
+    one, two, half = (
+        ((window[:, k:] - window[:, :-k]) ** 2).mean(axis=1) + FINEST**2 for k in (1, 2, window.shape[1] // 2)
+    )
+    return np.asarray(np.log(np.hstack([two / one, half / one])))
 
 
 def _tested(sides: Sequence[Sequence[Floats]], feature: Callable[[Floats], Floats], step_s: float) -> Test:
@@ -277,11 +281,7 @@ def _tested(sides: Sequence[Sequence[Floats]], feature: Callable[[Floats], Float
     rows = max(6, round(SHORTEST_S / step_s))
     while True:
         told = [
-            [
-                np.array([feature(piece[k : k + rows]) for k in range(0, len(piece) - rows + 1, rows)])
-                for piece in side
-                if len(piece) >= rows
-            ]
+            [feature(piece[: len(piece) // rows * rows].reshape(-1, rows, piece.shape[1])) for piece in side]
             for side in sides
         ]
         window_s, (n, m) = rows * step_s, [sum(map(len, side)) for side in told]

@@ -55,9 +55,8 @@ def film_of(pair: Pair, arena: Arena, profile: Profile, report: Path) -> dict[st
     target = report / link
     try:
         sources = ("film.mp4", "track.csv", "simulated.csv", "camera.json")
-        texts = [f"{FORM} {profile}".encode(), *((pair.folder / name).read_bytes() for name in sources)]
-        of = hashlib.blake2b(b"".join(texts), digest_size=12).hexdigest()
-        poster = target.with_suffix(f".{of}.jpg")
+        data = b"".join((pair.folder / name).read_bytes() for name in sources) + f"{FORM} {profile}".encode()
+        poster = target.with_suffix(f".{hashlib.blake2b(data, digest_size=12).hexdigest()}.jpg")
         if not (target.is_file() and poster.is_file()):
             target.parent.mkdir(parents=True, exist_ok=True)
             for old in target.parent.glob(f"{target.stem}.*.jpg"):
@@ -65,12 +64,12 @@ def film_of(pair: Pair, arena: Arena, profile: Profile, report: Path) -> dict[st
             atomic_write(poster, _jpeg(_Beside(pair, arena, profile).write(film, target)))
         data = poster.read_bytes()
     except (UsageError, OSError):
-        last = np.asarray(cv2.imread(str(tails)), np.uint8)[..., ::-1]
+        last, link = np.asarray(cv2.imread(str(tails)), np.uint8)[..., ::-1], ""
         deep = max(1, round(2 * HALF_PX * last.shape[0] / last.shape[1]))
-        small = cv2.resize(last, (2 * HALF_PX, deep), interpolation=cv2.INTER_AREA)
-        data, link = _jpeg(np.asarray(small, np.uint8)), ""
-    shown = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
-    deep, wide = shown.shape[:2]
+        data = _jpeg(
+            np.asarray(cv2.resize(last, (2 * HALF_PX, deep), interpolation=cv2.INTER_AREA), np.uint8)
+        )
+    deep, wide = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)).shape[:2]
     picture = f"data:image/jpeg;base64,{base64.b64encode(data).decode('ascii')}"
     return {"pair": pair, "picture": picture, "size": (wide, deep), "link": link}
 
@@ -102,11 +101,8 @@ class _Beside:
         tails, done = [self._strokes(track) for track in self.tracks], [0, 0]
         times = [self.tracks[0].t + self.lead_s, self.tracks[1].t]
         (x, y), cut, dim = self.corner, np.ceil(np.array(self.size) / self.scale).astype(int), 0.0
-        both, made_by = empty, "realitygap's report"
-        with (
-            FilmReader(film) as frames,
-            FilmWriter(target, rate=RATE, made_by=made_by, quality=QUALITY) as made,
-        ):
+        both, writer = empty, FilmWriter(target, rate=RATE, made_by="realitygap's report", quality=QUALITY)
+        with FilmReader(film) as frames, writer as made:
             for frame in frames:
                 seen = cv2.resize(frame.colour()[y : y + cut[1], x : x + cut[0]], self.size)
                 dim = dim or min(1.0, BRIGHTEST / max(float(np.median(seen)), 1.0))
@@ -116,16 +112,19 @@ class _Beside:
                         if np.isfinite(stroke).all():
                             _line(veils[side], stroke, 255)
                     done[side] = max(done[side], until)
-                drawn = self._with_robot(empty, max(0, done[0] - 1))
+                drawn, track, k = empty.copy(), self.tracks[0], max(0, done[0] - 1)
+                rim = self._disc(track.x[k], track.y[k], self.profile.body.radius_cm)
+                _filled(drawn, rim, GROUND)
+                _line(drawn, rim, self.colour, 3)
                 both = np.hstack([_veiled(drawn, veils[0]), _veiled(seen * dim, veils[1])])
                 made.add(both, frame.t_s)
         return both
 
     def _strokes(self, track: Track) -> Floats:
         """Lines [n, 2, 2] of a tail, px, from centre to leading edge; NaN where the robot is lost."""
-        reach = front(self.profile.to_kernel()) * np.stack([np.cos(track.heading), np.sin(track.heading)], 1)
-        centre = np.stack([track.x, track.y], 1)
-        lines = self._px(np.nan_to_num(np.stack([centre, centre + reach], 1)))
+        centre, reach = track.x + 1j * track.y, front(self.profile.to_kernel()) * np.exp(1j * track.heading)
+        ends = np.stack([centre, centre + reach], 1)
+        lines = self._px(np.nan_to_num(np.stack([ends.real, ends.imag], 2)))
         lines[~track.found] = np.nan
         return lines
 
@@ -152,14 +151,6 @@ class _Beside:
             for x, y in lamp.points():
                 _filled(picture, self._disc(x, y, 1.0), LAMP)
         _line(picture, edge, EDGE, 2)
-        return picture
-
-    def _with_robot(self, empty: Pixels, k: int) -> Pixels:
-        """The arena with the simulated robot at a row of its track."""
-        picture, track = empty.copy(), self.tracks[0]
-        rim = self._disc(float(track.x[k]), float(track.y[k]), self.profile.body.radius_cm)
-        _filled(picture, rim, GROUND)
-        _line(picture, rim, self.colour, 3)
         return picture
 
 
