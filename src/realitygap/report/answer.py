@@ -87,11 +87,11 @@ class Answer:
 
     def text(self, level: float) -> str:
         """A level's mean with its unit, and ± where its interval is known."""
-        value, half = self._number(self.means[level].value), self.half(level)
-        spread = "" if math.isnan(half) else f" ± {self._number(half)}"
-        if not self.unit:
-            return value + spread
-        return f"({value}{spread}) {self.unit}" if spread else f"{value} {self.unit}"
+        text, half = self._number(self.means[level].value), self.half(level)
+        if not math.isnan(half):
+            text = f"{text} ± {self._number(half)}"
+            text = f"({text})" if self.unit else text
+        return f"{text} {self.unit}".rstrip()
 
     def _number(self, value: float) -> str:
         return number(value, self.places)
@@ -116,9 +116,11 @@ class Answer:
             return "no run has finished."
         level, *others = self.means
         if not others:
-            runs = counted(self.means[level].count, "run")
-            of = "one run" if self.means[level].count == 1 else f"mean of {runs}"
-            of += ", ± its 95 % interval" * ("±" in self.text(level)) + self._paper_here(level)
+            count = self.means[level].count
+            of = "one run" if count == 1 else f"mean of {counted(count, 'run')}"
+            of += ", ± its 95 % interval" * ("±" in self.text(level))
+            if self.paper.get(level):
+                of += f"; the paper’s runs: {number(self._paper_mean(level), 1)}"
             return f"{self.where} ({of}). No other level has a score to compare it with."
         rest = [f"{self._number(self.means[one].value)} at {self.names[one]}" for one in sorted(others)]
         against = f"{_listed(rest)} noise"
@@ -137,9 +139,6 @@ class Answer:
     def _paper_mean(self, level: float) -> float:
         return float(np.mean([row.correspondence for row in self.paper[level]]))
 
-    def _paper_here(self, level: float) -> str:
-        return f"; the paper’s runs: {number(self._paper_mean(level), 1)}" if self.paper.get(level) else ""
-
     def _paper_order(self, best: float) -> str:
         if not all(map(self.paper.get, self.means)):
             return ""
@@ -149,25 +148,22 @@ class Answer:
         return f" (in the paper {self.names[theirs]} noise did best)"
 
     def _tested(self) -> str:
-        counts = sorted(mean.count for mean in self.means.values())
+        counts, p = sorted(mean.count for mean in self.means.values()), dict(sorted(self.p_values.items()))
         few = counted(counts[0], "run") if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]} runs"
         if counts[0] < 2:
             return f"with {few} a level chance may have chosen the order"
-        if not all(map(math.isfinite, self.p_values.values())):
+        if not all(map(math.isfinite, p.values())):
             return f"with {few} a level, some without any spread, no test is possible"
-        sure = {level: p < SIGNIFICANT for level, p in sorted(self.p_values.items())}
-        shown = [f"{_p(self.p_values[level])} against {self.names[level]}" for level in sure]
-        kinds = set(sure.values())
-        if len(sure) > MOST:
-            ends = _p(min(self.p_values.values())), _p(max(self.p_values.values()))
-            shown = [" to ".join(dict.fromkeys(ends))]
-            verdict = f"the difference is significant from {sum(sure.values())} of these {len(sure)}"
-        elif len(kinds) == 1:
-            verdict = f"the difference is{' not' * (kinds == {False})} significant"
-        else:
-            yes, no = (_listed([self.names[k] for k in sure if sure[k] is kind]) for kind in (True, False))
-            verdict = f"the difference from {no} noise is not significant, the one from {yes} noise is"
-        return f"with {few} a level {verdict} (Games–Howell test: {_listed(shown)})"
+        yes, no = ([self.names[k] for k in p if (p[k] < SIGNIFICANT) is kind] for kind in (True, False))
+        shown = _listed([f"{_p(p[k])} against {self.names[k]}" for k in p])
+        verdict = f"the difference is{' not' * bool(no)} significant"
+        if len(p) > MOST:
+            shown = " to ".join(dict.fromkeys((_p(min(p.values())), _p(max(p.values())))))
+            verdict = f"the difference is significant from {len(yes)} of these {len(p)}"
+        elif yes and no:
+            verdict = f"the difference from {_listed(no)} noise is not significant, "
+            verdict += f"the one from {_listed(yes)} noise is"
+        return f"with {few} a level {verdict} (Games–Howell test: {shown})"
 
 
 def _listed(words: Sequence[str]) -> str:
