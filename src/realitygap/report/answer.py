@@ -66,8 +66,11 @@ class Answer:
 
     @cached_property
     def means(self) -> dict[float, Mean]:
-        """Over the runs of each level, best first."""
+        """Over the runs of each level, best first; a single run's interval is its own."""
         found = {level: mean for level, of in self.values.items() if (mean := mean_of(of)) is not None}
+        for level, mean in found.items():
+            if mean.count == 1:
+                found[level] = replace(mean, half=self.own.get(level, math.nan))
         return dict(sorted(found.items(), key=lambda one: -one[1].value))
 
     @cached_property
@@ -80,18 +83,10 @@ class Answer:
             found = tukey_hsd(*(self.values[level] for level in levels), equal_var=False).pvalue[0, 1:]
         return dict(zip(levels[1:], map(float, found), strict=True))
 
-    def half(self, level: float) -> float:
-        """Half the 95 % interval of a level's mean; NaN if it is not known."""
-        mean = self.means[level]
-        return self.own.get(level, math.nan) if mean.count == 1 else mean.half
-
     def text(self, level: float) -> str:
         """A level's mean with its unit, and ± where its interval is known."""
-        text, half = self._number(self.means[level].value), self.half(level)
-        if not math.isnan(half):
-            text = f"{text} ± {self._number(half)}"
-            text = f"({text})" if self.unit else text
-        return f"{text} {self.unit}".rstrip()
+        text = self.means[level].text(self.places)
+        return f"({text}) {self.unit}" if self.unit and "±" in text else f"{text} {self.unit}".rstrip()
 
     def _number(self, value: float) -> str:
         return number(value, self.places)
@@ -226,9 +221,8 @@ def answer_figure(answer: Answer, levels: Sequence[float]) -> Figure:
     """A row a noise level, highest noise first. `levels` are all of the page, so that each has one look."""
     styles, rows = noise_styles(levels), []
     for level in sorted(answer.means, reverse=True):
-        mean = replace(answer.means[level], half=answer.half(level))
-        theirs, name = [row.correspondence for row in answer.paper.get(level, ())], answer.names[level]
-        rows.append(RunsRow(f"{name} noise", styles[level], answer.values[level], mean, theirs))
+        name, theirs = f"{answer.names[level]} noise", [r.correspondence for r in answer.paper.get(level, ())]
+        rows.append(RunsRow(name, styles[level], answer.values[level], answer.means[level], theirs))
     figure = new_figure(COLUMN * 1.2, 0.62 + 0.44 * len(rows), layout="constrained")
     label = f"{answer.what} {answer.where}" + (f" ({answer.unit})" if answer.unit else "")
     draw_runs(figure.add_subplot(), rows, label, TOP if answer.what == "correspondence score" else None)
