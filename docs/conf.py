@@ -18,7 +18,8 @@ from sphinx.ext.napoleon import Config, GoogleDocstring
 import realitygap
 
 sys.path.append(str(Path(__file__).parent))
-from live import write_live  # beside this file
+import look
+from live import write_live  # beside this file, both
 
 gc.set_threshold(100_000, 50, 50)  # to look through documents, which live on, was a quarter of the work
 
@@ -28,7 +29,7 @@ project_copyright = f"{author}; MIT licence"
 release = realitygap.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
-exclude_patterns = ["conf.py", "live.py", "figures/*"]
+exclude_patterns = ["conf.py", "live.py", "look.py", "loop.py", "figures/*"]
 myst_heading_anchors = 3
 nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
 nb_execution_mode = "force"
@@ -39,6 +40,11 @@ nb_execution_timeout = 300  # s, a cell: a loaded machine, and kernels that are 
 html_theme = "furo"
 pygments_dark_style = "github-dark"
 html_title = f"realitygap {release}"
+html_theme_options = look.colours()
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_favicon = html_logo = "_static/mark.svg"
+html_search_scorer = str(Path(__file__).parent / "_static" / "guides-first.js")
 toc_object_entries = False
 
 default_role = "code"  # as in Markdown
@@ -91,7 +97,9 @@ LEFT_OUT = {"__init__", "cli", "kernels", "lazy"}
 def show(app: Sphinx, page: str, source: list[str]) -> None:
     """The text of a file beside `docs`, with its links from here; links to such files lead to their pages."""
     text = source[0]
-    if page in SHOWN and page != "index":
+    if page == "index":
+        text = look.pictured(text)
+    elif page in SHOWN:
         file = Path("..", SHOWN[page])
         text = re.sub(r"\]\((?![#\w]+:|#)", f"]({file.parent}/", Path(app.srcdir, file).read_text("utf-8"))
     text = text.replace("](../docs/", "](")
@@ -184,6 +192,13 @@ def drive(app: Sphinx, exception: Exception | None) -> None:
         write_live(Path(app.outdir), app.config.drive_evaluations)
 
 
+def besides(app: Sphinx, exception: Exception | None) -> None:
+    """Notebooks to take away, and the site's contents for programs that read."""
+    if exception is None and app.builder.format == "html":
+        look.notebooks(app)
+        look.write_llms(app, SHOWN)
+
+
 def exact(app: Sphinx, page: document) -> None:
     """A type in a signature is meant by its whole name, not as whatever ends in it."""
     for node in page.findall(pending_xref):
@@ -200,5 +215,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("doctree-read", exact)
     app.connect("build-finished", redirect)
     app.connect("build-finished", drive)
+    app.connect("html-page-context", look.downloads)
+    app.connect("build-finished", besides)
     app.add_config_value("drive_evaluations", 1000, "", (int,), "Of each run on the pages to drive.")
     return {"parallel_read_safe": True, "parallel_write_safe": True}

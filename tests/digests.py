@@ -4,7 +4,8 @@
     python tests/digests.py --write  # accepts today's, when a change of results is meant
 
 Scores of both tasks in three profiles (the paper's, one calibrated to a real robot's readings, a polygon) at
-noise 0, 1 and 2; one evolution; one recording, fit and transfer on the twin. Public names only.
+noise 0, 1 and 2; one evolution; one recording, fit and transfer on the twin. Public names only. A fit, and
+what follows from it, differs between kinds of processors in its last bits: write today's before you begin.
 """
 
 import hashlib
@@ -53,7 +54,8 @@ def studies(home: Path) -> Iterator[tuple[str, str]]:
     )  # fmt: skip
     for file in sorted((home / "unit" / "recordings").rglob("*.csv")):
         yield f"recording {file.relative_to(home / 'unit' / 'recordings')}", digest(file)
-    yield "fit", digest(unit)
+    kept = [line for line in unit.read_text("utf-8").splitlines() if not line.startswith("date")]
+    yield "fit", digest(np.frombuffer("\n".join(kept).encode(), np.uint8))
     asked = [{"task": TASKS[0], "noise": 1.0}]
     config = rg.StudyConfig.from_dict({"seed": 7, "runs": 2, "evaluations": 300, "conditions": asked})
     config = replace(config, profile=str(unit))

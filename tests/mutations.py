@@ -150,7 +150,7 @@ MUTATIONS = (
              "(4.19, 4.24, 8.24, 4.24, 4.19)", "(4.24, 4.19, 8.24, 4.19, 4.24)", ARENA),
     # calibration
     Mutation("calibration/noise.py", "a mean's noise is not taken for less than a reading's",
-             "spread = np.sqrt(many / np.maximum(many - 1, 1))", "spread = np.sqrt(many / many)", FITS),
+             "spread = np.sqrt(each / np.maximum(each - 1, 1))", "spread = np.sqrt(each / each)", FITS),
     Mutation("calibration/noise.py", "saturated readings measure noise",
              " & (sample.level < top - edge)", "", FITS),
     Mutation("calibration/noise.py", "noise is not taken out of the model's error",

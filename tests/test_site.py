@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from realitygap import Genotype, Simulation
 from tests.browser import Browser
@@ -34,8 +36,10 @@ PLAINER = (
 """Without what takes long and decides only how a text looks."""
 
 
-def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
-    """Every notebook runs, every page is in the contents, every link within leads somewhere."""
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built without a warning from smaller studies."""
+    tmp_path = tmp_path_factory.mktemp("site")
     for beside in ROOT.iterdir():
         if beside.is_file():
             shutil.copy(beside, tmp_path)  # links in README.md lead to what lies beside it
@@ -57,10 +61,44 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
         check=False,
     )
     assert built.returncode == 0, built.stderr.decode()
-    assert (tmp_path / "site" / "index.html").is_file()
+    return tmp_path / "site"
+
+
+def test_the_site_is_built_without_a_warning(site: Path) -> None:
+    """Every notebook runs, every page is in the contents, every link within leads somewhere."""
+    front = (site / "index.html").read_text("utf-8")
+    assert front.count('<div class="picture"><svg') == 7  # three tasks, four robots
+    for link in re.findall(r'(?:href|src|srcset)="([^":#?]+)["#?]', front):
+        assert (site / link).exists(), link
     for name in ("drive-it", "evolve-by-hand"):  # each in one file, that fetches nothing
-        page = (tmp_path / "site" / f"{name}.html").read_bytes()
+        page = (site / f"{name}.html").read_bytes()
         assert len(page) < 150_000 and b"default-src 'none'" in page
+
+
+def test_notebooks_and_guides_can_be_taken_away(site: Path) -> None:
+    """Each notebook with its output; `llms.txt` names every guide's text."""
+    for name in SHORTER:
+        assert f'href="{name}.ipynb"' in (site / "tutorial" / f"{name}.html").read_text("utf-8")
+        assert '"output_type"' in (site / "tutorial" / f"{name}.ipynb").read_text("utf-8")
+    named = re.findall(r"^- \[.+?\]\((.+?)\)", (site / "llms.txt").read_text("utf-8"), re.M)
+    assert all((site / file).is_file() for file in named)
+    guides = {f"_sources/{page.name}.txt" for page in (ROOT / "docs").glob("how-to-*.md")}
+    assert guides and guides <= set(named)
+
+
+def test_a_search_finds_guides_first_and_no_code_is_cut(site: Path, browser: Browser) -> None:
+    """What a task's author looks for leads to how it is written, on a page with all of its code in sight."""
+    browser.show(site / "search.html", at="?q=fitness+function")
+    browser.until("document.querySelectorAll('#search-results li').length > 5")
+    links = "[...document.querySelectorAll('#search-results li a')].map(link => link.textContent)"
+    hits = browser.run(links)
+    assert "How to add your own parts" in hits[0] and any("fitness function" in hit for hit in hits[:2])
+    for wide in (390, 1280):
+        browser.show(site / "how-to-own-parts.html", wide=wide)
+        assert browser.run("document.querySelectorAll('pre').length") > 5
+        cut = "[...document.querySelectorAll('pre')].every(one => one.scrollWidth <= one.clientWidth)"
+        assert browser.run(f"{cut} && document.documentElement.scrollWidth <= innerWidth")
+    browser.problems = []  # from disk, a search gets no excerpts
 
 
 def test_twelve_numbers_by_hand(tmp_path: Path, browser: Browser) -> None:

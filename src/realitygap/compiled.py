@@ -294,18 +294,20 @@ def _is_whole(file: Path) -> bool:
     return data[-32:] == _digest(file.name, data[:-32])
 
 
-def kept(home: str, key: str, make: Callable[[], bytes]) -> bytes:
-    """What is made of a file's functions (its path is `home`) and a key, once while their text stays."""
-    versions = [_text_of(Path(home)), numba.__version__, llvmlite.__version__]
-    name, text = (hashlib.sha256(repr(one).encode()).hexdigest()[:16] for one in ((home, key), versions))
-    file = folder() / f"{Path(home).stem}-{name}-{text}.made"
+def kept(home: str, name: str, text: str, make: Callable[[], bytes]) -> bytes:
+    """What is made under a name by the code of a file (its path is `home`) out of a text; made anew when one
+    of them changes."""
+    follows = _text_of(Path(home)), text, numba.__version__, llvmlite.__version__
+    digests = [hashlib.sha256(repr(one).encode()).hexdigest()[:16] for one in ((home, name), follows)]
+    stem = f"{Path(home).stem}-{digests[0]}"
+    file = folder() / f"{stem}-{digests[1]}.made"
     with suppress(OSError):
         if _is_whole(file):
             return file.read_bytes()[:-32]
     made = make()
     with suppress(OSError):  # it cannot be kept
         folder().mkdir(mode=0o700, parents=True, exist_ok=True)
-        for old in folder().glob(f"{Path(home).stem}-{name}-*"):
+        for old in folder().glob(f"{stem}-*"):
             old.unlink(missing_ok=True)
         own = file.with_suffix(f".{os.getpid()}")
         own.write_bytes(made + _digest(file.name, made))

@@ -1,4 +1,4 @@
-"""Every error that a user can meet: what was expected, what came, and the cure."""
+"""Every error that a user can meet: what was expected, what came, and a hint."""
 
 from collections.abc import Iterable
 
@@ -11,7 +11,7 @@ __all__ = [
 
 
 class RealityGapError(Exception):
-    """The root of all: one clear message, never a traceback. `exit_code` 1: not the user's doing."""
+    """Base class of all errors: one clear message, never a traceback. `exit_code` 1: not the user's doing."""
 
     exit_code = 1
 

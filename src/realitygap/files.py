@@ -283,25 +283,26 @@ def _sync(path: Path) -> None:
 
 
 class Table(NamedTuple):
-    """A CSV file: its columns, its rows as texts, the line of the columns' names and of each row; what to
-    raise, and the cure."""
+    """A CSV file: its columns, its rows as texts, the line of the columns' names and of each row, in words
+    where these are of several files; what to raise, and the cure."""
 
     path: Path
     columns: tuple[str, ...]
     rows: list[list[str]]
     top: int
-    lines: list[int]
+    lines: Sequence[int | str]
     error: type[UsageError]
     cure: str
 
     def at(self, k: int) -> str:
         """Where row k is."""
-        return f"{self.path}, line {self.lines[k]}"
+        line = self.lines[k]
+        return line if isinstance(line, str) else f"{self.path}, line {line}"
 
     @property
     def head(self) -> str:
         """Where the names of the columns are."""
-        return f"{self.path}, line {self.top}"
+        return f"{self.path}, line {self.top}" if self.top else str(self.path)
 
     def texts(self, name: str) -> list[str]:
         column = self.columns.index(name)

@@ -1,7 +1,9 @@
 """A task as a problem for any optimiser: solutions [B, dim] in, fitness and measures out.
 
-problem = Problem("obstacle-avoidance", controller="feed-forward:8")
-batch = problem.evaluate(X, seed=generation)        # maximise batch.fitness
+An optimiser asks:
+
+    problem = Problem("obstacle-avoidance", controller="feed-forward:8")
+    batch = problem.evaluate(X, seed=generation)  # maximise batch.fitness
 """
 
 from collections.abc import Callable, Sequence

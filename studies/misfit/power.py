@@ -24,8 +24,8 @@ ARMS = tomllib.loads(Path(__file__).with_name("arms.toml").read_text("utf-8"))
 LEVELS = np.array(ARMS["design"]["evolved"])
 MISFITS = {
     "K": [0.0, 3.7, 3.35],
-    "E": [0.4, 0.8, 3.1, 3.0, 4.0, 3.9],
-    "T": [0.7, 1.2, 4.8, 4.0, 5.0, 3.0],
+    "E": [0.4, 0.8, 3.1, 3.0, 8.0, 3.9],
+    "T": [0.7, 1.2, 4.8, 4.0, 8.0, 3.0],
 }
 """Guessed: of each simulation, from audit and former studies."""
 PILOTS = {

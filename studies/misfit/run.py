@@ -29,6 +29,7 @@ from realities import Readings
 
 from realitygap.calibration.judge import judge
 from realitygap.calibration.load import load_recording
+from realitygap.calibration.plan import BEARINGS, DISTANCES_CM
 from realitygap.calibration.unit import PROFILE, Unit, calibrated_unit
 from realitygap.correspondence.setting import Setting
 from realitygap.errors import StudyInterruptedError
@@ -200,6 +201,22 @@ def drawn(profile: Profile, spread: float, draw: np.random.Generator) -> Profile
     )  # fmt: skip
 
 
+@dataclass(frozen=True, kw_only=True)
+class Placed(Individual):
+    """An individual of a place: `home` is its number."""
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """The names of the streams of its trials."""
+        names = super().key
+        return (*names[:4], self.home, *names[4:])
+
+    @property
+    def name(self) -> str:
+        """Its name in files and messages."""
+        return f"place-{self.home}-{super().name}"
+
+
 class Study(NoiseExperiment):
     """Its design: each controller drives the reality of its place; two individuals a run."""
 
@@ -215,7 +232,7 @@ class Study(NoiseExperiment):
                 for level in self.config.rivals_evolved if rival else self.config.evolved:
                     for index in range(1, self.config.runs[place.index] // len(sets) + 1):
                         made += [
-                            Individual(
+                            Placed(
                                 task=self.config.tasks[0], level=level, run=index, home=place.number,
                                 seed_set=number, individual=who, study=f"place-{place.number}-set-{number}",
                                 run_name=f"{self.config.tasks[0]}/{named(level)}/{index}",
@@ -301,7 +318,7 @@ class Study(NoiseExperiment):
             self.recorded(reality), noise=1.0,
             unit=number if self.config.robot is None else f"{self.config.robot}:{number}",
             seed=named_stream(self.config.seed, "calibration", number) >> 1, workers=workers,
-            parts=PARTS, on_progress=report,
+            parts=PARTS, bearings=BEARINGS, distances_cm=DISTANCES_CM, on_progress=report,
         )  # fmt: skip
 
     def misfit(self, place: Place) -> float:

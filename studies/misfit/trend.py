@@ -1,8 +1,8 @@
 """The study's statistics: how the trend over evolved noise changes with the model's misfit.
 
-Noise enters as the root of its level, misfit as its logarithm to base 2, from a floor on. A unit's (or a
-reality's) interaction is the least-squares coefficient of their product beside a constant for each of its
-simulations and a slope over noise; units are random: Student's t over their interactions.
+Noise enters as the root of its level, misfit as its logarithm to base 2, between a floor and a ceiling. The
+interaction of a unit (or a reality) is the least-squares coefficient of their product beside a constant for
+each of its simulations and a slope over noise; units are random: Student's t over their interactions.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Trend(NamedTuple):
 
 
 def against(misfit: Floats) -> Floats:
-    """Logarithms of misfits (to base 2), from the floor on."""
-    return np.log2(np.maximum(misfit, PLAN["floor"]))
+    """Logarithms of misfits (to base 2), between floor and ceiling."""
+    return np.log2(np.clip(misfit, PLAN["floor"], PLAN["ceiling"]))
 
 
 def interaction(level: Floats, misfit: Floats, simulation: NDArray, y: Floats) -> Floats:
@@ -78,10 +78,13 @@ def over_runs(level: Floats, misfit: Floats, stratum: NDArray, y: Floats, sets: 
     every = np.arange(len(y))
     here = float(found(every))
     groups = [np.flatnonzero(stratum == name) for name in np.unique(stratum)]
-    mixed = np.tile(y, (PLAN["permutations"], 1))
-    for rows in groups:
-        mixed[:, rows] = draw.permuted(mixed[:, rows], axis=1)
-    p = (1 + int((np.abs(found(every, mixed)) >= abs(here) - 1e-12).sum())) / (1 + len(mixed))
+    beyond = 0
+    for _ in range(PLAN["permutations"] // PLAN["resamples"]):
+        mixed = np.tile(y, (PLAN["resamples"], 1))
+        for rows in groups:
+            mixed[:, rows] = draw.permuted(mixed[:, rows], axis=1)
+        beyond += int((np.abs(found(every, mixed)) >= abs(here) - 1e-12).sum())
+    p = (1 + beyond) / (1 + PLAN["permutations"])
     cells = [rows[level[rows] == one] for rows in groups for one in np.unique(level[rows])]
     drawn = np.tile(y, (PLAN["resamples"], 1))
     for rows in cells:

@@ -203,9 +203,9 @@ def test_gaps_jumps_and_repeats_are_said_in_one_line(tmp_path):
     head, facts = "t_s,counter_left,counter_right,trial,x_cm,y_cm", 'kind = "wheels"'
     made = load_recording(written(tmp_path, head, *rows, facts=facts, name="steps.csv"))
     (said,) = made.warnings
-    where = f"{tmp_path / 'steps.csv'}, line 52"
+    where = ", ".join(f"{tmp_path / 'steps.csv'}, line {k}" for k in (42, 52))
     assert said.endswith(
-        f"left out: 1 repeated pose, 1 pose out of reach, 1 jump (cut at {where}), 1 gap: 3 pieces"
+        f"left out: 1 repeated pose, 1 out-of-reach pose, 1 jump, 1 gap (cut at {where}): 3 pieces"
     )
     assert np.flatnonzero(np.isnan(made.pose[:, 0])).tolist() == [11, 20]
     assert np.flatnonzero(np.diff(made.trial)).tolist() == [39, 49]

@@ -64,7 +64,7 @@ def test_several_recordings_are_modelled_as_each_alone(lit):
     nothing, gains, the lamp, directions, the rigs, or how many rays have a weight."""
     tables = [lit(9), lit(20)]
     names = ["turn_0_deg", "turn_1_deg"]
-    scenes = [(name, scene_of(table)) for name, table in zip(names, tables, strict=True)]
+    scenes = [(name, replace(scene_of(one), turn=name)) for name, one in zip(names, tables, strict=True)]
     lit_model, draw = light.LightModel(PAPER, scenes, "linear"), np.random.default_rng(4)
     values = {"log_gain": np.zeros(8), "lamp_height_cm": np.array([3.0]), "exponent": np.array([1.0])}
     values |= {"direction_deg": np.array([s.direction_deg for s in PAPER.ambient.sensors])}

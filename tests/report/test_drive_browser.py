@@ -184,7 +184,7 @@ def test_the_policy_allows_wasm_alone_and_without_it_there_are_recorded_drives(
 
 def test_where_nothing_can_be_compiled_the_page_and_a_warning_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another Numba: the recorded drives remain."""
-    monkeypatch.setattr(wasm, "kept", lambda home, key, make: make())
+    monkeypatch.setattr(wasm, "kept", lambda home, name, text, make: make())
     monkeypatch.setattr(wasm, "_in_a_child", refuse)
     with pytest.warns(RuntimeWarning, match=r"was not compiled: why\. The page shows recorded drives only"):
         assert drive_json([drive("avoider")]) is None

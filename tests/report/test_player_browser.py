@@ -151,3 +151,18 @@ def test_light_dark_and_a_phone(page: Browser, played: Study) -> None:
         choose(page, "task", task)
         assert page.run("document.documentElement.scrollWidth") <= 360
     page.run("document.getElementById('theme').click(); document.getElementById('theme').click()")
+
+
+def test_the_reports_own_champions_can_be_driven(page: Browser) -> None:
+    """On their robot, with the twin's recorded course faintly beside; then they are watched as before."""
+    picture = page.run(PICTURE)
+    page.run("document.getElementById('drive-open').click()")
+    page.until("document.getElementById('player').classList.contains('driving')")
+    assert page.run("document.getElementById('drive-ghost').textContent").startswith("Faint: the twin")
+    choose(page, "task", 1)
+    assert page.run("document.getElementById('drive-ghost').textContent") == ""
+    assert page.run("document.getElementById('player-who-0').textContent") == "yours to drive"
+    choose(page, "task", 0)
+    page.run("document.getElementById('drive-open').click()")
+    assert page.run("document.getElementById('player-who-0').textContent") == "simulated"
+    assert page.run(PICTURE) == picture

@@ -14,7 +14,7 @@ from realitygap.calibration.plan import Plan, tasks_of
 from realitygap.control.genotype import Genotype
 from realitygap.errors import UsageError
 from realitygap.kernels.rng import substream
-from realitygap.robots.address import Address
+from realitygap.robots.address import Address, StandIn
 from realitygap.simulation.simulation import Simulation
 from realitygap.simulation.table import TableBody
 from realitygap.streams import TWIN_NOISE
@@ -89,12 +89,13 @@ def test_what_was_not_recorded_is_not_recorded_of_it() -> None:
 
 
 def test_what_it_cannot_be_is_refused(tmp_path: Path, file: Path) -> None:
-    """A profile without a table; surfaces that were not recorded."""
+    """A profile without a table; surfaces that were not recorded. It is not called a robot."""
     (tmp_path / "law.toml").write_text(PAPER.to_toml(), encoding="utf-8")
     with pytest.raises(UsageError, match="--form lookup"):
         Address.parse(f"table:{tmp_path / 'law.toml'}").open()
     with closing(Address.parse(f"table:{file}").open()) as body, pytest.raises(UsageError, match="surfaces"):
         body.enter({"size_cm": [50.0, 50.0], "reflectance": [1.0]}, 0, None)
-    assert (
-        Address.parse(f"table:{file}").folder() == "table-k" and Address.parse(f"table:{file}").port is None
-    )
+    address = Address.parse(f"table:{file}")
+    stood = StandIn.of_folder(address.folder())
+    assert address.port is None and stood is not None
+    assert (stood.words, stood.kind) == ("recorded readings k", "recorded readings")

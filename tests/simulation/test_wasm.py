@@ -13,10 +13,10 @@ from pathlib import Path as File
 from textwrap import dedent
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 
-from realitygap.compiled import folder
 from realitygap.control.genotype import Genotype
 from realitygap.kernels.trial import new_scratch
 from realitygap.kernels.types import Path
@@ -110,22 +110,23 @@ def test_trials_in_a_browser_have_the_native_bits(trials: Made, tmp_path: File) 
         assert browser.problems == []
 
 
-def test_a_module_is_built_to_the_same_bytes_and_kept(trials: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_module_is_built_to_the_same_bytes_and_kept(
+    trials: Made, monkeypatch: pytest.MonkeyPatch, tmp_path: File
+) -> None:
     """Anew alike; what is kept is not made again, unless it is damaged."""
     told, _, given = trials
-    made = wasm._in_a_child(wasm.entries(given))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    made = wasm.module(wasm.entries(given))
     assert base64.b64encode(made).decode() == told["kernel"]
     monkeypatch.setattr(wasm, "_in_a_child", lambda functions: b"anew")
     assert wasm.module(wasm.entries(given)) == made
-    (file,) = (one for one in folder().glob("wasm-*.made") if one.read_bytes()[:-32] == made)
-    whole = file.read_bytes()
-    file.write_bytes(whole[:-1])
+    (file,) = tmp_path.glob("wasm-*.made")
+    file.write_bytes(file.read_bytes()[:-1])
     assert wasm.module(wasm.entries(given)) == b"anew"
-    file.write_bytes(whole)
 
 
 def test_another_numba_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """One error whose last word is what failed, wherever it fails."""
-    monkeypatch.setattr(wasm, "kept", lambda home, key, make: make())
+    monkeypatch.setattr(wasm, "kept", lambda home, name, text, make: make())
     with pytest.raises(wasm.WasmError, match=r"was not compiled for the page: \S"):
         wasm.module({"start": (dedent, (1,))})

@@ -112,6 +112,7 @@ def test_an_arm_of_misfit_and_noise(tmp_path, monkeypatch):
         patch.setattr("realitygap.experiments.noise.Rig", Rig)
         run.main(("T", "--realities", "2", *SMALL, "--starts", "2", "--out", str(tmp_path / "T")))
     (arm,) = analyse.read(tmp_path)
+    assert len(list((tmp_path / "T" / "situated").glob("*.npz"))) == len(arm.rows)
     assert len(arm.rows) == 2 * 6 * 4 * 2 and len(arm.cells) == 6 * len(arm.rows)
     assert set(arm.rows["set"]) == {1, 2} and arm.rows["fitness_situated"].notna().all()
     assert "| nominal | 2 | 11.00 |" in analyse.by_simulation(arm)

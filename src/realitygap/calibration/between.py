@@ -26,7 +26,8 @@ def with_between(
     new day or set-down adds; gains and starts of their own, among the fit's `values`, are taken out. NaN: too
     few places are shared.
 
-    Where the noise of one recording was not `measured`, the spread holds both, and bounds it.
+    Where the noise of one recording was not `measured`, the spread holds both: half of its square at most is
+    taken for one recording's.
     """
     kind, knots = data.kind, KNOTS["infrared"][0]
     own = {key: value for key, value in values.items() if key.startswith((model.GAIN, model.START))}
@@ -45,8 +46,11 @@ def with_between(
     law = replace(law, between=tuple(np.minimum(table, data.top).round(3).tolist()))
     if not measured:
         spread, _ = between_table(sample, 0.0 * within, data.top)
-        least = tuple(np.minimum(within, spread).round(3).tolist())
-        law = replace(law, sensors=tuple(replace(s, noise=least, noise_rise=0.0) for s in law.sensors))
+        own = np.minimum(within, spread / np.sqrt(2.0))
+        table = np.sqrt(spread**2 - own**2)
+        rows = tuple(own.round(3).tolist())
+        sensors = tuple(replace(s, noise=rows, noise_rise=0.0) for s in law.sensors)
+        law = replace(law, sensors=sensors, between=tuple(np.minimum(table, data.top).round(3).tolist()))
     return replace(profile, **{kind: law}), whole
 
 
@@ -98,6 +102,13 @@ def within_table(profile: Profile, kind: str, knots: int) -> Floats:
     return np.asarray(np.sqrt(np.mean(table_at([s.noise for s in part.sensors], rows) ** 2, axis=1)))
 
 
+def between_at(model: Floats, profile: Profile, kind: str) -> Floats:
+    """[n, S] the stated deviation between recordings at a model's readings."""
+    part = profile.channel(kind)
+    steps = np.linspace(0.0, 1.0, len(part.between) or 1)
+    return np.asarray(np.interp(model / part.top, steps, part.between or (0.0,)))
+
+
 def covered(counts: Floats, model: Floats, profile: Profile, kind: str) -> float:
     """Share of readings [n, S] that lie within 95 % of the stated noise, within and between recordings, about
     the model's; those at an end of the scale, where the model is too, do not count. NaN without any."""
@@ -110,8 +121,7 @@ def covered(counts: Floats, model: Floats, profile: Profile, kind: str) -> float
         size = np.where(
             (model > 0) | (kind == "ambient"), stated[CHANNELS[kind]], profile.noise.proximity_dark
         )
-    if part.between:
-        size = np.hypot(size, np.interp(at, np.linspace(0.0, 1.0, len(part.between)), part.between))
+    size = np.hypot(size, between_at(model, profile, kind))
     low, high = (counts <= 0) & (model <= 0), (counts >= part.top) & (model >= part.top)
     use = np.isfinite(counts) & ~(low | high)
     return (

@@ -9,7 +9,7 @@ import numpy as np
 
 from realitygap.calibration import model
 from realitygap.calibration import noise as misfit
-from realitygap.calibration.between import covered
+from realitygap.calibration.between import between_at, covered
 from realitygap.calibration.fit import Observed, Parameter, Values, costs, fit, value_of
 from realitygap.calibration.measured import BY_HAND, LIGHT, SHIFT
 from realitygap.calibration.model import Scene, unchecked
@@ -33,7 +33,7 @@ from realitygap.calibration.recordings import (
     reaching,
     sets_of,
 )
-from realitygap.calibration.sets import in_words, own_constants
+from realitygap.calibration.sets import PAYS, in_words, own_constants
 from realitygap.calibration.wheels import refuse_few_steps, refuse_lengths, refuse_odd
 from realitygap.errors import CalibrationError
 from realitygap.values import Floats
@@ -164,10 +164,16 @@ def judge_all(recordings: Sequence[Recording], profile: Profile) -> list[Judgeme
             some = [r for r, number in zip(near, sets, strict=True) if number == first]
             turns = [found[id(r)].turn_deg for r in some]
             gain, start = _own_constants([r.of_robot(profile) for r in some], profile, turns)
-            for r in some if (gain, start) != (1.0, 0.0) else ():
-                other = replace(r, gain=gain * r.gain, distance_cm=r.distance_cm + start)
-                again, plain = _judged(other, profile, common), found[id(r)].rmse
-                found[id(r)] = replace(again, gain=gain, start_cm=start, plain=plain)
+            if (gain, start) == (1.0, 0.0):
+                continue
+            others = [replace(r, gain=gain * r.gain, distance_cm=r.distance_cm + start) for r in some]
+            again = [_judged(one, profile, common) for one in others]
+            before, after = ([one.rmse for one in made] for made in ([found[id(r)] for r in some], again))
+            if PAYS * np.linalg.norm(after) < np.linalg.norm(
+                before
+            ):  # a room's light or a shift may do as well
+                for r, one, plain in zip(some, again, before, strict=True):
+                    found[id(r)] = replace(one, gain=gain, start_cm=start, plain=plain)
     return [found[id(r)] for r in recordings]
 
 
@@ -249,7 +255,7 @@ def _judged(recording: Recording, profile: Profile, common: float) -> Judgement:
         within=misfit.within(known, read, recording.place(), of_noise),
         misplaced=misfit.explained(change, known, recording.place(), part.top, deviation),
         covered=covered(known, read, profile, recording.kind),
-        between=float(np.sqrt(np.mean(np.square(part.between)))) if part.between else 0.0,
+        between=float(np.sqrt(np.mean(between_at(read, profile, recording.kind)[np.isfinite(known)] ** 2))),
         counts=recording.counts, model=read, warnings=warnings,
     )  # fmt: skip
 

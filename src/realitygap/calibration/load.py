@@ -110,16 +110,12 @@ def find_recordings(path: str | Path) -> Sequence[Path]:
     if inside:
         return tuple(inside)
     if path.is_file():
-        raise RecordingError(_unlooked(path))
+        raise RecordingError(
+            f"{path}: a log of some robot, whose columns nobody has named yet. Run `realitygap look {path}` "
+            "first: it writes a MAP.toml, which is given in its place."
+        )
     what = "holds no recording" if path.is_dir() else "there is no such recording"
     raise RecordingError(f"{path}: {what}. Make one with `realitygap record`, or give a .sam table.")
-
-
-def _unlooked(path: Path) -> str:
-    return (
-        f"{path}: a log of some robot, whose columns nobody has named yet. Run `realitygap look {path}` "
-        "first: it writes a MAP.toml, which is given in its place."
-    )
 
 
 def load_recording(path: str | Path, *, object: str | None = None) -> Recording:
@@ -434,16 +430,14 @@ def _read_map(path: Path, object: str | None) -> Recording:
     """The recording that a MAP.toml makes of its logs: the same table as that of a folder."""
     mapped = read_map(path)
     facts, columns = dict(mapped.facts), dict(mapped.columns)
-    made: dict[str, Any]
-    if mapped.kind == "track":
-        raise RecordingError(f"{path}: kind: expected {', '.join(KINDS)}, got 'track': only a path.")
-    asked = [key for key, value in facts.items() if value == ASKED]
-    if asked and not (object and asked == ["object"]):
-        raise RecordingError(f'{path}: {asked[0]}: expected its value, got "?": `realitygap look` asks you.')
+    if mapped.kind not in KINDS:
+        raise RecordingError(f"{path}: kind: expected {', '.join(KINDS)}, got {mapped.kind!r}: only a path.")
+    for key in (key for key, value in facts.items() if value == ASKED and not (object and key == "object")):
+        raise RecordingError(f'{path}: {key}: expected its value, got "?": `realitygap look` asks you.')
     origin = {"source": str(path), "hash": mapped.hash, "notes": str(facts.get("notes", "")), "facts": facts}
-    for name in POSE[2:] + POLAR[1:]:
-        if name in columns:
-            columns[name] = np.degrees(columns[name])
+    for name in columns.keys() & {"heading_deg", "bearing_deg"}:
+        columns[name] = np.degrees(columns[name])
+    made: dict[str, Any]
     if mapped.kind == "wheels":
         mapped.need("t_s")
         made = {**_of_both_wheels(mapped, facts), **columns, "trial": mapped.run}
@@ -451,8 +445,7 @@ def _read_map(path: Path, object: str | None) -> Recording:
         made = _of_sensors(mapped, columns, facts)
     _check_facts(path, facts)
     rows = [["" if v != v else f"{v:.12g}" for v in row] for row in zip(*made.values(), strict=True)]
-    cure = f"Correct {path} or its log."
-    table = _Rows(path, tuple(made), rows, 0, list[Any](mapped.lines), RecordingError, cure)
+    table = Table(path, tuple(made), rows, 0, mapped.lines, RecordingError, f"Correct {path} or its log.")
     if mapped.kind != "wheels":
         return _read_sensors(table, path, facts, mapped.kind, object, origin)
     recording = _read_wheels(table, path, facts, origin)
@@ -461,19 +454,6 @@ def _read_map(path: Path, object: str | None) -> Recording:
     if recording.pulses_said or not math.isfinite(found := first_pulses(recording)):
         return recording
     return replace(recording, pulses_per_mm=found, pulses_said=True)
-
-
-class _Rows(Table):
-    """The rows of several logs."""
-
-    def at(self, k: int) -> str:
-        """Where row k is."""
-        return str(self.lines[k])
-
-    @property
-    def head(self) -> str:
-        """Where the columns are named."""
-        return str(self.path)
 
 
 def _of_sensors(mapped: Mapped, columns: dict[str, Floats], facts: dict[str, Any]) -> dict[str, Floats]:
@@ -487,10 +467,8 @@ def _of_sensors(mapped: Mapped, columns: dict[str, Floats], facts: dict[str, Any
         try:
             columns["bearing_deg"] = np.broadcast_to(np.array(bearing, float), readings.shape[1:])[read]
         except ValueError:
-            expected = f"degrees: a number, or a list of {readings.shape[1]}"
-            raise RecordingError(
-                f"{mapped.path}: bearing_deg: expected {expected}, got {bearing!r}."
-            ) from None
+            expected = f"bearing_deg: expected degrees: a number, or a list of {readings.shape[1]}"
+            raise RecordingError(f"{mapped.path}: {expected}, got {bearing!r}.") from None
     made, seen = columns | {f"s{k}": column for k, column in enumerate(readings.T)}, Counter[Any]()
     made["repeat"] = np.zeros(len(read))
     for k, place in enumerate(zip(*(made[n] for n in (*POLAR, *POSE) if n in made), read, strict=True)):
@@ -503,18 +481,16 @@ def _of_both_wheels(mapped: Mapped, facts: dict[str, Any]) -> dict[str, Floats]:
     """Speeds and commands of each wheel in cm/s from those of the robot; for speeds of a known unit
     `pulses_per_mm` is that of their integral."""
     columns, track, out = mapped.columns, facts.pop("track_cm", None), dict[str, Floats]()
-    for prefix, name in (("", "speed"), ("command_", "command")):
-        ahead, turn = f"{prefix}v", f"{prefix}w"
+    for ahead, turn, name in (("v", "w", "speed"), ("command_v", "command_w", "command")):
         if ahead in columns or turn in columns:
             mapped.need(ahead, turn)
-            if isinstance(track, bool) or not isinstance(track, int | float) or track <= 0:
+            if not isinstance(track, int | float) or track <= 0:
                 raise RecordingError(
                     f"{mapped.path}: track_cm: expected the cm between the wheels with which the robot makes "
                     f"{ahead} and {turn} from their speeds, got {track!r}."
                 )
-            aside = columns[turn] * track / 2
-            out |= {f"{name}_{side}": columns[ahead] + sign * aside
-                    for side, sign in zip(SIDES, (-1, 1), strict=True)}  # fmt: skip
+            for side, sign in zip(SIDES, (-1, 1), strict=True):
+                out[f"{name}_{side}"] = columns[ahead] + sign * columns[turn] * track / 2
     speeds = "v" in columns or mapped.units.get("speed_left", "own") != "own"
     if speeds and "counter_left" not in columns:
         facts.setdefault("pulses_per_mm", 0.1)

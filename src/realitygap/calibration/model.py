@@ -312,7 +312,7 @@ def units(recordings: Sequence[SensorRecording]) -> list[Parameter]:
         if math.isnan(r.start_cm) and r.from_sensor is None
     ]
     scale: dict[str, Any] = {"start": np.ones(1), "low": 0.05, "high": 20.0, "prior": 1.0, "step": 2e-3}
-    away: dict[str, Any] = {"start": np.zeros(1), "low": -2.0, "high": 2.0, "prior": 0.5, "step": 2e-3}
+    away: dict[str, Any] = {"start": np.zeros(1), "low": -1.0, "high": 1.0, "prior": 0.5, "step": 2e-3}
     return [
         *(Parameter(key=key, **scale) for key in dict.fromkeys(gains)),
         *(Parameter(key=key, **away) for key in dict.fromkeys(starts)),

@@ -24,7 +24,7 @@ NAMED, MOVED_CM = 1.25, 0.2
 """A gain beyond this factor is another unit's, a start beyond this another start: less is a day's."""
 FREE = (
     Parameter(key="gain", start=np.zeros(1), low=-3.0, high=3.0, prior=1.0, step=2e-3),
-    Parameter(key="start", start=np.zeros(1), low=-2.0, high=2.0, prior=0.5, step=2e-3),
+    Parameter(key="start", start=np.zeros(1), low=-1.0, high=1.0, prior=0.5, step=2e-3),
 )
 """A gain's logarithm, and a start, cm."""
 TRIED = (("gain",), ("start",), ("gain", "start"))

@@ -1,20 +1,11 @@
 """`realitygap look`: what the columns of anybody's log seem to be, and the MAP.toml that says so."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from realitygap.cli import options
 from realitygap.cli.console import table, tell, warn
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from realitygap.logs.look import Look
-    from realitygap.logs.mapped import Mapped
 
 __all__ = ["look"]
 
@@ -28,18 +19,13 @@ NAMED = 8
 @click.option(
     "--out", type=options.OutFile(".toml"), help="The MAP.toml to write [default: MAP.toml beside LOG]."
 )
-@click.option(
-    "--picture",
-    type=options.OutFile(".png", ".svg", ".pdf"),
-    help="Draw the log there [default: beside the MAP.toml, .png].",
-)
 @options.as_json
-def look(log: str, said: str | None, out: Path | None, picture: Path | None) -> None:
+def look(log: str, said: str | None, out: Path | None) -> None:
     """Say what the columns of LOG seem to be.
 
-    LOG is a table of numbers that any program wrote: any separator, names or none. Prints what each
-    column seems to be, and why; draws it; and writes a MAP.toml, which `calibrate`, `score` and `classify`
-    take in place of a recording or a track. Correct it where it is wrong, and answer each "?" in it.
+    LOG is a table of numbers that any program wrote: any separator, names or none. Prints what each column
+    seems to be, and why; draws it; and writes a MAP.toml, which `calibrate`, `score` and `classify` take in
+    place of a recording or a track. Correct it where it is wrong, and answer each "?" in it.
 
     \b
     Examples: look, edit MAP.toml, look again, and fit
@@ -49,55 +35,44 @@ def look(log: str, said: str | None, out: Path | None, picture: Path | None) -> 
     """
     from realitygap.errors import RecordingError
     from realitygap.files import atomic_write
+    from realitygap.logs.cuts import many
+    from realitygap.logs.look import findings
     from realitygap.logs.look import look as guess
     from realitygap.logs.mapped import read_map
     from realitygap.report.log import draw_log
 
-    if said is not None:
+    target = Path(said) if said else out or Path(log).with_name("MAP.toml")
+    picture = target.with_suffix(".png")
+    if said:
         read = read_map(said)
-        target = picture or Path(said).with_suffix(".png")
-        draw_log(target, read.columns, read.run, Path(said).name)
-        lines = list(_mapped_lines(read))
-        tell({"map": said, "picture": str(target), "notes": lines}, *lines, f"saved {target}")
+        lines = [f"{said}: {read.kind}, {many(len(read.run), 'row')}, {many(len(read.names), 'run')}"]
+        lines += [*read.notes, *findings(read.columns, read.run, read.lines)]
+        draw_log(picture, read.columns, read.run, target.name)
+        tell({"map": said, "picture": str(picture), "notes": lines}, *lines, f"saved {picture}")
         return
     made = guess(log)
-    target = out or Path(log).with_name("MAP.toml")
     if out is None and target.exists():
         raise RecordingError(
             f"{target}: there is one already. Look as it says (--map {target}), or give --out."
         )
-    drawing = picture or target.with_suffix(".png")
     atomic_write(target, made.to_toml(target))
-    draw_log(drawing, made.columns, made.run, made.log.path.name)
-    facts = {**made.to_dict(), "map": str(target), "picture": str(drawing)}
-    tell(facts, *_lines(made), f"saved {target}, {drawing}")
-    warn(f"asked: {key} in {target}: {what}" for key, what in made.asked.items())
-
-
-def _lines(made: Look) -> Iterator[str]:
-    log = made.log
-    names = f"names in line {log.head}" if log.head else "no names"
-    size = f"{len(log.values)} rows of {len(log.names)} values"
-    yield f"{log.path.name}: {size} separated by {log.separator}, {names}"
-    rows = [
-        (" ".join(log.names[k] for k in g.columns)[-24:], g.name, g.unit, "−" if g.sign < 0 else "")
-        for g in made.guesses
-    ]
-    yield table(("column", "seems to be", "unit", "sign"), rows)
-    for guess in made.guesses:
-        yield f"  {guess.name}: {guess.why}"
+    draw_log(picture, made.columns, made.run, made.log.path.name)
+    names, notes = made.log.names, [*made.log.notes, *made.findings]
     if made.unused:
-        named = ", ".join(log.names[k] for k in made.unused[:NAMED])
-        more = len(made.unused) - NAMED
-        yield f"not used: {named}{f' and {more} more' if more > 0 else ''}"
-    yield from log.notes
-    yield from made.findings
-
-
-def _mapped_lines(read: Mapped) -> Iterator[str]:
-    from realitygap.logs.cuts import many
-    from realitygap.logs.look import findings
-
-    yield f"{read.path}: {read.kind}, {many(len(read.run), 'row')}, {many(len(read.names), 'run')}"
-    yield from read.notes
-    yield from findings(read.columns, read.run, read.lines)
+        notes.insert(0, f"not used: {', '.join(made.unused[:NAMED])}{' …' * (len(made.unused) > NAMED)}")
+    columns = [{**vars(one), "columns": [names[k] for k in one.columns]} for one in made.guesses]
+    facts = {"log": log, "map": str(target), "picture": str(picture), "kind": made.kind, "notes": notes}
+    rows = [
+        (" ".join(one["columns"])[-24:], one["name"], one["unit"], "−" if one["sign"] < 0 else "")
+        for one in columns
+    ]
+    tell(
+        facts | {"asked": made.asked, "columns": columns},
+        f"{made.log.path.name}: {len(made.run)} rows of {len(names)} values separated by "
+        f"{made.log.separator}, {f'names in line {made.log.head}' if made.log.head else 'no names'}",
+        table(("column", "seems to be", "unit", "sign"), rows),
+        *(f"  {one.name}: {one.why}" for one in made.guesses),
+        *notes,
+        f"saved {target}, {picture}",
+    )
+    warn(f"asked: {key} in {target}: {what}" for key, what in made.asked.items())

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.logs.cuts import gaps, jumps, many, repeats
-from realitygap.logs.mapped import ASKED, SIDES, SPEED, UNITS, cumulative, filled, quaternion_yaw
+from realitygap.logs.mapped import ASKED, SENSOR, SIDES, UNITS, converted, cumulative, filled
 from realitygap.logs.table import Log, read_log
 from realitygap.values import Floats
 
@@ -44,104 +44,84 @@ OF_A_SIDE = (
     ("speed", r"speed|vel|velocity|v"),
     ("command", r"motor|motors|wheel|u"),
 )
+TOGETHER = (
+    ("x_cm", "y_cm"), ("v", "w"), ("command_v", "command_w"), ("sensor", "reading"),
+    *([f"{what}_{side}" for side in SIDES] for what in ("counter", "speed", "command")),
+)  # fmt: skip
+"""None of these stands alone."""
+NEAR = ("distance_cm", "bearing_deg", "sensor", "reading")
 LEFT, RIGHT = r"\b(left|l|lft|lw)\b", r"\b(right|r|rgt|rw)\b"
-SENSOR = r"(?:prox|proximity|ir|sensor|s|p|ps) (\d+)"
-UNIT = r" (?:(cm|mm|m|rad|deg) (?:per )?s|(s|sec|ms|us|ns|cm|mm|m|rad|radians?|deg|degrees?))$"
-SHORT = {"sec": "s", "radian": "rad", "radians": "rad", "degree": "deg", "degrees": "deg"}
-EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}
-"""Now, roughly, on clocks that count from 1970."""
+NUMBERED = r"(?:prox|proximity|ir|sensor|s|p|ps) (\d+)"
+UNIT = r" (?:(cm|mm|m|rad|deg) (?:per )?s|(s|ms|us|ns|cm|mm|m|rad|deg)(?:ec|ians?|rees?)?)$"
+CLOCKS = (("s", 2.5), ("ms", 2.5e3), ("us", 2.5e6), ("ns", math.inf))
+"""Units of a clock, and what is less from row to row."""
 SLOW, FAST, SMALL, LARGE = 1.0, 150.0, 15.0, 3000.0
 """cm/s and cm: what robots on a floor do, and over how much of it."""
-SURE, CLEAR = 0.6, 0.05
-"""Agreement, 0 to 1, of a heading with the way from which they belong together; and its lead over another."""
-SQUARE_DEG = 20.0
-"""How far a heading's zero may be off one of the axes."""
-EVIDENT = 0.9
-"""Agreement of columns without names from which on they are what they seem to be."""
-EACH = 0.02
-"""Share of its range that a counter goes from row to row, from which on it counts each row anew."""
+SURE, CLEAR, SQUARE_DEG = 0.6, 0.05, 20.0
+"""A heading belongs to a way that agrees with it, 0 to 1; is reversed if that agrees so much better; and its
+zero is off by more than so much."""
+EACH, FEW = 0.02, 10
+"""Share of its range by which a counter of each row goes from row to row; segments that tell nothing."""
+NEARLY = 0.4
+"""Logarithm of the way by a speed over the way that went, at most."""
 
 
 @dataclass
 class Guess:
-    """What one column, or those of a quaternion, seem to be; `more` are further keys of its entry."""
+    """What one column, or those of a quaternion, seem to be."""
 
     name: str
     columns: list[int]
     unit: str = ""
     why: str = "its name"
     sign: int = 1
-    more: dict[str, Any] = field(default_factory=dict)
+    per_row: bool = False
 
     def values(self, log: Log) -> Floats:
         """[n] in s, cm, rad and so on; as they stand if the unit is not known."""
-        made = log.values[:, self.columns]
-        values = quaternion_yaw(made) if self.unit == "quaternion" else made[:, 0]
-        factor = self.sign * UNITS.get(self.name, {}).get(self.unit, 1.0)
-        return np.asarray(values * factor + math.radians(self.more.get("offset_deg", 0.0)))
+        return converted(self.name, log.values[:, self.columns], self.unit, self.sign)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Look:
-    """What a log seems to hold.
-
-    Attributes:
-        guesses: of its columns; the others seem to be nothing that is needed.
-        kind: as in a MAP.toml, "?" where it holds too little.
-        asked: keys of the MAP.toml that are asked for, with what they are.
-        columns: [n] by name as of `Guess.values`; run: [n] the run of each row.
-        findings: about times and places, in words.
-    """
+    """What a log seems to hold: guesses of its columns, and its kind, as in a MAP.toml; keys that are asked
+    for, with what they are; columns [n] by name and runs [n] so read; findings about times and places."""
 
     log: Log
-    guesses: tuple[Guess, ...]
+    guesses: Sequence[Guess]
     kind: str
     asked: Mapping[str, str]
     columns: Mapping[str, Floats] = field(repr=False)
     run: NDArray[np.int64] = field(repr=False)
-    findings: tuple[str, ...]
+    findings: Sequence[str]
+
+    @property
+    def unused(self) -> list[str]:
+        """Columns that seem to be nothing that is needed."""
+        used = {k for guess in self.guesses for k in guess.columns}
+        return [name for k, name in enumerate(self.log.names) if k not in used]
 
     def to_toml(self, target: Path) -> str:
         """The text of a MAP.toml at a path."""
+
+        def shown(value: Any) -> str:
+            return json.dumps(value, ensure_ascii=False)
+
         answer = ', answer each "?"' if self.asked else ""
-        log = os.path.relpath(self.log.path, target.parent)
         lines = [f"# What the columns of {self.log.path.name} seem to be. Correct what is wrong{answer}.",
-                 f"logs = [{json.dumps(log, ensure_ascii=False)}]  # several: a run each",
+                 f"logs = [{shown(os.path.relpath(self.log.path, target.parent))}]  # several: a run each",
                  f'kind = "{self.kind}"']  # fmt: skip
         facts = {key: what for key, what in self.asked.items() if key != "kind" and "." not in key}
-        lines += [f'{key} = "{ASKED}"  # {what}' for key, what in facts.items()]
-        lines += ["", "[columns]"]
+        lines += [*(f'{key} = "{ASKED}"  # {what}' for key, what in facts.items()), "", "[columns]"]
         for guess in self.guesses:
-            of = [column + 1 if (name := self.log.names[column]) == str(column + 1) else name
-                  for column in guess.columns]  # fmt: skip
-            told: dict[str, Any] = {"column": of if of[1:] else of[0]}
-            told |= {"unit": guess.unit} if guess.unit and guess.name != "y_cm" else {}
-            told |= ({"sign": -1} if guess.sign < 0 else {}) | guess.more
-            inner = ", ".join(f"{key} = {json.dumps(v, ensure_ascii=False)}" for key, v in told.items())
-            lines.append(f"{guess.name} = {{ {inner} }}  # {guess.why}")
+            names = [self.log.names[k] for k in guess.columns]
+            entry = f"column = {shown(names if names[1:] else names[0])}"
+            entry += f', unit = "{guess.unit}"' if guess.unit and guess.name != "y_cm" else ""
+            entry += ", sign = -1" * (guess.sign < 0) + ", per_row = true" * guess.per_row
+            lines.append(f"{guess.name} = {{ {entry} }}  # {guess.why}")
         if self.kind == ASKED:
-            names = ", ".join(self.log.names[k] for k in self.unused)
-            lines += [f"# Not told: {names}. They may be: {', '.join(UNITS)}, s0, s1 …"]
+            lines.append(f"# Not told: {', '.join(self.unused)}. They may be: {', '.join(UNITS)}, s0, s1 …")
         return "\n".join(lines) + "\n"
-
-    @property
-    def unused(self) -> list[int]:
-        """Columns that seem to be nothing that is needed."""
-        return [
-            k for k in range(len(self.log.names)) if all(k not in guess.columns for guess in self.guesses)
-        ]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON."""
-        columns = [
-            {"name": g.name, "column": [self.log.names[k] for k in g.columns], "unit": g.unit, "sign": g.sign,
-             "why": g.why, **g.more} for g in self.guesses
-        ]  # fmt: skip
-        return {
-            "log": str(self.log.path), "rows": len(self.log.values), "separator": self.log.separator,
-            "head": self.log.head, "kind": self.kind, "asked": dict(self.asked), "columns": columns,
-            "notes": [*self.log.notes, *self.findings],
-        }  # fmt: skip
 
 
 def look(path: str | Path) -> Look:
@@ -151,25 +131,32 @@ def look(path: str | Path) -> Look:
         RecordingError: there is no table of numbers in it.
     """
     log = read_log(path)
-    found = _by_name(log)
-    run = np.zeros(len(log.values), np.int64)
+    found, run = _by_name(log), np.zeros(len(log.values), np.int64)
     if "run" in found:
         run = np.unique(found["run"].values(log), return_inverse=True)[1].astype(np.int64)
-    _clock(log, found)
-    pairs = [[f"{what}_{side}" for side in SIDES] for what in ("counter", "speed", "command")]
-    for some in (["x_cm", "y_cm"], ["v", "w"], ["command_v", "command_w"], ["sensor", "reading"], *pairs):
-        if not set(some) <= found.keys():
-            for name in some:
-                found.pop(name, None)
-    if not log.head:
-        _without_names(log, found, run)
+    for some in TOGETHER:
+        for name in some if not set(some) <= found.keys() else ():
+            found.pop(name, None)
+    if "t_s" in found and found["t_s"].unit not in UNITS["t_s"]:
+        clock = found["t_s"]
+        step = np.diff(log.values[:, clock.columns[0]])
+        usual = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
+        clock.unit = next(unit for unit, below in CLOCKS if usual < below)
+        clock.why += f"; one row every {usual:.3g}"
     way = _Way(log, found, run)
     if "x_cm" in found:
-        _place(log, found, way)
+        _place(way)
     if "heading_deg" in found:
-        _heading(log, found["heading_deg"], way)
-    _wheels(log, found, way, run)
-    _rates(log, found, way)
+        _heading(way, found["heading_deg"])
+    for kind in ("counter", "speed"):
+        if f"{kind}_left" in found:
+            _wheels(way, kind)
+    for name in found.keys() & {"v", "w", "command_v", "command_w"}:
+        rate = found[name]
+        gone = way.integral(rate)
+        _unit_of_rates(way, [rate], gone)
+        if name == "w" and (alike := way.turning(gone)) < -0.5:
+            rate.sign, rate.why = -1, f"{rate.why}; reversed, or it would turn the other way ({alike:.2f})"
     return _told(log, found, run)
 
 
@@ -178,8 +165,7 @@ def look(path: str | Path) -> Look:
 
 def _by_name(log: Log) -> dict[str, Guess]:
     """Guesses by name, the first column of each."""
-    found: dict[str, Guess] = {}
-    turned: dict[str, int] = {}
+    found, turned = dict[str, Guess](), dict[str, int]()
     for k, name in enumerate(log.names):
         words = " ".join(re.findall(r"[a-z]+|\d+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower()))
         if part := re.fullmatch(r"(?:.* )?(?:q|quat|quaternion|orientation|rotation) ?([xyzw])", words):
@@ -188,13 +174,10 @@ def _by_name(log: Log) -> dict[str, Guess]:
         role, unit = _role(words)
         if role and role not in found and np.isfinite(log.values[:, k]).any():
             found[role] = Guess(role, [k], unit)
-    letters = "xyzw" if len(turned) == 4 else "zw"
-    if set(letters) <= turned.keys():
-        of = [turned[letter] for letter in letters]
-        size = np.linalg.norm(log.values[:, of], axis=1)
-        if np.isfinite(size).any():
-            told = f"a quaternion, {np.nanmedian(size):.3f} long"
-            found["heading_deg"] = Guess("heading_deg", of, "quaternion", told)
+    if {"z", "w"} <= turned.keys():
+        of = [turned[letter] for letter in ("xyzw" if len(turned) == 4 else "zw")]
+        size = np.nanmedian(np.linalg.norm(log.values[:, of], axis=1))
+        found["heading_deg"] = Guess("heading_deg", of, "quaternion", f"a quaternion, {size:.3f} long")
     third = found["y_cm"].columns[0] + 1 if "y_cm" in found else len(log.names)
     if "heading_deg" not in found and third < len(log.names) and log.names[third].lower().endswith("z"):
         found["heading_deg"] = Guess("heading_deg", [third], why="the third of a pose in the plane")
@@ -204,41 +187,25 @@ def _by_name(log: Log) -> dict[str, Guess]:
 def _role(words: str) -> tuple[str, str]:
     """What a column is by its words, and its unit if they say one; "" for neither."""
     unit = ""
-    if (said := re.search(UNIT, words)) is not None:
-        unit = f"{said[1]}/s" if said[1] else SHORT.get(said[2], said[2])
+    if said := re.search(UNIT, words):
+        unit = f"{said[1]}/s" if said[1] else said[2]
         words = words[: said.start()]
-    if sensor := re.fullmatch(SENSOR, words):
+    if sensor := re.fullmatch(NUMBERED, words):
         return f"s{int(sensor[1])}", unit
-    # Two letters such as vl are speed and left.
-    words = re.sub(r"\b(v|enc|ticks?|cmd|u)([lr])\b", r"\1 \2", words)
+    words = re.sub(r"\b(v|enc|ticks?|cmd|u)([lr])\b", r"\1 \2", words)  # vl is speed and left
     side = "left" if re.search(LEFT, words) else "right" if re.search(RIGHT, words) else ""
     for name, some in OF_A_SIDE if side else NAMES:
         if re.search(rf"\b(?:{some})(?:\b|$)", words):
-            commanded = re.search(rf"\b(?:{OF_A_SIDE[0][1]})\b", words) and name in ("v", "w")
-            beside = re.search({"v": r" [yz]$", "w": r" [xy]$"}.get(name, "$^"), words)
-            return ("" if beside else f"{name}_{side}" if side else "command_" * bool(commanded) + name), unit
+            if side:
+                return f"{name}_{side}", unit
+            if re.search({"v": r" [yz]$", "w": r" [xy]$"}.get(name, "$^"), words):
+                return "", unit  # sideways
+            commanded = name in ("v", "w") and re.search(rf"\b(?:{OF_A_SIDE[0][1]})\b", words)
+            return f"command_{name}" if commanded else name, unit
     return "", unit
 
 
 # By what they do
-
-
-def _clock(log: Log, found: dict[str, Guess]) -> None:
-    """The clock, named so or the first column that grows from row to row, and its unit."""
-    step = np.diff(log.values, axis=0)
-    grows = [k for k in range(len(log.names)) if (step[:, k] > 0).all()]
-    if "t_s" in found and (step[:, found["t_s"].columns[0]] >= 0).mean() < 0.9:
-        del found["t_s"]
-    if "t_s" not in found and grows and not log.head:
-        found["t_s"] = Guess("t_s", grows[:1], why="the first that grows from row to row")
-    if "t_s" not in found or found["t_s"].unit in UNITS["t_s"]:
-        return
-    guess = found["t_s"]
-    begin, forth = log.values[0, guess.columns[0]], step[step[:, guess.columns[0]] > 0, guess.columns[0]]
-    usual = float(np.median(forth)) if len(forth) else 1.0
-    epoch = [unit for unit, now in EPOCHS.items() if now < begin < 5 * now]
-    guess.unit = epoch[0] if epoch else "s" if usual < 2.5 else "ms" if usual < 2500 else "us"
-    guess.why += "; it counts from 1970" if epoch else f"; one row every {usual:.3g}"
 
 
 class _Way:
@@ -249,38 +216,32 @@ class _Way:
     """
 
     def __init__(self, log: Log, found: Mapping[str, Guess], run: NDArray[np.int64]) -> None:
+        self.log, self.found, self.run, self.faced, self.measured = log, found, run, False, False
         self.t = found["t_s"].values(log) if "t_s" in found else np.arange(0.0, len(run)) / 10
-        self.run, self.faced, pairs = run, False, list[tuple[int, int]]()
         x, y = (found[n].values(log) if n in found else np.full(len(run), math.nan) for n in ("x_cm", "y_cm"))
         good = np.flatnonzero(np.isfinite(x + y)).tolist()
         self.extent = max(float(np.ptp(x[good])), float(np.ptp(y[good]))) if good else 0.0
-        a, step = good[0] if good else 0, self.extent / 40
+        picked, step = good[:1], self.extent / 40
         for b in good:
-            far = math.hypot(x[b] - x[a], y[b] - y[a])
-            if self.run[a] != self.run[b] or far > 5 * step:
-                a = b
-            elif far >= step > 0:
-                pairs.append((a, b))
-                a = b
-        self.begin, self.end = np.array(pairs, np.int64).reshape(-1, 2).T
-        dx, dy = x[self.end] - x[self.begin], y[self.end] - y[self.begin]
-        self.gone, self.to = np.hypot(dx, dy), np.arctan2(dy, dx)
-        follows = np.append(False, self.begin[1:] == self.end[:-1])[: len(dx)]
+            a = picked[-1]
+            if run[a] != run[b] or math.hypot(x[b] - x[a], y[b] - y[a]) >= step:
+                picked.append(b)
+        dx, dy, at = np.diff(x[picked]), np.diff(y[picked]), np.array(picked, np.int64)
+        gone = np.hypot(dx, dy)
+        near = (np.diff(run[at]) == 0) & (gone > 0) & (gone <= 5 * step)
+        self.begin, self.end = at[:-1][near], at[1:][near]
+        self.gone, self.to = gone[near], np.arctan2(dy, dx)[near]
+        follows = np.append(False, self.begin[1:] == self.end[:-1])[: len(self.to)]
         self.turn = np.where(follows, _half(np.diff(self.to, prepend=self.to[:1])), math.nan)
-
-    def face(self, heading: Floats) -> None:
-        """Take turns and the sense of the way from headings [n], rad."""
-        self.faced, self.turn = True, _half(heading[self.end] - heading[self.begin])
-        self.gone = np.copysign(self.gone, np.cos(self.to - heading[self.begin] - self.turn / 2))
 
     def over(self, total: Floats) -> Floats:
         """[m] how much a sum [n] grows in each, 0 where that is unknown."""
-        return np.nan_to_num(total[self.end] - total[self.begin])
+        return np.asarray(np.nan_to_num(total[self.end] - total[self.begin]))
 
-    def integral(self, rate: Floats) -> Floats:
-        """[m] of a rate [n] over the time of each."""
+    def integral(self, rate: Guess) -> Floats:
+        """[m] of a rate over the time of each."""
         step = np.diff(self.t, prepend=self.t[:1]) * (np.diff(self.run, prepend=self.run[:1]) == 0)
-        return self.over(np.cumsum(np.nan_to_num(filled(rate, self.t, self.run)) * step))
+        return self.over(np.cumsum(filled(rate.values(self.log), self.t, self.run) * step))
 
     def turning(self, apart: Floats) -> float:
         """Correlation of the turns with something [m]; 0 if there are too few."""
@@ -294,244 +255,150 @@ def _half(angle: Floats) -> Floats:
     return np.asarray((angle + math.pi) % math.tau - math.pi)
 
 
-def _place(log: Log, found: dict[str, Guess], way: _Way) -> None:
+def _place(way: _Way) -> None:
     """The unit of the place, by how fast and how far it goes."""
-    guess = found["x_cm"]
-    if guess.unit not in UNITS["x_cm"]:
+    guess, units = way.found["x_cm"], UNITS["x_cm"]
+    if guess.unit not in units:
         time = np.maximum(way.t[way.end] - way.t[way.begin], 1e-9)
         speed = float(np.median(way.gone / time)) if len(time) else 0.0
-        could = [unit for unit, to in UNITS["x_cm"].items()
+        could = [unit for unit, to in units.items()
                  if SLOW <= speed * to <= FAST and SMALL <= way.extent * to <= LARGE]  # fmt: skip
         guess.unit = could[0] if len(could) == 1 else ASKED
         guess.why += f"; {speed:.2g} a second over {way.extent:.3g}: {' or '.join(could) or 'no robot does'}"
-        way.gone = way.gone * UNITS["x_cm"].get(guess.unit, 1.0)
-    found["y_cm"].unit = guess.unit
+        way.gone = way.gone * units.get(guess.unit, 1.0)
+    way.found["y_cm"].unit, way.measured = guess.unit, guess.unit != ASKED
 
 
-def _faced(log: Log, columns: list[int], unit: str, sign: int, way: _Way) -> tuple[float, int, float]:
-    """How well it goes, or backs, where a heading so read faces, 0 to 1; the sign; and degrees in between."""
-    heading = Guess("heading_deg", columns, unit, sign=sign).values(log)
-    a, b = heading[way.begin], heading[way.end]
-    apart, weight = way.to - (a + _half(b - a) / 2), way.gone * np.exp(-((_half(b - a) / 0.2) ** 2))
-    known = np.isfinite(apart)
-    mean = complex((weight * np.exp(2j * apart))[known].sum()) / max(float(weight[known].sum()), 1e-12)
-    return abs(mean), sign, math.degrees(math.remainder(np.angle(mean) / 2, math.pi))
-
-
-def _without_names(log: Log, found: dict[str, Guess], run: NDArray[np.int64]) -> None:
-    """Of columns without names: two neighbours that go where a third faces, and two that turn meanwhile."""
-    rest = [k for k in range(len(log.names)) if all(k not in guess.columns for guess in found.values())]
-    pairs, best = [(k, k + 1) for k in rest if k + 1 in rest], (0.0, (0, 0), 0)
-    for pair in pairs:
-        place = {name: Guess(name, [k]) for name, k in zip(("x_cm", "y_cm"), pair, strict=True)}
-        way = _Way(log, found | place, run)
-        for k in (k for k in rest if k not in pair and len(way.gone) > 10):
-            shares = [_faced(log, [k], unit, sign, way)[0] for unit in ("rad", "deg") for sign in (1, -1)]
-            best = max(best, (max(shares), pair, k))
-    share, (x, y), heading = best
-    if share < EVIDENT:
-        return
-    why = f"columns {x + 1} and {y + 1} go where column {heading + 1} faces"
-    for name, k in (("x_cm", x), ("y_cm", y), ("heading_deg", heading)):
-        found[name] = Guess(name, [k], why=why)
-    way = _Way(log, found, run)
-    told = [
-        (max(_explained(way, [log.values[:, k] for k in pair], run)), pair)
-        for pair in pairs if not {x, y, heading} & set(pair)
-    ]  # fmt: skip
-    if told and max(told)[0] > EVIDENT:
-        for side, k in zip(SIDES, max(told)[1], strict=True):
-            found[f"counter_{side}"] = Guess(f"counter_{side}", [k], why="it turns when the place moves")
-
-
-def _explained(way: _Way, counts: Sequence[Floats], run: NDArray[np.int64]) -> list[float]:
-    """Shares of the way that two counters explain: if they are cumulative, if they count each row anew."""
-    total, left = float(np.sum(way.gone**2)), []
-    for each in (False, True):
-        gone = np.stack([way.over(cumulative(one, run, per_row=each)[0]) for one in counts], 1)
-        fitted = gone @ np.linalg.lstsq(gone, way.gone, rcond=None)[0]
-        left.append(1 - float(np.sum((fitted - way.gone) ** 2)) / total)
-    return left
-
-
-def _heading(log: Log, guess: Guess, way: _Way) -> None:
-    """The heading's unit, sign and zero: those with which it goes where it faces."""
-    units = [guess.unit] if guess.unit in UNITS["heading_deg"] else ["rad", "deg"]
-    tried = [(*_faced(log, guess.columns, unit, sign, way), unit) for unit in units for sign in (1, -1)]
-    share, sign, zero, guess.unit = max(tried)
-    other = max(one for one, s, _, unit in tried if (s, unit) == (-sign, guess.unit))
+def _heading(way: _Way, guess: Guess) -> None:
+    """The heading's unit and sign: those with which it goes, or backs, where it faces."""
+    units, tried = [guess.unit] if guess.unit in UNITS["heading_deg"] else ["rad", "deg"], []
+    for unit, sign in ((unit, sign) for unit in units for sign in (1, -1)):
+        heading = converted("heading_deg", way.log.values[:, guess.columns], unit, sign)
+        turn = _half(heading[way.end] - heading[way.begin])
+        apart, weight = way.to - heading[way.begin] - turn / 2, way.gone * np.exp(-((turn / 0.2) ** 2))
+        known = np.isfinite(apart)
+        mean = (weight * np.exp(2j * apart))[known].sum() / max(weight[known].sum(), 1e-12)
+        zero = math.degrees(math.remainder(float(np.angle(mean)) / 2, math.pi))
+        tried.append((float(abs(mean)), sign, unit, zero, turn, np.where(np.cos(apart) < 0, -1, 1)))
+    share, sign, unit, zero, turn, backs = max(tried, key=lambda one: one[0] + CLEAR * (one[1] > 0))
+    other = next(one[0] for one in tried if one[1:3] == (-sign, unit))
+    guess.why += f"; the path agrees by {share:.2f}, reversed by {other:.2f}"
     if share < SURE:
-        whole_turn = float(np.abs(np.nan_to_num(log.values[:, guess.columns])).max()) < 2 * math.tau
-        guess.unit = units[0] if whole_turn else units[-1]
-        guess.why += f"; unit by its size; the path agrees with it by {share:.2f} only: check it"
+        guess.unit, guess.why = ASKED if units[1:] else unit, f"{guess.why}: check it"
         return
-    if share - other < CLEAR:  # it hardly turned
-        sign, zero = 1, 0.0
-    guess.sign, guess.why = sign, f"{guess.why}; the path agrees by {share:.2f}, reversed by {other:.2f}"
+    guess.unit, guess.sign = unit, sign
     if abs(zero) > SQUARE_DEG:
-        near = math.copysign(90.0, zero)
-        guess.more["offset_deg"] = near if abs(zero - near) < SQUARE_DEG else float(round(zero))
         guess.why += f", if turned by {zero:.0f}°"
-    way.face(guess.values(log))
-
-
-def _wheels(log: Log, found: dict[str, Guess], way: _Way, run: NDArray[np.int64]) -> None:
-    """Counters and speeds of both wheels: of each row or cumulative, signs, exchanged or not, units."""
-    for kind in ("counter", "speed"):
-        if f"{kind}_left" not in found:
-            continue
-        pair = [found[f"{kind}_{side}"] for side in SIDES]
-        if kind == "speed":
-            gone = np.stack([way.integral(guess.values(log)) for guess in pair], 1)
-        else:
-            counts = [filled(guess.values(log), way.t, run) for guess in pair]
-            each, why = _of_each_row(way, counts, run)
-            gone = np.stack([way.over(cumulative(one, run, per_row=each)[0]) for one in counts], 1)
-            for guess in pair:
-                guess.unit, guess.more = "pulses", {"per_row": True} if each else {}
-                guess.why += f"; {'of each row' if each else 'cumulative'}: {why}"
-        if len(gone) > 10:
-            _signs(pair, gone, way)
-        if kind == "speed":
-            _speed_unit(log, found, pair, way, gone @ [guess.sign / 2 for guess in pair])
-
-
-def _of_each_row(way: _Way, counts: Sequence[Floats], run: NDArray[np.int64]) -> tuple[bool, str]:
-    """Whether counters count each row anew, by the way that they explain; else by how far they go from row to
-    row. And why."""
-    if len(way.gone) > 10:
-        sums, rows = _explained(way, counts, run)
-        return rows > sums, f"explains {max(sums, rows):.2f} of the path, else {min(sums, rows):.2f}"
-    shares = []
-    for one in counts:
-        total = np.nan_to_num(cumulative(one, run, per_row=False)[0])
-        shares.append(float(np.abs(np.diff(total)).mean() / max(np.ptp(total), 1)))
-    return min(shares) > EACH, f"{min(shares):.1%} of its range a row"
-
-
-def _signs(pair: Sequence[Guess], gone: Floats, way: _Way) -> None:
-    """Signs of wheels that have `gone` [m, 2], and whether left is right."""
-    ahead = np.linalg.lstsq(gone, way.gone, rcond=None)[0]
-    told = way.faced and np.abs(ahead).min() > 0.2 * np.abs(ahead).max()
-    signs = np.where((ahead if told else gone.sum(axis=0)) < 0, -1, 1)
-    why = f"reversed, so that it {'drives where it faces' if told else 'mostly drives forwards'}"
-    for guess, sign in zip(pair, signs.tolist(), strict=True):
-        guess.sign, guess.why = sign, guess.why + f"; {why}" * (sign < 0)
-    if (alike := way.turning(gone @ (signs * [-1, 1]))) < -0.5:
-        left, right = pair
-        left.columns, right.columns, left.sign, right.sign = (
-            right.columns,
-            left.columns,
-            right.sign,
-            left.sign,
-        )
-        for guess in pair:
-            guess.why = f"exchanged, or it would turn the other way ({alike:.2f}); {guess.why}"
-
-
-def _rates(log: Log, found: dict[str, Guess], way: _Way) -> None:
-    """v and w as they were measured, and commands: units and the sense of w."""
-    if "v" in found:
-        w = found["w"]
-        _speed_unit(log, found, [found["v"]], way, way.integral(found["v"].values(log)))
-        turned, known = way.integral(w.values(log)), np.isfinite(way.turn)
-        if w.unit not in UNITS["w"]:
-            ratio = float(np.abs(way.turn[known]).sum() / max(np.abs(turned[known]).sum(), 1e-12))
-            fast = float(np.nanmax(np.abs(w.values(log)))) > 30
-            w.unit = "deg/s" if (ratio < 0.1 if known.any() else fast) else "rad/s"
-            w.why += f"; the path turns {ratio:.3g} rad per unit" if known.any() else "; by its size"
-        if (alike := way.turning(turned)) < -0.5:
-            w.sign, w.why = -1, f"{w.why}; reversed, or it would turn the other way ({alike:.2f})"
-    for name, guess in found.items():
-        if name == "command_v":
-            _speed_unit(log, {}, [guess], way, np.zeros(0))
-        elif name.startswith("command") and guess.unit not in UNITS[name]:
-            guess.unit = next(iter(UNITS[name]))
-            guess.why += "; its unit is assumed"
-
-
-def _speed_unit(log: Log, found: Mapping[str, Guess], some: Sequence[Guess], way: _Way, gone: Floats) -> None:
-    """The unit of speeds by the way that their integral `gone` [m] went, or by their size."""
-    if some[0].unit in UNITS[some[0].name]:
-        return
-    own = "own" if "own" in UNITS[some[0].name] else ASKED
-    if "x_cm" in found and found["x_cm"].unit != ASKED and np.abs(gone).sum() > 0:
-        factor = float(np.abs(way.gone).sum() / np.abs(gone).sum())
-        could = [unit for unit, to in SPEED.items() if abs(math.log(factor / to)) < 0.4]
-        why = f"the path goes {factor:.3g} cm per unit"
     else:
-        top = max(float(np.nanquantile(np.abs(guess.values(log)), 0.95)) for guess in some)
-        could = [unit for unit, to in SPEED.items() if 3 * SLOW <= top * to <= FAST]
-        could, why = (could if len(could) == 1 and own == ASKED else []), f"values up to {top:.3g}"
-    for guess in some:
-        guess.unit, guess.why = could[0] if could else own, f"{guess.why}; {why}"
+        way.faced, way.turn, way.gone = True, turn, way.gone * backs
+
+
+def _wheels(way: _Way, kind: str) -> None:
+    """Counters or speeds of both wheels: of each row or cumulative, signs, exchanged or not, units."""
+    left, right = pair = [way.found[f"{kind}_{side}"] for side in SIDES]
+    gone = _counted(way, pair) if kind == "counter" else np.stack([*map(way.integral, pair)], 1)
+    if len(gone) > FEW:
+        ahead = np.linalg.lstsq(gone, way.gone, rcond=None)[0]
+        told = way.faced and np.abs(ahead).min() > 0.2 * np.abs(ahead).max()
+        signs = np.where((ahead if told else gone.sum(axis=0)) < 0, -1, 1)
+        why = f"; reversed, so that it {'drives where it faces' if told else 'mostly drives forwards'}"
+        for guess, sign in zip(pair, signs.tolist(), strict=True):
+            guess.sign, guess.why = sign, guess.why + why * (sign < 0)
+        if (alike := way.turning(gone @ (signs * [-1, 1]))) < -0.5:
+            left.columns, right.columns = right.columns, left.columns
+            left.sign, right.sign = right.sign, left.sign
+            for guess in pair:
+                guess.why = f"exchanged, or it would turn the other way ({alike:.2f}); {guess.why}"
+    if kind == "speed":
+        _unit_of_rates(way, pair, gone @ [guess.sign / 2 for guess in pair])
+
+
+def _counted(way: _Way, pair: Sequence[Guess]) -> Floats:
+    """[m, 2] pulses of two counters that count each row anew or not, by the way that they explain; else by
+    how far they go from row to row."""
+    made = [filled(guess.values(way.log), way.t, way.run) for guess in pair]
+    gone = [
+        np.stack([way.over(cumulative(one, way.run, per_row=each)[0]) for one in made], 1)
+        for each in (False, True)
+    ]
+    left = [way.gone - one @ np.linalg.lstsq(one, way.gone, rcond=None)[0] for one in gone]
+    shares = [1 - float(one @ one) / max(float(way.gone @ way.gone), 1e-12) for one in left]
+    per_row, why = shares[1] > shares[0], f"explains {max(shares):.2f} of the path, else {min(shares):.2f}"
+    if len(way.gone) <= FEW:
+        totals = [cumulative(one, way.run, per_row=False)[0] for one in made]
+        step = min(float(np.abs(np.diff(one)).mean() / max(np.ptp(one), 1)) for one in totals)
+        per_row, why = step > EACH, f"{step:.1%} of its range a row"
+    for guess in pair:
+        guess.unit, guess.per_row = "pulses", per_row
+        guess.why += f"; {'of each row' if per_row else 'cumulative'}: {why}"
+    return gone[per_row]
+
+
+def _unit_of_rates(way: _Way, some: Sequence[Guess], gone: Floats) -> None:
+    """The unit of speeds, of turning or ahead, by how the way went while their integral was `gone` [m]."""
+    units, turning = UNITS[some[0].name], some[0].name.endswith("w")
+    went = way.turn if turning else way.gone if way.measured else np.zeros(len(gone))
+    known = np.isfinite(went)
+    if some[0].unit not in units and went[known].any() and gone[known].any():
+        factor = float(np.abs(went[known]).sum() / np.abs(gone[known]).sum())
+        could = [one for one, to in units.items() if one != "own" and abs(math.log(factor / to)) < NEARLY]
+        for guess in some:
+            guess.unit = "".join(could)
+            guess.why += f"; {factor:.3g} {'rad' if turning else 'cm'} of the path per unit"
 
 
 # What is made of it
 
 
 def _told(log: Log, found: dict[str, Guess], run: NDArray[np.int64]) -> Look:
-    readings = [name for name in found if re.fullmatch(r"s\d+|reading", name)]
-    near, asked = readings and "distance_cm" in found, dict[str, str]()
+    sensors = [name for name in found if SENSOR.fullmatch(name)]
+    near, asked = "distance_cm" in found and bool(sensors or "reading" in found), dict[str, str]()
     moves = found.keys() & {"counter_left", "speed_left", "v", "command_left", "command_v"}
     path = {"t_s", "x_cm", "y_cm", "heading_deg"} <= found.keys()
     kind = "infrared" if near else "wheels" if moves and "t_s" in found else "track" if path else ASKED
     if kind == ASKED:
         asked["kind"] = "wheels, infrared, ambient or track; name its columns below"
     if near:
-        if "heading_deg" in found and "x_cm" not in found:
-            turned = found["heading_deg"]
-            why = "an angle beside a distance; unit by its size or name"
-            found.setdefault("bearing_deg", Guess("bearing_deg", turned.columns, turned.unit, why))
         asked["object"] = 'what they saw: "wall" or "cylinder:RADIUS_CM" (or "lamp": kind = "ambient")'
-        if "bearing_deg" not in found:
-            asked["bearing_deg"] = "of it, counter-clockwise from the front: a number, or one for each sensor"
-    elif kind == "wheels":
-        own = found["speed_left"].unit == "own" if "speed_left" in found else False
-        if "x_cm" not in found and ("counter_left" in found or own):
-            asked["pulses_per_mm"] = "of the counters, since no poses measure them"
-        if "command_v" in found or ("v" in found and "counter_left" not in found):
-            asked["track_cm"] = "between the wheels, with which the robot makes v and w from their speeds"
-    of_readings = ("distance_cm", "bearing_deg", "speed_cm_s", "sensor", "reading")
-    names = [*of_readings, *(name for name in readings if name != "reading")]
-    if not near:
-        names = [name for name in UNITS if name not in of_readings]
-    guesses = tuple(found[name] for name in names if name in found)
+    if near and "bearing_deg" not in found:
+        asked["bearing_deg"] = "of it, counter-clockwise from the front: a number, or one for each sensor"
+    if kind == "wheels" and "x_cm" not in found and "counter_left" in found:
+        asked["pulses_per_mm"] = "of the counters, since no poses measure them"
+    if kind == "wheels" and ("command_v" in found or ("v" in found and "counter_left" not in found)):
+        asked["track_cm"] = "between the wheels, with which the robot makes v and w from their speeds"
+    wanted = [*NEAR, *sensors] if near else [name for name in UNITS if name not in NEAR]
+    guesses = [found[name] for name in wanted if name in found]
     for guess in guesses:
-        units = UNITS.get(guess.name, {"": 1.0})
+        units = [*UNITS.get(guess.name, [""])]
+        if guess.unit not in units:
+            guess.unit = ASKED if units[1:] else units[0]
         if guess.unit == ASKED and guess.name != "y_cm":
             asked[f"{guess.name}.unit"] = f"one of {', '.join(units)}"
-        elif guess.unit not in units and guess.unit != ASKED:
-            guess.unit = next(iter(units))
     columns = {guess.name: guess.values(log) for guess in guesses}
-    return Look(
-        log=log, guesses=guesses, kind=kind, asked=asked, columns=columns, run=run,
-        findings=tuple(findings(columns, run, log.lines.tolist())),
-    )  # fmt: skip
+    told = tuple(findings(columns, run, [f"line {k}" for k in log.lines]))
+    return Look(log=log, guesses=guesses, kind=kind, asked=asked, columns=columns, run=run, findings=told)
 
 
-def findings(columns: Mapping[str, Floats], run: NDArray[np.int64], lines: Sequence[Any]) -> Iterator[str]:
+def findings(columns: Mapping[str, Floats], run: NDArray[np.int64], lines: Sequence[str]) -> Iterator[str]:
     """Rate, gaps, and poses that repeat or jump, in words."""
-    if "t_s" not in columns:
-        return
-    t = columns["t_s"]
+    t = columns.get("t_s", np.zeros(len(run)))
     step = np.diff(t)[np.diff(run) == 0]
     if not (step > 0).any():
         return
     usual, (low, high) = np.median(step[step > 0]), np.quantile(step, (0.05, 0.95))
     again = f", {n} not after the row before" if (n := int((step <= 0).sum())) else ""
     yield f"rows {usual:.3g} s apart (90 %: {low:.3g} to {high:.3g} s, longest {step.max():.3g} s){again}"
-    if (cut := gaps(t, run)).any():
-        yield f"{many(cut.sum(), 'gap')}, the first before line {lines[int(cut.argmax())]}"
-    if not {"x_cm", "y_cm"} <= columns.keys():
-        return
-    place = np.stack([columns["x_cm"], columns["y_cm"]], 1)
-    counted = [columns[name] for name in ("counter_left", "counter_right") if name in columns]
-    moved = np.append(False, (np.diff(counted) != 0).any(axis=0)) if counted else np.full(len(t), True)
-    if (same := repeats(place, moved)).any():
-        what = " though the wheels turned" if counted else ""
-        yield f"{many(same.sum(), 'pose')} of {len(t)} repeated from the row before{what}: not measured anew"
-    cut, alone = jumps(t, place, run)
-    if (off := cut | alone).any():
-        where = lines[int(off.argmax())]
-        yield f"{many(off.sum(), 'jump')} out of reach ({alone.sum()} of one row), the first in line {where}"
+    found = [(gaps(t, run), "gap", "")]
+    if {"x_cm", "y_cm"} <= columns.keys():
+        place = np.stack([columns["x_cm"], columns["y_cm"]], 1)
+        counted = [columns[f"counter_{side}"] for side in SIDES if f"counter_{side}" in columns]
+        moved = np.append(False, (np.diff(counted) != 0).any(axis=0)) if counted else np.full(len(t), True)
+        cut, alone = jumps(t, place, run)
+        how = " though the wheels turned" if counted else ""
+        found += [
+            (repeats(place, moved), "pose", f" of {len(t)} repeated{how}: not measured anew"),
+            (cut | alone, "jump", f" out of reach ({alone.sum()} of one row)"),
+        ]
+    for rows, noun, what in found:
+        if rows.any():
+            yield f"{many(rows.sum(), noun)}{what}, first in {lines[int(rows.argmax())]}"

@@ -24,37 +24,37 @@ from numpy.typing import NDArray
 
 from realitygap.errors import RecordingError
 from realitygap.files import read_toml, refuse_unknown
-from realitygap.logs.cuts import many
+from realitygap.logs.cuts import many, repeats
 from realitygap.logs.table import Log, read_log
 from realitygap.track import Track
 from realitygap.values import Floats
 
-__all__ = ["ASKED", "KINDS", "SIDES", "UNITS", "Mapped", "cumulative", "filled", "quaternion_yaw", "read_map"]
+__all__ = [
+    "ASKED", "SENSOR", "SIDES", "UNITS", "Mapped", "converted", "cumulative", "filled", "read_map",
+]  # fmt: skip
 
 KINDS = ("wheels", "infrared", "ambient", "track")
 ASKED = "?"
 SIDES = ("left", "right")
-TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+SENSOR = re.compile(r"s(\d+)")
 LENGTH = {"cm": 1.0, "mm": 0.1, "m": 100.0}
 ANGLE = {"rad": 1.0, "deg": math.pi / 180, "quaternion": 1.0}
 SPEED = {"cm/s": 1.0, "mm/s": 0.1, "m/s": 100.0}
-OWN = {"own": 1.0}
-"""A robot's own unit of commands or speeds."""
-PLAIN = {"": 1.0}
+TURN = {"rad/s": 1.0, "deg/s": math.pi / 180}
+OWN, PLAIN = {"own": 1.0}, {"": 1.0}
+"""A robot's own unit of commands or speeds; none."""
 UNITS: dict[str, Mapping[str, float]] = {
-    "t_s": TIME, "x_cm": LENGTH, "y_cm": LENGTH, "heading_deg": ANGLE, "distance_cm": LENGTH,
-    "bearing_deg": ANGLE, "v": SPEED, "w": {"rad/s": 1.0, "deg/s": math.pi / 180},
-    "command_v": SPEED, "command_w": {"rad/s": 1.0, "deg/s": math.pi / 180},
+    "t_s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}, "x_cm": LENGTH, "y_cm": LENGTH,
+    "heading_deg": ANGLE, "distance_cm": LENGTH, "bearing_deg": ANGLE,
+    "v": SPEED, "w": TURN, "command_v": SPEED, "command_w": TURN,
     **{f"counter_{side}": {"pulses": 1.0} for side in SIDES},
     **{f"speed_{side}": SPEED | OWN for side in SIDES}, **{f"command_{side}": OWN for side in SIDES},
     "speed_cm_s": SPEED, "run": PLAIN, "sensor": PLAIN, "reading": PLAIN,
 }  # fmt: skip
 """What a column may be, and in which units: factors to s, cm, rad, cm/s, rad/s."""
-KEYS = ("column", "unit", "sign", "offset_deg", "per_row")
+KEYS = ("column", "unit", "sign", "per_row")
 WRAP = 2.0**16
 """Counters of 16 bits begin anew there."""
-ANEW = 10
-"""Usual steps by which a clock goes back that begins anew."""
 MOST_SENSORS = 1000
 AGAIN_S = 0.5
 """A pose that is the same for less was not measured anew."""
@@ -62,16 +62,15 @@ AGAIN_S = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mapped:
-    """The columns of logs in s, cm, rad and pulses, runs one after the other; what is asked is refused when
-    it is needed.
+    """The columns of logs in s, cm, rad and pulses, runs one after the other.
 
     Attributes:
         path, hash: the MAP.toml, and the SHA-256 of it and its logs.
+        facts: what stands beside its columns; an asked one is still "?".
         columns: [n] by name as in UNITS; counters are cumulative, times grow within a run.
         units: of each, as the map says.
         sensors: [n, S] readings s0, s1, …; None without.
-        run: [n] from 0 on; names: of the runs.
-        lines: [n] where each row is.
+        run: [n] from 0 on; names: of the runs; lines: [n] where each row is.
         notes: what was left out, in words.
     """
 
@@ -83,30 +82,30 @@ class Mapped:
     units: Mapping[str, str]
     sensors: Floats | None = field(repr=False)
     run: NDArray[np.int64] = field(repr=False)
-    names: tuple[str, ...]
+    names: Sequence[str]
     lines: Sequence[str] = field(repr=False)
-    notes: tuple[str, ...]
+    notes: Sequence[str]
 
     def need(self, *names: str) -> None:
         """Refuse a map without these columns."""
-        missing = [name for name in names if name not in self.columns]
-        if missing:
+        for missing in (name for name in names if name not in self.columns):
             raise RecordingError(
                 f"{self.path}: expected columns {', '.join(names)}, got {', '.join(self.columns)}. Name "
-                f"the log's column: {missing[0]} = {{ column = … }}."
+                f"the log's column: {missing} = {{ column = … }}."
             )
 
     def tracks(self) -> dict[tuple[str, str], Track]:
         """The path of each run, by its name and no unit; a pose repeated within half a second is none."""
         self.need("t_s", "x_cm", "y_cm", "heading_deg")
-        t, x, y, heading = (self.columns[name] for name in ("t_s", "x_cm", "y_cm", "heading_deg"))
+        t, *pose = (self.columns[name] for name in ("t_s", "x_cm", "y_cm", "heading_deg"))
+        new = ~repeats(np.stack(pose, 1), np.diff(self.run, prepend=-1) == 0)
+        last = np.maximum.accumulate(np.where(new, np.arange(len(t)), 0))
+        new |= t - t[last] > AGAIN_S
         out = {}
         for k, name in enumerate(self.names):
-            rows = np.flatnonzero(self.run == k)
-            new = np.concatenate([[True], (np.diff([x[rows], y[rows], heading[rows]]) != 0).any(axis=0)])
-            last = np.maximum.accumulate(np.where(new, np.arange(len(rows)), 0))
-            rows = rows[new | (t[rows] - t[rows][last] > AGAIN_S)]
-            out[name, ""] = Track(t=t[rows], x=x[rows], y=y[rows], heading=heading[rows], seen_by="log")
+            rows = new & (self.run == k)
+            x, y, heading = (one[rows] for one in pose)
+            out[name, ""] = Track(t=t[rows], x=x, y=y, heading=heading, seen_by="log")
         return out
 
 
@@ -119,166 +118,108 @@ def read_map(path: str | Path) -> Mapped:
     path = Path(path)
     facts = read_toml(path, RecordingError, "Make one with `realitygap look LOG`.")
     logs, kind, columns = (facts.pop(key, None) for key in ("logs", "kind", "columns"))
-    if not isinstance(logs, list) or not logs or not all(isinstance(one, str) for one in logs):
-        raise RecordingError(
-            f'{path}: logs: expected a list of files, as in logs = ["run.txt"], got {logs!r}.'
-        )
-    if kind not in KINDS:
-        raise RecordingError(f"{path}: kind: expected {', '.join(KINDS)}, got {kind!r}.")
-    if not isinstance(columns, Mapping) or not columns:
-        raise RecordingError(f"{path}: columns: expected a table [columns] of what each column is.")
-    known = [name for name in columns if _sensor(name) is None]
+    for key, got, good, expected in (
+        ("logs", logs, isinstance(logs, list) and logs, 'a list of files, as in logs = ["run.txt"]'),
+        ("kind", kind, kind in KINDS, ", ".join(KINDS)),
+        ("columns", columns, isinstance(columns, Mapping) and columns, "what each column is: [columns]"),
+    ):
+        if not good:
+            raise RecordingError(f"{path}: {key}: expected {expected}, got {got!r}.")
+    known = [name for name in columns if not SENSOR.fullmatch(name)]
     refuse_unknown(known, UNITS, RecordingError, where=f"{path}: columns", cure="And sensors: s0, s1 …")
-    said = {name: _entry(path, name, entry) for name, entry in columns.items()}
-    if "unit" in said.get("x_cm", {}) and "y_cm" in said:
-        said["y_cm"].setdefault("unit", said["x_cm"]["unit"])
-    read = [read_log(os.path.normpath(path.parent / one)) for one in logs]
-    parts = [{name: _converted(path, log, name, entry) for name, entry in said.items()} for log in read]
+    said = {name: _entry(f"{path}: {name}", name, entry, columns) for name, entry in columns.items()}
+    read = [read_log(os.path.normpath(path.parent / str(one))) for one in logs]
+    parts = [{name: _column(path, log, name, entry) for name, entry in said.items()} for log in read]
     notes = [note for log in read for note in log.notes]
     made = {name: np.concatenate([part[name] for part in parts]) for name in said}
-    lines = [f"{log.path}, line {k}" for log in read for k in log.lines.tolist()]
-    of_file = np.repeat(np.arange(len(read)), [len(log.lines) for log in read])
-    run, names = _runs(made.pop("run", None), of_file, [Path(one).stem for one in logs])
+    lines = np.array([f"{log.path}, line {k}" for log in read for k in log.lines.tolist()])
+
+    # A file is a run, or several by its column.
+    stems = [Path(one).stem for one in logs]
+    file = np.repeat(np.arange(len(read)), [len(log.lines) for log in read])
+    told = made.pop("run", np.zeros(len(file)))
+    runs, run = np.unique(np.stack([file, told], 1), axis=0, return_inverse=True)
+    names = [f"{stems[int(one)]}:{value:g}" if len(stems) > 1 else f"{value:g}" for one, value in runs]
+    names = names if "run" in said else stems
     kept = np.argsort(run, kind="stable")
-    made, run = {name: column[kept] for name, column in made.items()}, run[kept]
-    for name in (f"counter_{side}" for side in SIDES):
-        if name in made:
-            made[name], wraps = cumulative(made[name], run, per_row=bool(said[name].get("per_row")))
-            notes += [f"{name} wraps round after 16 bits ({many(wraps, 'time')})"] if wraps else []
+    made, run, lines = {name: column[kept] for name, column in made.items()}, run[kept], lines[kept]
+    for name in (name for name in made if name.startswith("counter")):
+        made[name], wraps = cumulative(made[name], run, per_row=said[name]["per_row"])
+        notes += [f"{name} wraps round after 16 bits ({many(wraps, 'time')})"] if wraps else []
     if "t_s" in made:
-        run, names, good = _in_time(made["t_s"], run, names, notes)
-        made, run, kept = {name: column[good] for name, column in made.items()}, run[good], kept[good]
-        first = np.unique(run, return_index=True)[1]
-        made["t_s"] = made["t_s"] - made["t_s"][first][run]
+        last = np.append((np.diff(made["t_s"]) != 0) | (np.diff(run) != 0), True)
+        notes += [] if last.all() else [f"{many((~last).sum(), 'row')} of the same time as the next left out"]
+        made, run, lines = {name: column[last] for name, column in made.items()}, run[last], lines[last]
+        made["t_s"] = made["t_s"] - made["t_s"][np.unique(run, return_index=True)[1]][run]
         for name in (name for name in made if re.match("counter|speed_[lr]|command|v$|w$", name)):
-            empty, held = np.isnan(made[name]).sum(), name.startswith("command")
-            made[name] = filled(made[name], made["t_s"], run, held=held)
+            empty = np.isnan(made[name]).sum()
+            made[name] = filled(made[name], made["t_s"], run, held=name.startswith("command"))
             notes += [f"{name}: {many(empty, 'empty cell')} filled from its neighbours"] if empty else []
-    lines = [lines[k] for k in kept.tolist()]
-    digest = hashlib.sha256(path.read_bytes())
-    for log in read:
-        digest.update(log.path.read_bytes())
+    digest = hashlib.sha256(b"".join(one.read_bytes() for one in (path, *(log.path for log in read))))
     return Mapped(
-        path=path, hash=digest.hexdigest(), kind=kind, facts=facts, run=run, names=tuple(names), lines=lines,
-        columns={name: column for name, column in made.items() if _sensor(name) is None},
-        units={name: str(entry.get("unit", "")) for name, entry in said.items()},
-        sensors=_sensors(path, made), notes=tuple(dict.fromkeys(notes)),
+        path=path, hash=digest.hexdigest(), kind=kind, facts=facts, run=run, names=names,
+        lines=lines.tolist(), columns={name: made[name] for name in made if name in UNITS},
+        units={name: entry["unit"] for name, entry in said.items()}, sensors=_sensors(path, made),
+        notes=tuple(dict.fromkeys(notes)),
     )  # fmt: skip
 
 
-def quaternion_yaw(parts: Floats) -> Floats:
-    """[n] rad, of quaternions x, y, z, w [n, 4], or z, w [n, 2] of turns about the vertical."""
-    if parts.shape[1] == 2:
-        return np.asarray(2 * np.arctan2(parts[:, 0], parts[:, 1]))
-    x, y, z, w = parts.T
-    return np.asarray(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2)))
-
-
-def _sensor(name: str) -> int | None:
-    """The number of a sensor's column."""
-    return int(name[1:]) if name[:1] == "s" and name[1:].isdecimal() else None
-
-
-def _entry(path: Path, name: str, entry: Any) -> dict[str, Any]:
-    """A column's entry as a table; its unit is known."""
-    made = dict(entry) if isinstance(entry, Mapping) else {"column": entry}
-    where = f"{path}: {name}"
-    refuse_unknown(made, KEYS, RecordingError, where=where)
-    asked = [key for key in made if made[key] == ASKED]
-    units = UNITS.get(name, PLAIN)
-    if asked:
-        what = f"one of {', '.join(units)}" if asked[0] == "unit" else "the log's own"
-        raise RecordingError(
-            f'{where}: {asked[0]}: expected {what}, got "?": `realitygap look` could not tell it. Write it.'
-        )
-    if "column" not in made:
-        raise RecordingError(f"{where}: expected {{ column = … }}, got {entry!r}.")
+def _entry(where: str, name: str, entry: Any, columns: Mapping[str, Any]) -> dict[str, Any]:
+    """A column's entry with every key; the unit of y is that of x if it is not said."""
+    entry = dict(entry) if isinstance(entry, Mapping) else {"column": entry}
+    refuse_unknown(entry, KEYS, RecordingError, where=where)
+    units, beside = UNITS.get(name, PLAIN), columns.get("x_cm") if name == "y_cm" else None
+    unit = beside.get("unit") if isinstance(beside, Mapping) else None
+    made: dict[str, Any] = {"column": ASKED, "unit": unit or next(iter(units)), "sign": 1, "per_row": False}
+    made |= entry
     for key, good, expected in (
-        ("unit", str(made.get("unit", next(iter(units)))) in units, ", ".join(units)),
-        ("sign", made.get("sign", 1) in (1, -1), "1 or -1"),
-        ("offset_deg", isinstance(made.get("offset_deg", 0), int | float), "degrees"),
-        ("per_row", isinstance(made.get("per_row", False), bool), "true or false"),
+        ("unit", str(made["unit"]) in units, f"one of {', '.join(units)}"),
+        ("sign", made["sign"] in (1, -1), "1 or -1"),
+        ("per_row", isinstance(made["per_row"], bool), "true or false"),
     ):
         if not good:
             raise RecordingError(f"{where}: {key}: expected {expected}, got {made[key]!r}.")
     return made
 
 
-def _converted(path: Path, log: Log, name: str, entry: Mapping[str, Any]) -> Floats:
-    column, unit = entry["column"], entry.get("unit", next(iter(UNITS.get(name, PLAIN))))
+def _column(path: Path, log: Log, name: str, entry: Mapping[str, Any]) -> Floats:
+    """A column of a log as its entry says; words are numbered."""
+    at = []
+    for column in entry["column"] if isinstance(entry["column"], list) else [entry["column"]]:
+        if column not in log.names and column not in range(1, len(log.names) + 1):
+            raise RecordingError(
+                f"{path}: {name}: column: expected one of {log.path.name}'s, {', '.join(log.names)}, or its "
+                f"number from 1 to {len(log.names)}, got {column!r}."
+            )
+        at.append(log.names.index(column) if column in log.names else int(column) - 1)
+    if len(at) not in ((2, 4) if entry["unit"] == "quaternion" else (1,)):
+        raise RecordingError(
+            f"{path}: {name}: column: expected one, or x, y, z, w of a quaternion, got {entry['column']!r}."
+        )
+    values = log.values[:, at]
+    if name == "run" and np.isnan(values).any():
+        return np.unique([row[at[0]] for row in log.cells], return_inverse=True)[1].astype(float)
+    return converted(name, values, entry["unit"], entry["sign"])
+
+
+def converted(name: str, parts: Floats, unit: str, sign: int) -> Floats:
+    """[n] in s, cm, rad and so on, or as they stand in an unknown unit, of one column [n, 1]; or yaw of
+    quaternions x, y, z, w [n, 4], or z, w [n, 2] of turns about the vertical."""
+    values = parts[:, 0]
     if unit == "quaternion":
-        if not isinstance(column, list) or len(column) not in (2, 4):
-            raise RecordingError(f"{path}: {name}: a quaternion has 4 columns: x, y, z, w; got {column!r}.")
-        values = quaternion_yaw(np.stack([log.values[:, _at(path, log, name, one)] for one in column], 1))
-    else:
-        at = _at(path, log, name, column)
-        values = log.values[:, at]
-        if name == "run" and np.isnan(values).any():
-            values = np.unique([row[at] for row in log.cells], return_inverse=True)[1].astype(float)
-    factor = entry.get("sign", 1) * UNITS.get(name, PLAIN)[unit]
-    return np.asarray(values * factor + math.radians(entry.get("offset_deg", 0.0)))
-
-
-def _at(path: Path, log: Log, name: str, column: Any) -> int:
-    """A column's place in a log."""
-    if isinstance(column, str) and column in log.names:
-        return log.names.index(column)
-    if isinstance(column, int) and not isinstance(column, bool) and 1 <= column <= len(log.names):
-        return column - 1
-    raise RecordingError(
-        f"{path}: {name}: column: expected one of {log.path.name}'s, {', '.join(log.names)}, or its number "
-        f"from 1 to {len(log.names)}, got {column!r}."
-    )
-
-
-def _runs(
-    told: Floats | None, of_file: NDArray[np.int64], stems: Sequence[str]
-) -> tuple[NDArray[np.int64], list[str]]:
-    """[n] the run of each row, in order, and the runs' names: a file is one, or several by its column."""
-    if told is None:
-        return of_file, list(stems)
-    numbers: dict[tuple[int, float], int] = {}
-    pairs = zip(of_file.tolist(), told.tolist(), strict=True)
-    run = np.array([numbers.setdefault(pair, len(numbers)) for pair in pairs], np.int64)
-    single = len(stems) == 1
-    return run, [f"{value:g}" if single else f"{stems[file]}:{value:g}" for file, value in numbers]
-
-
-def _in_time(
-    t: Floats, run: NDArray[np.int64], names: Sequence[str], notes: list[str]
-) -> tuple[NDArray[np.int64], list[str], NDArray[np.bool_]]:
-    """Runs, their names, and the rows [n] whose time comes before all later ones of their run: of rows of one
-    time the last. A clock that begins anew begins a run."""
-    step, within = np.diff(t), np.diff(run) == 0
-    forth = step[within & (step > 0)]
-    usual = float(np.median(forth)) if len(forth) else 1.0
-    anew = within & (step < -ANEW * usual)
-    number = np.concatenate([[0], np.cumsum(anew | ~within)])
-    whose = run[np.unique(number, return_index=True)[1]].tolist()
-    if anew.any():
-        notes.append(f"the clock begins anew ({many(anew.sum(), 'time')}): a run each")
-    again = [whose[:k].count(one) for k, one in enumerate(whose)]
-    named = [f"{names[one]}.{k + 1}" if k else names[one] for one, k in zip(whose, again, strict=True)]
-    good = np.full(len(t), True)
-    for k in range(len(whose)):
-        rows = np.flatnonzero(number == k)
-        later = np.fmin.accumulate(np.append(t[rows], math.inf)[:0:-1])[::-1]
-        good[rows] = t[rows] < later
-    if not good.all():
-        notes.append(f"{many((~good).sum(), 'row')} left out: not before all later ones")
-    return number, named, good
+        x, y, z, w = np.pad(parts, ((0, 0), (4 - parts.shape[1], 0))).T
+        values = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
+    return np.asarray(values * sign * UNITS.get(name, PLAIN).get(unit, 1.0))
 
 
 def filled(column: Floats, t: Floats, run: NDArray[np.int64], *, held: bool = False) -> Floats:
-    """[n] a column with its empty cells filled, as in rows of which only a pose was logged: evenly in time or
-    with the value before (`held`)."""
-    out = column.copy()
-    for rows in (np.flatnonzero(run == k) for k in np.unique(run)) if np.isnan(column).any() else ():
-        known = rows[np.isfinite(column[rows])]
-        if len(known):
-            before = np.maximum(np.searchsorted(t[known], t[rows], side="right") - 1, 0)
-            out[rows] = column[known[before]] if held else np.interp(t[rows], t[known], column[known])
-    return out
+    """[n] a column whose empty cells have values evenly in between, or the one before (`held`)."""
+    known = np.isfinite(column)
+    if held:
+        before = np.maximum.accumulate(np.where(known, np.arange(len(t)), known.argmax()))
+        return np.asarray(column[before])
+    clock = t + run * (np.ptp(t) + 1)
+    return np.interp(clock, clock[known], column[known]) if known.any() else column
 
 
 def cumulative(pulses: Floats, run: NDArray[np.int64], *, per_row: bool) -> tuple[Floats, int]:
@@ -295,18 +236,12 @@ def cumulative(pulses: Floats, run: NDArray[np.int64], *, per_row: bool) -> tupl
 
 def _sensors(path: Path, made: Mapping[str, Floats]) -> Floats | None:
     """[n, S] readings, from a column for each sensor, or from columns sensor and reading."""
-    if "reading" in made:
-        if "sensor" not in made:
-            raise RecordingError(f"{path}: reading: expected a column sensor beside it, or s0, s1 …")
-        known = np.isin(made["sensor"], range(MOST_SENSORS))
-        if not known.all():
-            got = made["sensor"][int((~known).argmax())]
-            raise RecordingError(f"{path}: sensor: expected its number, from 0 on, in each row, got {got:g}.")
-        number = made["sensor"].astype(np.int64)
-        out = np.full((len(number), int(number.max()) + 1), math.nan)
-        out[np.arange(len(number)), number] = made["reading"]
-        return out
-    found = {k: made[name] for name in made if (k := _sensor(name)) is not None}
-    if found and sorted(found) != list(range(len(found))):
+    if {"reading", "sensor"} <= made.keys():
+        number = np.nan_to_num(made["sensor"], nan=-1)
+        if not np.isin(number, range(MOST_SENSORS)).all():
+            raise RecordingError(f"{path}: sensor: expected its number, from 0 on, in each row.")
+        return np.where(number[:, None] == np.arange(number.max() + 1), made["reading"][:, None], math.nan)
+    found = {int(told[1]): column for name, column in made.items() if (told := SENSOR.fullmatch(name))}
+    if sorted(found) != list(range(len(found))):
         raise RecordingError(f"{path}: expected sensors s0 to s{len(found) - 1}, got {', '.join(made)}.")
     return np.stack([found[k] for k in sorted(found)], 1) if found else None

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,73 +16,54 @@ __all__ = ["draw_log"]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 PANELS = {
-    "heading_deg": ("heading, degrees", ("heading_deg",)),
-    "counter": ("counters, pulses since the start", ("counter_left", "counter_right")),
-    "speed": ("speeds", ("speed_left", "speed_right", "v", "w")),
-    "command": ("commands", ("command_left", "command_right", "command_v", "command_w")),
+    "heading, degrees": ("heading_deg",),
+    "counters, pulses since the start": ("counter_left", "counter_right"),
+    "speeds": ("speed_left", "speed_right", "v", "w"),
+    "commands": ("command_left", "command_right", "command_v", "command_w"),
 }
-"""What is drawn over time: its name, and the columns."""
+"""What is drawn over time."""
 
 
-def draw_log(target: Path, columns: Mapping[str, Floats], run: NDArray[np.int64], title: str) -> None:
-    """Draw a log into a file.
+def draw_log(target: Path, columns: Mapping[str, Floats], run: NDArray[np.int64], heading: str) -> None:
+    """Draw columns [n] by name, as a `Look` or a `Mapped` has them, and their runs [n] into a file."""
+    t, placed, drawn = columns.get("t_s"), {"x_cm", "y_cm"} <= columns.keys(), list[Any]()
 
-    Args:
-        target: .png, .svg or .pdf.
-        columns: [n] by name, as `realitygap.logs.Look` has them.
-        run: [n] the run of each row.
-        title: above all.
-    """
-    shown = {key: told for key, told in PANELS.items() if set(told[1]) & columns.keys()}
-    placed, timed = {"x_cm", "y_cm"} <= columns.keys(), "t_s" in columns
-    near = {name for name in columns if name[:1] == "s" and name[1:].isdecimal()} | (
-        columns.keys() & {"reading"}
-    )
-    count = len(shown) * timed + placed + timed + bool(near)
-    wide = min(max(count, 1), 3)
-    rows = -(-max(count, 1) // wide)
+    def values(name: str) -> Floats:
+        first = columns[name][0] if name.startswith("counter") else 0.0
+        return np.degrees(columns[name]) if name == "heading_deg" else columns[name] - first
+
+    if t is not None:
+        step = np.where(np.diff(run, prepend=-1) == 0, np.diff(t, prepend=0), np.nan)
+        drawn.append(("time to the row before, s", t, {"t_s": step}, ".o"))
+        for title, some in PANELS.items():
+            if there := {name: values(name) for name in some if name in columns}:
+                drawn.append((title, t, there, ("-", "--")))
+    near = {name: columns[name] for name in columns if name == "reading" or name[1:].isdecimal()}
+    if near and "distance_cm" in columns:
+        drawn.append(("readings by distance, cm", columns["distance_cm"], near, "ooooxxxx^^^^ssss"))
     with styled():
+        wide = min(max(len(drawn) + placed, 1), 3)
+        rows = -(-max(len(drawn) + placed, 1) // wide)
         figure = new_figure(PAGE, 0.5 + 2.0 * rows, layout="constrained")
         axes = list(figure.subplots(rows, wide, squeeze=False).ravel())
-        for spare in axes[count:]:
-            spare.set_visible(False)
-        figure.suptitle(title, fontsize=8.5)
+        figure.suptitle(heading, fontsize=8.5)
         if placed:
             ax, x, y = axes.pop(0), columns["x_cm"], columns["y_cm"]
             for k in np.unique(run):
                 ax.plot(x[run == k], y[run == k], lw=0.7, color=COLOURS[k % 4])
-            off = jumps(columns["t_s"], np.stack([x, y], 1), run)[0] if timed else np.zeros(len(x), bool)
+            off = np.zeros(len(x), bool) if t is None else np.logical_or(*jumps(t, np.stack([x, y], 1), run))
             ax.plot(x[off], y[off], "x", ms=5, color=COLOURS[1])
             ax.set(xlabel="x, cm", ylabel="y, cm", title=f"path{', crosses: jumps' * bool(off.any())}")
             ax.set_aspect("equal", adjustable="datalim")
-        if timed:
-            t, within = columns["t_s"] - np.nanmin(columns["t_s"]), np.diff(run) == 0
+        for title, across, lines, styles in drawn:
             ax = axes.pop(0)
-            ax.plot(t[1:][within], np.diff(t)[within], ".", ms=2, color=COLOURS[0])
-            ax.set(xlabel="time, s", ylabel="s", title="time to the row before", ylim=(0, None))
-            for name, names in shown.values():
-                ax = axes.pop(0)
-                for k, one in enumerate(n for n in names if n in columns):
-                    values = np.degrees(columns[one]) if one == "heading_deg" else columns[one]
-                    values = values - values[0] if one.startswith("counter") else values
-                    ax.plot(t, values, ("-", "--")[k % 2], lw=0.8, color=COLOURS[k], label=one)
-                ax.set(xlabel="time, s", title=name)
-                if len(ax.lines) > 1:
-                    ax.legend(fontsize=6)
-        if near and "distance_cm" in columns:
-            ax = axes.pop(0)
-            for k, one in enumerate(sorted(near)):
-                ax.plot(
-                    columns["distance_cm"],
-                    columns[one],
-                    "ox^s"[k // 4 % 4],
-                    ms=3,
-                    color=COLOURS[k % 4],
-                    mfc="none",
-                    label=one,
-                )
-            ax.set(xlabel="distance, cm", ylabel="counts", title="readings")
-            ax.legend(fontsize=6, ncols=2)
+            for k, (name, line) in enumerate(lines.items()):
+                ax.plot(across, line, styles[k % len(styles)], ms=2, lw=0.8, color=COLOURS[k % 4], label=name)
+            ax.set(title=title, xlabel="time, s" if across is t else "")
+            if len(lines) > 1:
+                ax.legend(fontsize=6, ncols=2)
+        for spare in axes:
+            spare.set_visible(False)
         for ax in figure.axes:
             ax.grid(True, color=GRID, lw=0.5)
             ax.tick_params(colors=MUTED)

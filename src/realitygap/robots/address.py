@@ -60,6 +60,8 @@ MODELS = ("khepera", "epuck", "thymio2")
 
 ROBOT = "robot"
 """Real robots, not stand-ins."""
+RECORDED = "recorded readings"
+"""Of a robot, replayed; all else is simulated."""
 
 
 def as_scale(value: object, name: str) -> float:
@@ -74,11 +76,12 @@ def as_scale(value: object, name: str) -> float:
 
 
 class StandIn(NamedTuple):
-    """A simulated robot, as its folder's name says: "twin-1", "enki-epuck-3-noise-2".
+    """A simulated robot, as its folder's name says: "twin-1", "enki-epuck-3-noise-2"; or recorded readings:
+    "table-khepera".
 
     Attributes:
-        name: of such robots: "twin", "stranger", or of Enki's "Enki khepera".
-        unit: its number.
+        name: of such robots: "twin", "stranger", of Enki's "Enki khepera", or RECORDED.
+        unit: its number; of recorded readings their profile's name.
         scale: of its noise, "" for 1.
     """
 
@@ -91,7 +94,7 @@ class StandIn(NamedTuple):
         """None for a robot."""
         found = re.fullmatch(r"(twin|stranger|enki-\w+)-(\d+)(?:-noise-(.+))?", name)
         if found is None:
-            return None
+            return cls(RECORDED, name.removeprefix("table-"), "") if name.startswith("table-") else None
         return cls(found[1].replace("enki-", "Enki "), found[2], found[3] or "")
 
     @property
@@ -101,6 +104,8 @@ class StandIn(NamedTuple):
 
     @property
     def words(self) -> str:
+        if self.name == RECORDED:
+            return f"{RECORDED} {self.unit}"
         return f"{self.name} unit {self.unit}" + (f", {self.scale} × noise" if self.scale else "")
 
 

@@ -54,7 +54,7 @@ class Arguments(NamedTuple):
     scratch: Scratch
 
 
-def entries(given: Arguments) -> dict[str, tuple[Callable[..., Any], tuple[Any, ...]]]:
+def entries(given: Arguments) -> Entries:
     """The functions of kernels/page.py, for such arguments."""
     return {one.__name__: (one, given) for one in (page.start, page.stand, page.step)}
 
@@ -66,8 +66,8 @@ def module(functions: Entries) -> bytes:
         WasmError: Numba or LLVM is another one than this was made for; says what failed.
     """
     types = {name: (one.__qualname__, *map(numba.typeof, given)) for name, (one, given) in functions.items()}
-    text = [inspect.getsource(one) for one, _ in functions.values()]
-    return kept(__file__, repr((types, text)), lambda: _in_a_child(functions))
+    text = "".join(inspect.getsource(one) for one, _ in functions.values())
+    return kept(__file__, repr(types), text, lambda: _in_a_child(functions))
 
 
 def _in_a_child(functions: Entries) -> bytes:

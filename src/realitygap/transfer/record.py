@@ -153,7 +153,7 @@ def load_transfers(study_folder: str | PathLike[str]) -> list[TransferredTrial]:
     folder = as_path(study_folder, "study")
     if not folder.is_dir():
         raise StudyError(
-            f"{folder}: no such folder. Give a study's folder, such as `realitygap evolve` makes."
+            f"{folder}: no such folder. Give a study's folder, such as the one `realitygap evolve` makes."
         )
     home = folder / FOLDER
     files = [file for file in home.glob(f"*/*/start-*/{TRIAL}") if file.parent.name[6:].isdecimal()]

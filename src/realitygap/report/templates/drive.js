@@ -62,10 +62,6 @@ class Live {
     this._k[0] += BigInt(many);
   }
 
-  get k() {
-    return Number(this._k[0]);
-  }
-
   get pose() {
     const [x, y, heading] = this._pose;
     return { x, y, heading };
@@ -116,13 +112,16 @@ function openDrive() {
   let seed = 1;
   let now = null; // a drive: its track so far, what is inside, what is held
 
+  function say(words) {
+    byId("drive-lost").textContent = words;
+    byId("drive-lost").hidden = !words;
+  }
+
   async function enter() {
     try {
       robots ??= await Live.load(JSON.parse(source.textContent));
     } catch (error) {
-      byId("drive-lost").hidden = false;
-      byId("drive-lost").textContent = `This browser does not run the simulation (${error.message}): the recorded drives remain.`;
-      return;
+      return say(`This browser does not run the simulation (${error.message}): the recorded drives remain.`);
     }
     if (byId("player-play").classList.contains("on")) byId("player-play").click();
     root.classList.add("driving");
@@ -134,8 +133,7 @@ function openDrive() {
     const task = data.tasks[t];
     const run = task.noises[n].runs[r];
     const live = robots[task.name];
-    byId("drive-lost").hidden = live !== undefined;
-    if (!live) byId("drive-lost").textContent = "Trials of this task draw a robot's constants anew: it cannot be driven here.";
+    say(live ? "" : "Trials of this task draw a robot's constants anew: it cannot be driven here.");
     if (!live) return leave();
     live.choose(run.link);
     live.level[0] = Number(noise.value);
@@ -225,7 +223,7 @@ function openDrive() {
     shown.commands(inside.commands);
     shown.network(inside.outputs);
     byId("player-who-0").textContent = "yours to drive";
-    byId("player-score-0").textContent = held?.bad ? "no room here" : `${(live.k * data.step_s).toFixed(1)} s, seed ${seed}`;
+    byId("player-score-0").textContent = held?.bad ? "no room here" : `${(Number(live._k[0]) * data.step_s).toFixed(1)} s, seed ${seed}`;
     canvas.setAttribute("aria-label", `Your robot at ${written(pose.x)}, ${written(pose.y)} cm${held?.bad ? ": no room" : ""}`);
   }
 
@@ -280,32 +278,22 @@ function openDrive() {
   canvas.addEventListener("pointermove", drag);
   for (const name of ["pointerup", "pointercancel"])
     canvas.addEventListener(name, (event) => on() && now.held?.id === event.pointerId && drop());
-  canvas.addEventListener(
-    "wheel",
-    (event) => {
-      if (!on()) return;
-      event.preventDefault();
-      nudge(0, 0, event.deltaY * 0.003);
-    },
-    { passive: false },
-  );
+  const wheel = (event) => on() && (event.preventDefault(), nudge(0, 0, event.deltaY * 0.003));
+  canvas.addEventListener("wheel", wheel, { passive: false });
   const KEYS = { ArrowLeft: [-1, 0, 1], ArrowRight: [1, 0, -1], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0] };
-  document.addEventListener(
-    "keydown",
-    (event) => {
-      if (!on()) return;
-      event.stopImmediatePropagation(); // the recorded drives stay where they are
-      const free = event.target === document.body || event.target === deck;
-      if (!free || event.ctrlKey || event.altKey || event.metaKey) return;
-      const [x, y, turn] = KEYS[event.key] ?? [];
-      if (event.key === " ") rest(!now.playing);
-      else if (x === undefined) return;
-      else if (event.shiftKey) nudge(0, 0, (turn * Math.PI) / 36);
-      else nudge(x, y, 0);
-      event.preventDefault();
-    },
-    true,
-  );
+  const pressed = (event) => {
+    if (!on()) return;
+    event.stopImmediatePropagation(); // the recorded drives stay where they are
+    const free = event.target === document.body || event.target === deck;
+    if (!free || event.ctrlKey || event.altKey || event.metaKey) return;
+    const [x, y, turn] = KEYS[event.key] ?? [];
+    if (event.key === " ") rest(!now.playing);
+    else if (x === undefined) return;
+    else if (event.shiftKey) nudge(0, 0, (turn * Math.PI) / 36);
+    else nudge(x, y, 0);
+    event.preventDefault();
+  };
+  document.addEventListener("keydown", pressed, true);
   open.addEventListener("click", () => (on() ? leave() : enter()));
   play.addEventListener("click", () => rest(!now.playing));
   byId("drive-new").addEventListener("click", () => {
