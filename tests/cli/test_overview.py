@@ -40,7 +40,7 @@ def test_evolve_ends_with_what_came_out(two, call):
     assert re.search(r"run  name +best during evolution +test score", lines[0])
     assert re.fullmatch(r" +1  light-seeking/observed/1 +[\d.]+ +[\d.]+ ± [\d.]+", lines[1])
     found = r"light-seeking: The champions evolved at observed noise: test score \([\d.]+ ± [\d.]+\) × 10⁻⁶"
-    assert re.search(f"{found} cm⁻²: in simulation at observed noise", " ".join(first.split()))
+    assert re.search(f"{found} cm⁻² in simulation at observed noise", " ".join(first.split()))
     assert lines[-1] == f"report {(folder / 'first' / 'report' / 'index.html').as_uri()}"
     for words in (("show", folder / "first", 1), ("show", folder / "first", "--verbose"), ("list",)):
         lines += call(*words).stdout.splitlines()

@@ -62,14 +62,13 @@ class Commands(click.Group):
 
     def _path(self, words: Sequence[str]) -> str:
         """The command that the words begin with."""
-        command: click.Command | None = self
-        path = ["realitygap"]
+        command: click.Command = self
+        path = "realitygap"
         for word in words:
-            command = command.commands.get(word) if isinstance(command, click.Group) else None
-            if command is None:
+            if not isinstance(command, click.Group) or word not in command.commands:
                 break
-            path.append(word)
-        return " ".join(path)
+            command, path = command.commands[word], f"{path} {word}"
+        return path
 
 
 def guarded(work: Callable[[], Any], path: str = "realitygap") -> int:

@@ -160,7 +160,8 @@ def _answer_lines(study: Study, scores: Sequence[ScoreTable]) -> Iterator[str]:
 
     for part in parts_of(study):
         answer = answer_of(part, [one for one in scores if one.task == part.task.name])
-        yield textwrap.fill(f"{part.task.name}: {answer.found}: {answer.detail}", 80)
+        between = " " if len(answer.means) == 1 else ": "
+        yield textwrap.fill(f"{part.task.name}: {answer.found}{between}{answer.detail}", 80)
 
 
 def show_shard(folder: Path, more: Mapping[str, Any], *lines: str) -> None:

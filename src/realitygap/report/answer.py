@@ -66,8 +66,11 @@ class Answer:
 
     @cached_property
     def means(self) -> dict[float, Mean]:
-        """Over the runs of each level, best first."""
+        """Over the runs of each level, best first; a single run's interval is its own."""
         found = {level: mean for level, of in self.values.items() if (mean := mean_of(of)) is not None}
+        for level, mean in found.items():
+            if mean.count == 1:
+                found[level] = replace(mean, half=self.own.get(level, math.nan))
         return dict(sorted(found.items(), key=lambda one: -one[1].value))
 
     @cached_property
@@ -80,18 +83,10 @@ class Answer:
             found = tukey_hsd(*(self.values[level] for level in levels), equal_var=False).pvalue[0, 1:]
         return dict(zip(levels[1:], map(float, found), strict=True))
 
-    def half(self, level: float) -> float:
-        """Half the 95 % interval of a level's mean; NaN if it is not known."""
-        mean = self.means[level]
-        return self.own.get(level, math.nan) if mean.count == 1 else mean.half
-
     def text(self, level: float) -> str:
         """A level's mean with its unit, and ± where its interval is known."""
-        value, half = self._number(self.means[level].value), self.half(level)
-        spread = "" if math.isnan(half) else f" ± {self._number(half)}"
-        if not self.unit:
-            return value + spread
-        return f"({value}{spread}) {self.unit}" if spread else f"{value} {self.unit}"
+        text = self.means[level].text(self.places)
+        return f"({text}) {self.unit}" if self.unit and "±" in text else f"{text} {self.unit}".rstrip()
 
     def _number(self, value: float) -> str:
         return number(value, self.places)
@@ -116,9 +111,11 @@ class Answer:
             return "no run has finished."
         level, *others = self.means
         if not others:
-            runs = counted(self.means[level].count, "run")
-            of = "one run" if self.means[level].count == 1 else f"mean of {runs}"
-            of += ", ± its 95 % interval" * ("±" in self.text(level)) + self._paper_here(level)
+            count = self.means[level].count
+            of = "one run" if count == 1 else f"mean of {counted(count, 'run')}"
+            of += ", ± its 95 % interval" * ("±" in self.text(level))
+            if self.paper.get(level):
+                of += f"; the paper’s runs: {number(self._paper_mean(level), 1)}"
             return f"{self.where} ({of}). No other level has a score to compare it with."
         rest = [f"{self._number(self.means[one].value)} at {self.names[one]}" for one in sorted(others)]
         against = f"{_listed(rest)} noise"
@@ -137,9 +134,6 @@ class Answer:
     def _paper_mean(self, level: float) -> float:
         return float(np.mean([row.correspondence for row in self.paper[level]]))
 
-    def _paper_here(self, level: float) -> str:
-        return f"; the paper’s runs: {number(self._paper_mean(level), 1)}" if self.paper.get(level) else ""
-
     def _paper_order(self, best: float) -> str:
         if not all(map(self.paper.get, self.means)):
             return ""
@@ -149,25 +143,22 @@ class Answer:
         return f" (in the paper {self.names[theirs]} noise did best)"
 
     def _tested(self) -> str:
-        counts = sorted(mean.count for mean in self.means.values())
+        counts, p = sorted(mean.count for mean in self.means.values()), dict(sorted(self.p_values.items()))
         few = counted(counts[0], "run") if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]} runs"
         if counts[0] < 2:
             return f"with {few} a level chance may have chosen the order"
-        if not all(map(math.isfinite, self.p_values.values())):
+        if not all(map(math.isfinite, p.values())):
             return f"with {few} a level, some without any spread, no test is possible"
-        sure = {level: p < SIGNIFICANT for level, p in sorted(self.p_values.items())}
-        shown = [f"{_p(self.p_values[level])} against {self.names[level]}" for level in sure]
-        kinds = set(sure.values())
-        if len(sure) > MOST:
-            ends = _p(min(self.p_values.values())), _p(max(self.p_values.values()))
-            shown = [" to ".join(dict.fromkeys(ends))]
-            verdict = f"the difference is significant from {sum(sure.values())} of these {len(sure)}"
-        elif len(kinds) == 1:
-            verdict = f"the difference is{' not' * (kinds == {False})} significant"
-        else:
-            yes, no = (_listed([self.names[k] for k in sure if sure[k] is kind]) for kind in (True, False))
-            verdict = f"the difference from {no} noise is not significant, the one from {yes} noise is"
-        return f"with {few} a level {verdict} (Games–Howell test: {_listed(shown)})"
+        yes, no = ([self.names[k] for k in p if (p[k] < SIGNIFICANT) is kind] for kind in (True, False))
+        shown = _listed([f"{_p(p[k])} against {self.names[k]}" for k in p])
+        verdict = f"the difference is{' not' * bool(no)} significant"
+        if len(p) > MOST:
+            shown = " to ".join(dict.fromkeys((_p(min(p.values())), _p(max(p.values())))))
+            verdict = f"the difference is significant from {len(yes)} of these {len(p)}"
+        elif yes and no:
+            verdict = f"the difference from {_listed(no)} noise is not significant, "
+            verdict += f"the one from {_listed(yes)} noise is"
+        return f"with {few} a level {verdict} (Games–Howell test: {shown})"
 
 
 def _listed(words: Sequence[str]) -> str:
@@ -230,9 +221,8 @@ def answer_figure(answer: Answer, levels: Sequence[float]) -> Figure:
     """A row a noise level, highest noise first. `levels` are all of the page, so that each has one look."""
     styles, rows = noise_styles(levels), []
     for level in sorted(answer.means, reverse=True):
-        mean = replace(answer.means[level], half=answer.half(level))
-        theirs, name = [row.correspondence for row in answer.paper.get(level, ())], answer.names[level]
-        rows.append(RunsRow(f"{name} noise", styles[level], answer.values[level], mean, theirs))
+        name, theirs = f"{answer.names[level]} noise", [r.correspondence for r in answer.paper.get(level, ())]
+        rows.append(RunsRow(name, styles[level], answer.values[level], answer.means[level], theirs))
     figure = new_figure(COLUMN * 1.2, 0.62 + 0.44 * len(rows), layout="constrained")
     label = f"{answer.what} {answer.where}" + (f" ({answer.unit})" if answer.unit else "")
     draw_runs(figure.add_subplot(), rows, label, TOP if answer.what == "correspondence score" else None)

@@ -11,7 +11,7 @@ from scipy.stats import ttest_ind
 from realitygap.errors import StudyError
 from realitygap.report.answer import RunsRow, draw_runs
 from realitygap.report.evolution import Mean, decimals, difference, mean_of
-from realitygap.report.style import COLUMN, new_figure, noise_styles, number
+from realitygap.report.style import COLUMN, new_figure, noise_styles
 from realitygap.study.load import Run, Study
 from realitygap.world.robot import noise_name
 
@@ -49,8 +49,7 @@ class Contrast(NamedTuple):
     def text(self, mean: Mean | None) -> str:
         """A mean ± its interval."""
         places = decimals(max(map(abs, (*self.values[0], *self.values[1]))))
-        parts = () if mean is None else (mean.value, mean.half)
-        return " ± ".join(number(part, places) for part in parts if not math.isnan(part)) or "–"
+        return mean.text(places) if mean else "–"
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON; values in the unit."""

@@ -53,6 +53,11 @@ class Mean:
     count: int
     deviation: float = math.nan
 
+    def text(self, places: int) -> str:
+        """With ± where its interval is known."""
+        spread = "" if math.isnan(self.half) else f" ± {number(self.half, places)}"
+        return number(self.value, places) + spread
+
 
 def mean_of(values: ArrayLike) -> Mean | None:
     """The mean of some values with Student's interval, None without any."""
