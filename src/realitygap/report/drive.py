@@ -22,9 +22,9 @@ from realitygap.world.robot import Profile
 __all__ = ["Driven", "drive_json", "driven_runs"]
 
 READ = (
-    "world.level", "nets.neurons", "nets.thresholds", "nets.sensor_links", "n", "stream", "k", "many",
-    "path.x", "path.y", "path.contact", "scratch.start", "scratch.state.pose", "scratch.state.inputs",
-    "scratch.state.outputs", "scratch.readings",
+    "world.level", "nets.neurons", "nets.thresholds", "nets.sensor_links", "n", "path.x", "path.y",
+    "path.contact", "scratch.start", "scratch.state.pose", "scratch.state.inputs", "scratch.state.outputs",
+    "scratch.readings",
 )  # fmt: skip
 """What the page reads and writes in the memory."""
 
