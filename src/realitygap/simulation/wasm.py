@@ -105,9 +105,6 @@ def _lowered(functions: Entries) -> tuple[Any, dict[str, tuple[Any, str]]]:
             empty.triple = TRIPLE
             return empty
 
-        def magic_tuple(self) -> tuple[str, ...]:
-            return TRIPLE, "", FEATURES
-
         def set_env(self, *_: Any) -> None: ...
 
         def is_symbol_defined(self, _: str) -> bool:
@@ -161,14 +158,9 @@ def _exporting(made: bytes, exports: Mapping[str, int]) -> bytes:
     sections = {7: _leb(len(table)) + b"".join(table)}
     at = 8
     while at < len(made):
-        kind, size, shift = made[at], 0, 0
-        while shift == 0 or made[at] & 0x80:
-            at += 1
-            size |= (made[at] & 0x7F) << shift
-            shift += 7
-        at += 1
-        sections[kind] = made[at : at + size]
-        at += size
+        size = sum((made[at + 1 + i] & 0x7F) << 7 * i for i in range(5))
+        sections[made[at]] = made[at + 6 : at + 6 + size]
+        at += 6 + size
     if sections[2][:1] != b"\1":
         raise WasmError("LLVM wants something of the page besides memory")
     del sections[0]
@@ -177,9 +169,8 @@ def _exporting(made: bytes, exports: Mapping[str, int]) -> bytes:
 
 
 def _leb(value: int) -> bytes:
-    """An unsigned number in groups of seven bits."""
-    low = bytes([value & 0x7F | (0x80 if value > 0x7F else 0)])
-    return low + _leb(value >> 7) if value > 0x7F else low
+    """A number in five groups of seven bits, as LLVM writes a section's size."""
+    return bytes(value >> 7 * i & 0x7F | 0x80 * (i < 4) for i in range(5))
 
 
 def leaves(given: Any, name: str = "") -> Iterator[tuple[str, str, Any]]:

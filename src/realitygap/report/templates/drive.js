@@ -134,7 +134,7 @@ function openDrive() {
     live.choose(run.link);
     live.level[0] = Number(noise.value);
     const tracks = run.trials.filter((one) => one.driven).map((one) => openTrack(one.driven, task.unit_cm));
-    shown = { task, live, tracks, colour, inside: makeInside(0, task, run, data.robot) };
+    shown = { task, live, tracks: tracks.filter((one) => one.pose(0)), colour, inside: makeInside(0, task, run, data.robot) };
     root.style.setProperty("--noise", colour);
     begin(pose);
     document.dispatchEvent(new CustomEvent("drivechoice", { detail: { live, task, run, again: () => choose(now.track.at(-1)) } }));
@@ -154,7 +154,7 @@ function openDrive() {
     if (pose) live.stand(pose);
     const from = live.pose;
     const apart = (one) => Math.hypot(one.pose(0).x - from.x, one.pose(0).y - from.y);
-    const [ghost] = tracks.filter((one) => one.pose(0)).sort((a, b) => apart(a) - apart(b));
+    const [ghost] = tracks.sort((a, b) => apart(a) - apart(b));
     now = { track: [from], due: 0, playing: now ? now.playing : !still.matches, held: null, fan: [], ghost, own: pose };
     open.textContent = "Watch them drive";
     byId("drive-ghost").textContent = ghost ? `Faint: the ${ghost.who}, from its start nearest to this one.` : "";
