@@ -119,7 +119,7 @@ def replayed(
     live: bool = False,
     height: int = 1150,
 ) -> Shown:
-    """The player with one simulated trial of a run's controller, to be driven if it is `live`; arguments as of
+    """The player with one simulated trial of a run's controller, to be driven if `live`; arguments as of
     `Run.replay`."""
     name, genes = run.individual(who)
     robot, level = profile or run.study.profile, run.noise if noise is None else noise

@@ -292,7 +292,7 @@ function openDrive() {
   window.addEventListener("hashchange", () => now && choose());
   document.addEventListener("themechange", show);
   open.hidden = false;
-  if (location.hash === "#drive" || source.dataset.open) enter();
+  if (source.dataset.open) enter();
 }
 
 function drawFan(stage, courses, pose, colour) {
