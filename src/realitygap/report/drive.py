@@ -4,7 +4,7 @@ import base64
 import gzip
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -22,20 +22,16 @@ from realitygap.world.robot import Profile
 __all__ = ["Driven", "drive_json", "driven_runs"]
 
 READ = (
-    "world.level", "nets.neurons", "nets.thresholds", "nets.sensor_links", "n", "stream", "k", "many",
-    "path.x", "path.y", "path.contact", "scratch.start", "scratch.state.pose", "scratch.state.inputs",
-    "scratch.state.outputs", "scratch.readings",
+    "world.level", "nets.neurons", "nets.thresholds", "nets.sensor_links", "n", "path.x", "path.y",
+    "path.contact", "scratch.start", "scratch.state.pose", "scratch.state.inputs", "scratch.state.outputs",
+    "scratch.readings",
 )  # fmt: skip
 """What the page reads and writes in the memory."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Driven:
-    """A task's runs on a page, by name, each with the genotype that drives.
-
-    Attributes:
-        scored: the page takes the task's score, too: it must be one that needs neither library nor constants.
-    """
+class Driven(NamedTuple):
+    """A task's runs on a page, by name, each with the genotype that drives. If it is `scored`, the page takes
+    the task's score, too, which must need neither library nor constants."""
 
     task: Task
     profile: Profile
@@ -48,9 +44,8 @@ def driven_runs(parts: Iterable[TaskPart], profile: Profile) -> list[Driven]:
     found = []
     for part in parts:
         rows = [row for one in part.conditions if one.begun for row in one.shown(MOST_RUNS)]
-        runs = {row.run.name: individual(row.run) for row in rows}
-        if runs and not part.task.spread:
-            found.append(Driven(task=part.task, profile=profile, runs=runs))
+        if rows and not part.task.spread:
+            found.append(Driven(part.task, profile, {row.run.name: individual(row.run) for row in rows}))
     return found
 
 

@@ -38,7 +38,7 @@ from realitygap.world.robot import Profile, load_profile
 if TYPE_CHECKING:
     from realitygap.calibration.calibrate import Calibration
 
-__all__ = [ "arena_html", "driven_live", "network_html", "of_calibration", "of_study", "profile_html",
+__all__ = [ "arena_html", "network_html", "of_calibration", "of_study", "profile_html",
     "replayed", "run_html", "shown_calibration", "shown_study", "study_html",
 ]  # fmt: skip
 
@@ -111,30 +111,25 @@ def replayed(
     run: Run,
     who: str | int,
     *,
-    noise: str | float | None,
-    pose: Pose | None,
-    seed: int,
-    seconds: float | None,
-    profile: Profile | str | None,
+    noise: str | float | None = None,
+    pose: Pose | None = None,
+    seed: int = 0,
+    seconds: float | None = None,
+    profile: Profile | str | None = None,
+    live: bool = False,
+    height: int = 1150,
 ) -> Shown:
-    """The player with one simulated trial of a run's controller; arguments as of `Run.replay`."""
+    """The player with one simulated trial of a run's controller, to be driven if `live`; arguments as of
+    `Run.replay`."""
     name, genes = run.individual(who)
     robot, level = profile or run.study.profile, run.noise if noise is None else noise
     simulation = Simulation(run.study.task(run.task), robot, level)
     networks = run.study.networks(run.task, genes)
     driven = simulation.trajectory(networks, stream=seed, pose=pose, seconds=seconds)
-    title = f"{run.name}, {name}"
-    return _player(replay_data(simulation, run.study.slots(run.task, genes), driven, title), title, 1150)
-
-
-def driven_live(run: Run, who: str | int, height: int) -> Shown:
-    """The player in which a run's controller can be driven; `who` as of `Run.replay`."""
-    name, genes = run.individual(who)
-    simulation = Simulation(run.study.task(run.task), run.study.profile, run.noise)
-    genotype, title = run.study.slots(run.task, genes), f"{run.name}, {name}"
-    data = replay_data(simulation, genotype, simulation.trajectory(genotype.networks(), stream=0), title)
-    driven = Driven(task=simulation.task, profile=simulation.profile, runs={title: genotype})
-    return _player(data, title, height, drive_json([driven] * (not simulation.task.spread)))
+    slots, title = run.study.slots(run.task, genes), f"{run.name}, {name}"
+    told = [Driven(simulation.task, simulation.profile, {title: slots})]
+    drive = drive_json(told if live and not simulation.task.spread else [])
+    return _player(replay_data(simulation, slots, driven, title), title, height, drive)
 
 
 def shown_calibration(made: Calibration, height: int) -> Shown:

@@ -11,8 +11,9 @@ import pickle
 import struct
 import subprocess
 import sys
+from collections import namedtuple
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import llvmlite.binding as llvm
 import numba
@@ -20,8 +21,6 @@ import numpy as np
 
 from realitygap.compiled import kept, kernel
 from realitygap.kernels import page
-from realitygap.kernels.trial import Scratch
-from realitygap.kernels.types import Networks, Path, World
 
 __all__ = ["BASE", "Arguments", "Memory", "WasmError", "entries", "module"]
 
@@ -35,23 +34,12 @@ RETURNED = 2
 """Slots for what a function returns, and for an exception, before those of its arguments."""
 Entries = Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]]
 """Functions by the names that a page calls them by, with arguments of the types to compile them for."""
+Arguments = namedtuple("Arguments", "world nets n stream k many path scratch")
+"""Of the functions of kernels/page.py."""
 
 
 class WasmError(Exception):
     """This Numba does not compile for a page."""
-
-
-class Arguments(NamedTuple):
-    """Of the functions of kernels/page.py."""
-
-    world: World
-    nets: Networks
-    n: int
-    stream: np.uint64
-    k: int
-    many: int
-    path: Path
-    scratch: Scratch
 
 
 def entries(given: Arguments) -> Entries:
@@ -60,11 +48,7 @@ def entries(given: Arguments) -> Entries:
 
 
 def module(functions: Entries) -> bytes:
-    """A module that imports a memory and exports these functions; made once, and kept with compiled code.
-
-    Raises:
-        WasmError: Numba or LLVM is another one than this was made for; says what failed.
-    """
+    """A module that imports a memory and exports these functions; made once, and kept with compiled code."""
     types = {name: (one.__qualname__, *map(numba.typeof, given)) for name, (one, given) in functions.items()}
     text = "".join(inspect.getsource(one) for one, _ in functions.values())
     return kept(__file__, repr(types), text, lambda: _in_a_child(functions))
@@ -121,9 +105,6 @@ def _lowered(functions: Entries) -> tuple[Any, dict[str, tuple[Any, str]]]:
             empty.triple = TRIPLE
             return empty
 
-        def magic_tuple(self) -> tuple[str, ...]:
-            return TRIPLE, "", FEATURES
-
         def set_env(self, *_: Any) -> None: ...
 
         def is_symbol_defined(self, _: str) -> bool:
@@ -146,16 +127,14 @@ def _compile(functions: Entries) -> bytes:
     text = [f'target triple = "{TRIPLE}"', f'target datalayout = "{machine.target_data}"', "!0 = !{}"]
     for name, (whole, inner) in lowered.items():
         kinds = [str(one.type) for one in whole.get_function(inner).arguments]
-        expected = [kind for _, kind, _ in leaves(functions[name][1])]
-        if kinds[RETURNED:] != expected:
+        if kinds[RETURNED:] != [kind for _, kind, _ in leaves(functions[name][1])]:
             raise WasmError("Numba passes arguments in another way")
         text.append(f"declare i32 @{inner}({', '.join(kinds)})\ndefine void @{name}(ptr %p) {{")
-        for i, kind in enumerate(expected, RETURNED):
+        for i, kind in enumerate(kinds):
             text.append(f"%at{i} = getelementptr i8, ptr %p, i32 {SLOT * i}")
             text.append(f"%v{i} = load {kind}, ptr %at{i}, align 8, !invariant.load !0")
-        told = [f"{kind} %v{i}" for i, kind in enumerate(expected, RETURNED)]
-        text.append(f"%e = getelementptr i8, ptr %p, i32 {SLOT}")
-        text.append(f"call i32 @{inner}({', '.join(['ptr %p, ptr %e', *told])})\nret void\n}}")
+        told = ["ptr %at0", "ptr %at1", *(f"{kind} %v{i}" for i, kind in enumerate(kinds) if i >= RETURNED)]
+        text.append(f"call i32 @{inner}({', '.join(told)})\nret void\n}}")
     whole = llvm.parse_assembly("\n".join(text))
     for part, _ in lowered.values():
         whole.link_in(part, preserve=True)
@@ -174,23 +153,14 @@ def _compile(functions: Entries) -> bytes:
 
 def _exporting(made: bytes, exports: Mapping[str, int]) -> bytes:
     """LLVM's relocatable object as a module. It is linked with nothing else, so the addresses in it hold; it
-    lacks exports (section 7), and has what only a linker reads (sections 0).
-
-    Raises:
-        WasmError: it needs more than a memory.
-    """
+    lacks exports (section 7), and has what only a linker reads (sections 0)."""
     table = [_leb(len(name)) + name.encode() + b"\0" + _leb(i) for name, i in exports.items()]
     sections = {7: _leb(len(table)) + b"".join(table)}
     at = 8
     while at < len(made):
-        kind, size, shift = made[at], 0, 0
-        while shift == 0 or made[at] & 0x80:
-            at += 1
-            size |= (made[at] & 0x7F) << shift
-            shift += 7
-        at += 1
-        sections[kind] = made[at : at + size]
-        at += size
+        size = sum((made[at + 1 + i] & 0x7F) << 7 * i for i in range(5))
+        sections[made[at]] = made[at + 6 : at + 6 + size]
+        at += 6 + size
     if sections[2][:1] != b"\1":
         raise WasmError("LLVM wants something of the page besides memory")
     del sections[0]
@@ -199,9 +169,8 @@ def _exporting(made: bytes, exports: Mapping[str, int]) -> bytes:
 
 
 def _leb(value: int) -> bytes:
-    """An unsigned number in groups of seven bits."""
-    low = bytes([value & 0x7F | (0x80 if value > 0x7F else 0)])
-    return low + _leb(value >> 7) if value > 0x7F else low
+    """A number in five groups of seven bits, as LLVM writes a section's size."""
+    return bytes(value >> 7 * i & 0x7F | 0x80 * (i < 4) for i in range(5))
 
 
 def leaves(given: Any, name: str = "") -> Iterator[tuple[str, str, Any]]:
@@ -222,37 +191,26 @@ def leaves(given: Any, name: str = "") -> Iterator[tuple[str, str, Any]]:
 
 
 class Memory:
-    """A page's memory from BASE on, as the module's functions find it.
-
-    Attributes:
-        data: what it holds.
-    """
+    """What a page's memory holds from BASE on (`data`), as the module's functions find it."""
 
     def __init__(self) -> None:
         self.data = bytearray()
         self._arrays: dict[int, tuple[Any, int]] = {}  # by their ids: the array, its address
 
     def lay(self, given: tuple[Any, ...]) -> tuple[int, dict[str, int]]:
-        """Lay a function's arguments down; their address, and those of each number and array by name.
-
-        An array that is laid down already stays where it is.
-        """
-        found, where, numbers = list(leaves(given)), dict[str, int](), list[int | float]()
-        for name, _, value in found:
-            if isinstance(value, np.ndarray):
-                if id(value) not in self._arrays:
-                    self._arrays[id(value)] = value, self._room(value.tobytes())
-                where[name] = self._arrays[id(value)][1]
-        at = BASE + len(self.data) + SLOT * RETURNED
-        for i, (name, _, value) in enumerate(found):
-            where.setdefault(name, at + SLOT * i)
-            numbers.append(where[name] if isinstance(value, np.ndarray) else value)
-        kinds = "".join("d" if kind == "double" else "Q" for _, kind, _ in found)
-        whole = (one if kind == "d" else int(one) % 2**64 for one, kind in zip(numbers, kinds, strict=True))
-        self._room(bytes(SLOT * RETURNED) + struct.pack(f"<{kinds}", *whole))
-        return at - SLOT * RETURNED, where
-
-    def _room(self, data: bytes) -> int:
+        """Lay a function's arguments down; their address, and those of each number and array by name."""
+        found = list(leaves(given))
+        arrays = {name: self._place(value) for name, _, value in found if isinstance(value, np.ndarray)}
         at = BASE + len(self.data)
-        self.data += data + bytes(-len(data) % SLOT)
-        return at
+        self.data += bytes(SLOT * RETURNED)
+        for name, kind, value in found:
+            number = arrays[name] if isinstance(value, np.ndarray) else value
+            self.data += struct.pack("<d" if kind == "double" else "<q", number)
+        return at, {name: at + SLOT * i for i, (name, _, _) in enumerate(found, RETURNED)} | arrays
+
+    def _place(self, array: Any) -> int:
+        """The address of an array; one that is laid down already stays where it is."""
+        if id(array) not in self._arrays:
+            self._arrays[id(array)] = array, BASE + len(self.data)
+            self.data += array.tobytes() + bytes(-array.nbytes % SLOT)
+        return self._arrays[id(array)][1]

@@ -496,7 +496,7 @@ class Run(Plan):
         Raises:
             UsageError: there is no such individual.
         """
-        return lazy.notebook().driven_live(self, who, height)
+        return lazy.notebook().replayed(self, who, live=True, height=height)
 
     def replay(
         self,

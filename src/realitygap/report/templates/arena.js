@@ -139,7 +139,7 @@ function drawTail(stage, track, position, look, front) {
 }
 
 // Where a robot goes in all, faintly, and a ring where it began.
-function drawCourse(stage, track, look, paint) {
+function drawCourse(stage, track, paint) {
   const { pen, x, y } = stage;
   pen.strokeStyle = paint.muted;
   pen.globalAlpha = 0.35;

@@ -27,75 +27,71 @@ class Live {
   constructor(facts, exports, buffer) {
     Object.assign(this, facts, { exports, buffer });
     const see = (name, Kind, many) => new Kind(buffer, facts.where[name], many);
-    for (const name of ["n", "stream", "k", "many"]) this["_" + name] = see(name, BigUint64Array, 1);
+    this.call = see("n", BigUint64Array, 4); // network, stream, step, how many steps
     this.level = see("world.level", Float64Array, 1);
     this.from = see("scratch.start", Float64Array, 3);
-    this._pose = see("scratch.state.pose", Float64Array, 3);
-    this._readings = see("scratch.readings", Float64Array, facts.sensors);
-    this._inputs = see("scratch.state.inputs", Int32Array, facts.inputs);
-    this._outputs = see("scratch.state.outputs", Int32Array, 5 * facts.neurons);
-    this._sizes = see("nets.neurons", BigInt64Array, facts.runs.length);
+    this.place = see("scratch.state.pose", Float64Array, 3);
+    this.readings = see("scratch.readings", Float64Array, facts.sensors);
+    this.inputs = see("scratch.state.inputs", Int32Array, facts.inputs);
+    this.outputs = see("scratch.state.outputs", Int32Array, 5 * facts.neurons);
+    this.sizes = see("nets.neurons", BigInt64Array, facts.runs.length);
     this.path = ["path.x", "path.y", "path.contact"].map((name) => see(name, Float64Array, facts.steps));
-    this._state = new Uint8Array(buffer, facts.where["scratch.state.pose"], facts.at - facts.where["scratch.state.pose"]);
+    this.state = see("scratch.state.pose", Uint8Array, facts.at - facts.where["scratch.state.pose"]);
   }
 
   choose(run) {
-    this._n[0] = BigInt(this.runs.indexOf(run));
+    this.call[0] = BigInt(this.runs.indexOf(run));
   }
 
   start(seed) {
-    [this._stream[0], this._k[0]] = [BigInt(seed), 0n];
+    this.call.set([BigInt(seed), 0n], 1);
     this.exports.start(this.at);
   }
 
   // At rest; says whether the body fits.
   stand({ x, y, heading }) {
     this.from.set([x, y, heading]);
-    this._k[0] = 0n;
+    this.call[2] = 0n;
     this.exports.stand(this.at);
     return this.path[2][0] === 0;
   }
 
   step(many = 1) {
-    this._many[0] = BigInt(many);
+    this.call[3] = BigInt(many);
     this.exports.step(this.at);
-    this._k[0] += BigInt(many);
+    this.call[2] += BigInt(many);
   }
 
   get pose() {
-    const [x, y, heading] = this._pose;
+    const [x, y, heading] = this.place;
     return { x, y, heading };
   }
 
-  // What the last step read, and what its network put out.
+  // What the last step read and commanded, and what its network put out.
   get inside() {
-    const neurons = Number(this._sizes[Number(this._n[0])]);
-    const outputs = [...this._outputs.slice(4 * neurons, 5 * neurons)]; // the row of the last update
-    return { readings: [...this._readings], commands: outputs.slice(0, 2), outputs: [...this._inputs, ...outputs] };
+    const neurons = Number(this.sizes[Number(this.call[0])]);
+    const outputs = [...this.outputs.slice(4 * neurons, 5 * neurons)]; // the row of the last update
+    return [[...this.readings], outputs.slice(0, 2), [...this.inputs, ...outputs]];
   }
 
   // What `look` finds; afterwards all is as it was.
   aside(look) {
-    const [state, k, stream] = [this._state.slice(), this._k[0], this._stream[0]];
-    const found = look((seed) => {
-      this._state.set(state);
-      [this._k[0], this._stream[0]] = [k, seed ?? stream];
-    });
-    this._state.set(state);
-    [this._k[0], this._stream[0]] = [k, stream];
+    const [state, call] = [this.state.slice(), this.call.slice()];
+    const found = look();
+    this.state.set(state);
+    this.call.set(call);
     return found;
   }
 
   // Courses from here on, each under noise of its own.
   futures() {
     const many = Math.min(AHEAD, this.steps);
-    return this.aside((back) =>
-      Array.from({ length: MANY }, (_, t) => {
-        back(BigInt(t + 1) << 32n);
-        this.step(many);
-        return [this.path[0].slice(0, many), this.path[1].slice(0, many)];
-      }),
-    );
+    const future = (t) => {
+      this.call[1] = BigInt(t + 1) << 32n;
+      this.step(many);
+      return [this.path[0].slice(0, many), this.path[1].slice(0, many)];
+    };
+    return Array.from({ length: MANY }, (_, t) => this.aside(() => future(t)));
   }
 }
 
@@ -104,17 +100,17 @@ function openDrive() {
   if (!source) return;
   const data = JSON.parse(byId("player-data").textContent);
   const [root, deck, canvas] = ["player", "player-deck", "player-arena-0"].map(byId);
-  const [open, noise, play] = ["open", "noise", "play"].map((name) => byId(`drive-${name}`));
+  const [open, noise, play, lost] = ["open", "noise", "play", "lost"].map((name) => byId(`drive-${name}`));
   const lists = ["task", "noise", "run"].map((name) => byId(`player-${name}`));
-  const on = () => root.classList.contains("driving");
   let robots = null;
   let shown = null; // what is chosen, and what shows it
   let seed = 1;
-  let now = null; // a drive: its track so far, what is inside, what is held
+  let frame = 0;
+  let now = null; // a drive: its track so far, what is inside, what is held; null while recorded ones are shown
 
   function say(words) {
-    byId("drive-lost").textContent = words;
-    byId("drive-lost").hidden = !words;
+    lost.textContent = words;
+    lost.hidden = !words;
   }
 
   async function enter() {
@@ -124,27 +120,22 @@ function openDrive() {
       return say(`This browser does not run the simulation (${error.message}): the recorded drives remain.`);
     }
     if (byId("player-play").classList.contains("on")) byId("player-play").click();
-    root.classList.add("driving");
     choose();
   }
 
   function choose(pose = null) {
     const [t, n, r] = lists.map((list) => list.selectedIndex);
     const task = data.tasks[t];
-    const run = task.noises[n].runs[r];
-    const live = robots[task.name];
+    const { runs, colour } = task.noises[n];
+    const [run, live] = [runs[r], robots[task.name]];
     say(live ? "" : "Trials of this task draw a robot's constants anew: it cannot be driven here.");
     if (!live) return leave();
+    root.classList.add("driving");
     live.choose(run.link);
     live.level[0] = Number(noise.value);
     const tracks = run.trials.filter((one) => one.driven).map((one) => openTrack(one.driven, task.unit_cm));
-    shown = {
-      task, live, tracks, colour: task.noises[n].colour,
-      readings: makeReadings(byId("player-readings-0"), task.sensors),
-      commands: makeCommands(byId("player-commands-0")),
-      network: makeNetwork(byId("player-network-0"), run.network, data.robot),
-    };
-    root.style.setProperty("--noise", shown.colour);
+    shown = { task, live, tracks: tracks.filter((one) => one.pose(0)), colour, inside: makeInside(0, task, run, data.robot) };
+    root.style.setProperty("--noise", colour);
     begin(pose);
     document.dispatchEvent(new CustomEvent("drivechoice", { detail: { live, task, run, again: () => choose(now.track.at(-1)) } }));
   }
@@ -157,16 +148,16 @@ function openDrive() {
   }
 
   // From a pose, or from a start of the task's own.
-  function begin(pose = null, playing = now ? now.playing : !still.matches) {
-    const { live } = shown;
+  function begin(pose = null) {
+    const { live, tracks } = shown;
     live.start(seed);
     if (pose) live.stand(pose);
     const from = live.pose;
-    const apart = ({ x, y }) => Math.hypot(x - from.x, y - from.y);
-    const near = shown.tracks.filter((one) => one.pose(0)).sort((a, b) => apart(a.pose(0)) - apart(b.pose(0)));
-    now = { track: [from], due: 0, playing, held: null, fan: [], ghost: near[0], before: performance.now(), own: pose };
+    const apart = (one) => Math.hypot(one.pose(0).x - from.x, one.pose(0).y - from.y);
+    const [ghost] = tracks.sort((a, b) => apart(a) - apart(b));
+    now = { track: [from], due: 0, playing: now ? now.playing : !still.matches, held: null, fan: [], ghost, own: pose };
     open.textContent = "Watch them drive";
-    byId("drive-ghost").textContent = near[0] ? `Faint: the ${near[0].who}, from its start nearest to this one.` : "";
+    byId("drive-ghost").textContent = ghost ? `Faint: the ${ghost.who}, from its start nearest to this one.` : "";
     rest();
   }
 
@@ -182,55 +173,44 @@ function openDrive() {
     if (!playing || !now.inside) look();
     if (playing) now.fan = [];
     show();
-    requestAnimationFrame(tick);
+    cancelAnimationFrame(frame);
+    frame = requestAnimationFrame(tick);
   }
 
   function tick(time) {
-    const drive = now;
-    if (!on() || !drive?.playing || drive.held || drive.ticking === time) return;
-    drive.ticking = time;
-    const gone = Math.min(Math.max(time - drive.before, 0), 250) / 1000;
-    drive.before = time;
-    for (drive.due += (gone * Number(byId("player-speed").value)) / data.step_s; drive.due >= 1; drive.due--) {
+    if (!now?.playing || now.held) return;
+    for (now.due += stepsGone(now, time, data.step_s); now.due >= 1; now.due--) {
       shown.live.step();
-      drive.track.push(shown.live.pose);
-      drive.inside = shown.live.inside;
-      if (drive.track.length > TAIL) drive.track.shift();
+      now.track.push(shown.live.pose);
+      now.inside = shown.live.inside;
+      if (now.track.length > TAIL) now.track.shift();
     }
     show();
-    requestAnimationFrame(tick);
+    frame = requestAnimationFrame(tick);
   }
 
   function show() {
-    if (!on() || !now) return;
+    if (!now) return;
     const { task, live, colour } = shown;
-    const { held, inside, fan } = now;
+    const { held, inside, fan, track, ghost } = now;
     const paint = colours();
-    const stage = (now.stage = openStage(canvas, task.arena));
-    const track = { steps: now.track.length - 1, pose: (k) => now.track[k] };
+    const tail = { steps: track.length - 1, pose: (k) => track[k] };
     const share = now.playing && !still.matches ? now.due - 1 : 0; // a step behind, so that it is between two
-    const at = Math.max(0, track.steps + share);
-    const pose = held ?? poseBetween(track, at);
+    const at = Math.max(0, tail.steps + share);
+    const pose = held ?? poseBetween(tail, at);
     const dress = { colour, width: 1.1, alpha: 1, dash: [], body: held?.bad ? WRONG : paint.body };
-    drawArena(stage, task.arena, paint);
-    if (byId("player-rays").checked) drawRays(stage, task.arena, task.sensors, pose, inside.readings, paint);
-    if (now.ghost) drawCourse(stage, now.ghost, dress, paint);
-    if (byId("player-tails").checked && !held) drawTail(stage, track, at, dress, data.robot.front);
-    drawFan(stage, fan, pose, colour);
-    drawRobot(stage, data.robot, pose, dress, paint);
-    drawSensors(stage, task.sensors, pose, inside.readings, paint);
-    shown.readings(inside.readings);
-    shown.commands(inside.commands);
-    shown.network(inside.outputs);
+    const under = (stage) => drawFan(stage, fan, pose, colour);
+    const moment = { pose, readings: inside[0], course: ghost, tail: held ? null : tail, at, under };
+    now.stage = drawMoment(canvas, task, data.robot, dress, moment, paint);
+    shown.inside(...inside);
     byId("player-who-0").textContent = "yours to drive";
-    byId("player-score-0").textContent = held?.bad ? "no room here" : `${(Number(live._k[0]) * data.step_s).toFixed(1)} s, seed ${seed}`;
+    byId("player-score-0").textContent = held?.bad ? "no room here" : `${(Number(live.call[2]) * data.step_s).toFixed(1)} s, seed ${seed}`;
     canvas.setAttribute("aria-label", `Your robot at ${written(pose.x)}, ${written(pose.y)} cm${held?.bad ? ": no room" : ""}`);
   }
 
   // Holds the robot at a pose, and shows what would follow.
   function hold(pose) {
-    const bad = !shown.live.stand(pose);
-    now.held = { ...now.held, ...pose, bad };
+    now.held = { ...now.held, ...pose, bad: !shown.live.stand(pose) };
     look();
     show();
   }
@@ -238,7 +218,7 @@ function openDrive() {
   function drop() {
     const { held, track } = now;
     clearTimeout(now.timer);
-    begin(held.bad ? (track.at(-1) ?? null) : held);
+    begin(held.bad ? track.at(-1) : held);
     byId("player-said").textContent = canvas.getAttribute("aria-label");
   }
 
@@ -247,7 +227,7 @@ function openDrive() {
     const at = now.held ?? now.track.at(-1);
     clearTimeout(now.timer);
     hold({ x: at.x + x, y: at.y + y, heading: at.heading + turn });
-    if (at.id === undefined) now.timer = setTimeout(() => on() && now.held && drop(), 700);
+    if (at.id === undefined) now.timer = setTimeout(() => now?.held && drop(), 700);
   }
 
   function spot(event) {
@@ -257,16 +237,16 @@ function openDrive() {
   }
 
   function drag(event) {
-    if (!on() || !now.held || now.held.id === undefined) return;
+    if (now?.held?.id === undefined) return;
     const [at, { x, y, id, off, heading }] = [spot(event), now.held];
     // The pointer moves it; with shift, and of a second finger, it looks at the pointer.
     if (event.shiftKey || event.pointerId !== id) hold({ x, y, heading: Math.atan2(at.y - y, at.x - x) });
     else hold({ x: at.x + off.x, y: at.y + off.y, heading });
   }
 
-  root.addEventListener("click", (event) => on() && deck.contains(event.target) && event.stopPropagation(), true);
+  root.addEventListener("click", (event) => now && deck.contains(event.target) && event.stopPropagation(), true);
   canvas.addEventListener("pointerdown", (event) => {
-    if (!on()) return;
+    if (!now) return;
     canvas.setPointerCapture(event.pointerId);
     clearTimeout(now.timer);
     const [at, is] = [spot(event), now.track.at(-1)];
@@ -277,12 +257,12 @@ function openDrive() {
   });
   canvas.addEventListener("pointermove", drag);
   for (const name of ["pointerup", "pointercancel"])
-    canvas.addEventListener(name, (event) => on() && now.held?.id === event.pointerId && drop());
-  const wheel = (event) => on() && (event.preventDefault(), nudge(0, 0, event.deltaY * 0.003));
+    canvas.addEventListener(name, (event) => now?.held?.id === event.pointerId && drop());
+  const wheel = (event) => now && (event.preventDefault(), nudge(0, 0, event.deltaY * 0.003));
   canvas.addEventListener("wheel", wheel, { passive: false });
   const KEYS = { ArrowLeft: [-1, 0, 1], ArrowRight: [1, 0, -1], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0] };
   const pressed = (event) => {
-    if (!on()) return;
+    if (!now) return;
     event.stopImmediatePropagation(); // the recorded drives stay where they are
     const free = event.target === document.body || event.target === deck;
     if (!free || event.ctrlKey || event.altKey || event.metaKey) return;
@@ -294,7 +274,7 @@ function openDrive() {
     event.preventDefault();
   };
   document.addEventListener("keydown", pressed, true);
-  open.addEventListener("click", () => (on() ? leave() : enter()));
+  open.addEventListener("click", () => (now ? leave() : enter()));
   play.addEventListener("click", () => rest(!now.playing));
   byId("drive-new").addEventListener("click", () => {
     seed++;
@@ -306,13 +286,13 @@ function openDrive() {
     shown.live.level[0] = Number(noise.value);
     if (!now.playing) rest();
   });
-  for (const list of lists) list.addEventListener("change", () => on() && choose(list === lists[0] ? null : now.own));
+  for (const list of lists) list.addEventListener("change", () => now && choose(list === lists[0] ? null : now.own));
   for (const name of ["rays", "tails"]) byId(`player-${name}`).addEventListener("change", show);
   window.addEventListener("resize", show);
-  window.addEventListener("hashchange", () => on() && choose());
+  window.addEventListener("hashchange", () => now && choose());
   document.addEventListener("themechange", show);
   open.hidden = false;
-  if (location.hash === "#drive" || source.dataset.open) enter();
+  if (source.dataset.open) enter();
 }
 
 function drawFan(stage, courses, pose, colour) {

@@ -351,7 +351,6 @@ function openPlayer() {
     time: byId("player-time"),
     scrub: byId("player-scrub"),
     play: byId("player-play"),
-    speed: byId("player-speed"),
     said: byId("player-said"),
     apart: byId("player-apart"),
     apartWords: byId("player-apart-words"),
@@ -399,9 +398,7 @@ function openPlayer() {
     const paint = colours();
     scene.sides.forEach((side, i) => {
       drawScene(parts.arenas[i], scene, side, now.position, paint);
-      side.readings(side.track.readings(step));
-      side.commands(side.track.commands(step));
-      side.network(side.track.outputs(step));
+      side.inside(side.track.readings(step), side.track.commands(step), side.track.outputs(step));
       const pose = side.track.pose(step);
       const place = pose ? `at ${written(pose.x)}, ${written(pose.y)} cm` : "not seen by the camera";
       parts.arenas[i].setAttribute("aria-label", `${side.track.who} robot in its arena, ${place}`);
@@ -440,9 +437,7 @@ function openPlayer() {
 
   function tick(time) {
     if (!now.playing) return;
-    const gone = Math.min(Math.max(time - now.before, 0), 250) / 1000;
-    now.before = Math.max(time, now.before);
-    now.position = Math.min(scene.steps, now.position + (gone * Number(parts.speed.value)) / data.step_s);
+    now.position = Math.min(scene.steps, now.position + stepsGone(now, time, data.step_s));
     if (now.position >= scene.steps) return play(false);
     show();
     requestAnimationFrame(tick);
@@ -584,34 +579,52 @@ function openScene(data, [task, noise, run, trial]) {
   const sides = packed.map((one, i) => ({
     track: openTrack(one, task.unit_cm),
     driven: i === 1,
-    readings: makeReadings(byId(`player-readings-${i}`), task.sensors),
-    commands: makeCommands(byId(`player-commands-${i}`)),
-    network: makeNetwork(byId(`player-network-${i}`), run.network, data.robot),
+    inside: makeInside(i, task, run, data.robot),
   }));
   const alone = sides.length === 1;
   const apart = alone ? [] : apartOf(sides[0].track, sides[1].track);
   return { task, noise, sides, alone, apart, robot: data.robot, steps: Math.max(...packed.map((one) => one.steps)) };
 }
 
+// One side's bars and network; returns a function that shows its rows of readings, commands and outputs.
+function makeInside(side, task, run, robot) {
+  const readings = makeReadings(byId(`player-readings-${side}`), task.sensors);
+  const commands = makeCommands(byId(`player-commands-${side}`));
+  const network = makeNetwork(byId(`player-network-${side}`), run.network, robot);
+  return (...rows) => [readings, commands, network].forEach((show, i) => show(rows[i]));
+}
+
 // One side's arena at a moment. The looks are those of the report's figures: a robot that was driven is grey and dashed.
 function drawScene(canvas, scene, side, position, paint) {
   const { task, noise, robot } = scene;
-  const stage = openStage(canvas, task.arena);
   const colour = noise.colour;
   const look = side.driven
     ? { colour, width: 2, alpha: 0.7, dash: [3, 1.5], body: paint.cylinder }
     : { colour, width: 1.1, alpha: 1, dash: [], body: paint.body };
   const { track } = side;
   const at = Math.min(still.matches ? Math.floor(position) : position, track.steps);
+  const shown = { pose: poseBetween(track, at), readings: track.readings(Math.floor(at)), course: track, tail: track, at };
+  drawMoment(canvas, task, robot, look, shown, paint);
+}
+
+// A robot in its arena, with a faint course, the tail of a track up to a moment, and what else lies under it.
+function drawMoment(canvas, task, robot, look, { pose, readings, course, tail, at, under }, paint) {
+  const stage = openStage(canvas, task.arena);
   drawArena(stage, task.arena, paint);
-  const pose = poseBetween(track, at);
-  const readings = track.readings(Math.floor(at));
   if (pose && byId("player-rays").checked) drawRays(stage, task.arena, task.sensors, pose, readings, paint);
-  drawCourse(stage, track, look, paint);
-  if (byId("player-tails").checked) drawTail(stage, track, at, look, robot.front);
-  if (pose === null) return;
-  drawRobot(stage, robot, pose, look, paint);
-  drawSensors(stage, task.sensors, pose, readings, paint);
+  if (course) drawCourse(stage, course, paint);
+  if (tail && byId("player-tails").checked) drawTail(stage, tail, at, look, robot.front);
+  under?.(stage);
+  if (pose) drawRobot(stage, robot, pose, look, paint);
+  if (pose) drawSensors(stage, task.sensors, pose, readings, paint);
+  return stage;
+}
+
+// How many steps a drive goes on until a moment; a page that was away does not catch up.
+function stepsGone(now, time, step_s) {
+  const gone = Math.min(Math.max(time - now.before, 0), 250) / 1000;
+  now.before = Math.max(time, now.before);
+  return (gone * Number(byId("player-speed").value)) / step_s;
 }
 
 // How far apart the two are, over the whole trial, with a mark at this moment.
