@@ -288,4 +288,8 @@ def test_logs_of_one_name_are_runs_apart(tmp_path):
     path.write_text(f'logs = ["0/run.csv", "1/run.csv"]\nkind = "wheels"\n[columns]\n{columns}\n', "utf-8")
     made = read_map(path)
     assert [name for name, _ in made.tracks()] == ["0/run.csv", "1/run.csv"]
+    with (tmp_path / "1" / "run.csv").open("a", encoding="utf-8") as file:
+        file.write("\n0.5,5,5")
+    with pytest.raises(RecordingError, match="line 22: t_s: expected a time after"):
+        read_map(path).tracks()
     np.testing.assert_array_equal(np.diff(made.columns["counter_left"])[[0, 20]], [0, 0])

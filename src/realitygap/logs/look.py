@@ -385,6 +385,7 @@ def findings(columns: Mapping[str, Floats], run: NDArray[np.int64], lines: Seque
     """Rate, gaps, and poses that repeat or jump, in words."""
     t = columns.get("t_s", np.zeros(len(run)))
     step = np.diff(t)[np.diff(run) == 0]
+    step = step[np.isfinite(step)]
     if not (step > 0).any():
         return
     usual, (low, high) = np.median(step[step > 0]), np.quantile(step, (0.05, 0.95))

@@ -98,6 +98,13 @@ class Mapped:
         """The path of each run, by its name and no unit; a pose repeated within half a second is none."""
         self.need("t_s", "x_cm", "y_cm", "heading_deg")
         t, *pose = (self.columns[name] for name in ("t_s", "x_cm", "y_cm", "heading_deg"))
+        back = np.isnan(t) | np.append(False, (np.diff(self.run) == 0) & ~(np.diff(t) > 0))
+        if back.any():
+            k = int(back.argmax())
+            raise RecordingError(
+                f"{self.lines[k]}: t_s: expected a time after the row's before, got {t[k]:g} s of its run. "
+                f"Cut the log there, or name a column of its runs in {self.path}: run."
+            )
         new = ~repeats(np.stack(pose, 1), np.diff(self.run, prepend=-1) == 0)
         last = np.maximum.accumulate(np.where(new, np.arange(len(t)), 0))
         new |= t - t[last] > AGAIN_S
