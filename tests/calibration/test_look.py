@@ -147,14 +147,14 @@ def test_places_only_that_repeat_and_jump(tmp_path):
 
 
 def test_rows_of_a_camera_between_those_of_the_wheels(tmp_path):
-    """Each row has one or the other: counters are what they were in between, to the pulse or so."""
+    """Each row has one or the other: counters, of 16 bits here, are what they were in between, to a pulse."""
     t, pose, way, _ = driven(seed=8)
     rows = [
         f"{t[k]:.2f},,,{x:.3f},{y:.3f},{h:.4f}"
         for k, (x, y, h) in zip(range(0, 12000, 7), pose[::7], strict=True)
     ]
     rows += [
-        f"{t[k]:.2f},{120 * left:.0f},{120 * right:.0f},,,"
+        f"{t[k]:.2f},{120 * left % 65536:.0f},{120 * right % 65536:.0f},,,"
         for k, (left, right) in enumerate(way)
         if k % 5 == 3
     ]
@@ -273,3 +273,23 @@ def test_a_raw_logs_reversed_heading_and_encoder_are_seen():
     made = {guess.name: guess for guess in look(LOGS / "trento-wheels" / "original_01.txt").guesses}
     assert [made[name].sign for name in ("heading_deg", "counter_left", "counter_right")] == [-1, -1, 1]
     assert made["heading_deg"].unit == "rad" and made["t_s"].unit == "ms"
+
+
+def test_logs_of_one_name_are_runs_apart(tmp_path):
+    """Named by their folders; an empty cell at the begin of one says nothing of the one before."""
+    for k in range(2):
+        (tmp_path / f"{k}").mkdir()
+        rows = [f"{t / 10},{t},{'' if t == 0 else 40 * t + 9000 * k}" for t in range(20)]
+        (tmp_path / f"{k}" / "run.csv").write_text("\n".join(["t,x,n", *rows]), "utf-8")
+    columns = "\n".join(f'{name} = "{column}"' for name, column in
+                        (("t_s", "t"), ("x_cm", "x"), ("y_cm", "x"), ("heading_deg", "x"),
+                         ("counter_left", "n"), ("counter_right", "n")))  # fmt: skip
+    path = tmp_path / "MAP.toml"
+    path.write_text(f'logs = ["0/run.csv", "1/run.csv"]\nkind = "wheels"\n[columns]\n{columns}\n', "utf-8")
+    made = read_map(path)
+    assert [name for name, _ in made.tracks()] == ["0/run.csv", "1/run.csv"]
+    with (tmp_path / "1" / "run.csv").open("a", encoding="utf-8") as file:
+        file.write("\n0.5,5,5")
+    with pytest.raises(RecordingError, match="line 22: t_s: expected a time after"):
+        read_map(path).tracks()
+    np.testing.assert_array_equal(np.diff(made.columns["counter_left"])[[0, 20]], [0, 0])

@@ -169,9 +169,8 @@ def judge_all(recordings: Sequence[Recording], profile: Profile) -> list[Judgeme
             others = [replace(r, gain=gain * r.gain, distance_cm=r.distance_cm + start) for r in some]
             again = [_judged(one, profile, common) for one in others]
             before, after = ([one.rmse for one in made] for made in ([found[id(r)] for r in some], again))
-            if PAYS * np.linalg.norm(after) < np.linalg.norm(
-                before
-            ):  # a room's light or a shift may do as well
+            # A room's light or a shift may do as well.
+            if PAYS * np.linalg.norm(after) < np.linalg.norm(before):
                 for r, one, plain in zip(some, again, before, strict=True):
                     found[id(r)] = replace(one, gain=gain, start_cm=start, plain=plain)
     return [found[id(r)] for r in recordings]

@@ -138,7 +138,7 @@ def _held_out(holds: Floats, reach: float) -> Floats:
     for out in _folds(holds):
         rest = holds[~out]
         off[out] = np.stack([_off(holds[out], rest, one) for one in (None, _curves(rest, reach))], 1)
-    return off[np.isfinite(off).all(axis=1)] if np.isfinite(off).all() else off[:0]
+    return off if np.isfinite(off).all() else off[:0]
 
 
 def _better(errors: Floats, holds: Floats) -> bool:

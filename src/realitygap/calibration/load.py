@@ -446,14 +446,17 @@ def _read_map(path: Path, object: str | None) -> Recording:
     _check_facts(path, facts)
     rows = [["" if v != v else f"{v:.12g}" for v in row] for row in zip(*made.values(), strict=True)]
     table = Table(path, tuple(made), rows, 0, mapped.lines, RecordingError, f"Correct {path} or its log.")
-    if mapped.kind != "wheels":
-        return _read_sensors(table, path, facts, mapped.kind, object, origin)
-    recording = _read_wheels(table, path, facts, origin)
+    recording: Recording = (
+        _read_wheels(table, path, facts, origin)
+        if mapped.kind == "wheels"
+        else _read_sensors(table, path, facts, mapped.kind, object, origin)
+    )
     said = [*mapped.notes, *(warning.removeprefix(f"{path}: ") for warning in recording.warnings)]
     recording = replace(recording, warnings=(f"{path}: {'; '.join(said)}",) if said else ())
-    if recording.pulses_said or not math.isfinite(found := first_pulses(recording)):
+    if isinstance(recording, SensorRecording) or recording.pulses_said:
         return recording
-    return replace(recording, pulses_per_mm=found, pulses_said=True)
+    found = first_pulses(recording)
+    return replace(recording, pulses_per_mm=found, pulses_said=True) if math.isfinite(found) else recording
 
 
 def _of_sensors(mapped: Mapped, columns: dict[str, Floats], facts: dict[str, Any]) -> dict[str, Floats]:

@@ -241,7 +241,7 @@ class _Way:
     def integral(self, rate: Guess) -> Floats:
         """[m] of a rate over the time of each."""
         step = np.diff(self.t, prepend=self.t[:1]) * (np.diff(self.run, prepend=self.run[:1]) == 0)
-        return self.over(np.cumsum(filled(rate.values(self.log), self.t, self.run) * step))
+        return self.over(np.cumsum(np.nan_to_num(filled(rate.values(self.log), self.t, self.run)) * step))
 
     def turning(self, apart: Floats) -> float:
         """Correlation of the turns with something [m]; 0 if there are too few."""
@@ -316,17 +316,19 @@ def _wheels(way: _Way, kind: str) -> None:
 def _counted(way: _Way, pair: Sequence[Guess]) -> Floats:
     """[m, 2] pulses of two counters that count each row anew or not, by the way that they explain; else by
     how far they go from row to row."""
-    made = [filled(guess.values(way.log), way.t, way.run) for guess in pair]
-    gone = [
-        np.stack([way.over(cumulative(one, way.run, per_row=each)[0]) for one in made], 1)
+    totals = [
+        [
+            filled(cumulative(guess.values(way.log), way.run, per_row=each)[0], way.t, way.run)
+            for guess in pair
+        ]
         for each in (False, True)
     ]
+    gone = [np.stack([*map(way.over, some)], 1) for some in totals]
     left = [way.gone - one @ np.linalg.lstsq(one, way.gone, rcond=None)[0] for one in gone]
     shares = [1 - float(one @ one) / max(float(way.gone @ way.gone), 1e-12) for one in left]
     per_row, why = shares[1] > shares[0], f"explains {max(shares):.2f} of the path, else {min(shares):.2f}"
     if len(way.gone) <= FEW:
-        totals = [cumulative(one, way.run, per_row=False)[0] for one in made]
-        step = min(float(np.abs(np.diff(one)).mean() / max(np.ptp(one), 1)) for one in totals)
+        step = min(float(np.abs(np.diff(one)).mean() / max(np.ptp(one), 1)) for one in totals[0])
         per_row, why = step > EACH, f"{step:.1%} of its range a row"
     for guess in pair:
         guess.unit, guess.per_row = "pulses", per_row
@@ -383,6 +385,7 @@ def findings(columns: Mapping[str, Floats], run: NDArray[np.int64], lines: Seque
     """Rate, gaps, and poses that repeat or jump, in words."""
     t = columns.get("t_s", np.zeros(len(run)))
     step = np.diff(t)[np.diff(run) == 0]
+    step = step[np.isfinite(step)]
     if not (step > 0).any():
         return
     usual, (low, high) = np.median(step[step > 0]), np.quantile(step, (0.05, 0.95))

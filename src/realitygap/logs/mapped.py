@@ -38,7 +38,7 @@ ASKED = "?"
 SIDES = ("left", "right")
 SENSOR = re.compile(r"s(\d+)")
 LENGTH = {"cm": 1.0, "mm": 0.1, "m": 100.0}
-ANGLE = {"rad": 1.0, "deg": math.pi / 180, "quaternion": 1.0}
+ANGLE = {"deg": math.pi / 180, "rad": 1.0, "quaternion": 1.0}
 SPEED = {"cm/s": 1.0, "mm/s": 0.1, "m/s": 100.0}
 TURN = {"rad/s": 1.0, "deg/s": math.pi / 180}
 OWN, PLAIN = {"own": 1.0}, {"": 1.0}
@@ -98,6 +98,13 @@ class Mapped:
         """The path of each run, by its name and no unit; a pose repeated within half a second is none."""
         self.need("t_s", "x_cm", "y_cm", "heading_deg")
         t, *pose = (self.columns[name] for name in ("t_s", "x_cm", "y_cm", "heading_deg"))
+        back = np.isnan(t) | np.append(False, (np.diff(self.run) == 0) & ~(np.diff(t) > 0))
+        if back.any():
+            k = int(back.argmax())
+            raise RecordingError(
+                f"{self.lines[k]}: t_s: expected a time after the row's before, got {t[k]:g} s of its run. "
+                f"Cut the log there, or name a column of its runs in {self.path}: run."
+            )
         new = ~repeats(np.stack(pose, 1), np.diff(self.run, prepend=-1) == 0)
         last = np.maximum.accumulate(np.where(new, np.arange(len(t)), 0))
         new |= t - t[last] > AGAIN_S
@@ -136,17 +143,18 @@ def read_map(path: str | Path) -> Mapped:
 
     # A file is a run, or several by its column.
     stems = [Path(one).stem for one in logs]
+    stems = stems if len({*stems}) == len(stems) else [Path(one).as_posix() for one in logs]
     file = np.repeat(np.arange(len(read)), [len(log.lines) for log in read])
     told = made.pop("run", np.zeros(len(file)))
     runs, run = np.unique(np.stack([file, told], 1), axis=0, return_inverse=True)
-    names = [f"{stems[int(one)]}:{value:g}" if len(stems) > 1 else f"{value:g}" for one, value in runs]
+    names = [f"{stems[int(one)]}:" * (len(stems) > 1) + f"{value:.12g}" for one, value in runs]
     names = names if "run" in said else stems
     kept = np.argsort(run, kind="stable")
     made, run, lines = {name: column[kept] for name, column in made.items()}, run[kept], lines[kept]
     for name in (name for name in made if name.startswith("counter")):
         made[name], wraps = cumulative(made[name], run, per_row=said[name]["per_row"])
         notes += [f"{name} wraps round after 16 bits ({many(wraps, 'time')})"] if wraps else []
-    if "t_s" in made:
+    if "t_s" in made and kind in ("wheels", "track"):
         last = np.append((np.diff(made["t_s"]) != 0) | (np.diff(run) != 0), True)
         notes += [] if last.all() else [f"{many((~last).sum(), 'row')} of the same time as the next left out"]
         made, run, lines = {name: column[last] for name, column in made.items()}, run[last], lines[last]
@@ -213,25 +221,29 @@ def converted(name: str, parts: Floats, unit: str, sign: int) -> Floats:
 
 
 def filled(column: Floats, t: Floats, run: NDArray[np.int64], *, held: bool = False) -> Floats:
-    """[n] a column whose empty cells have values evenly in between, or the one before (`held`)."""
-    known = np.isfinite(column)
-    if held:
-        before = np.maximum.accumulate(np.where(known, np.arange(len(t)), known.argmax()))
-        return np.asarray(column[before])
-    clock = t + run * (np.ptp(t) + 1)
-    return np.interp(clock, clock[known], column[known]) if known.any() else column
+    """[n] a column whose empty cells have values evenly in between, or the one before (`held`), of a run."""
+    out = column.copy()
+    for rows in (np.flatnonzero(run == k) for k in np.unique(run[~np.isfinite(column)])):
+        known = rows[np.isfinite(column[rows])]
+        if len(known) and held:
+            out[rows] = column[known[np.maximum(np.searchsorted(known, rows, side="right") - 1, 0)]]
+        elif len(known):
+            out[rows] = np.interp(t[rows], t[known], column[known])
+    return out
 
 
 def cumulative(pulses: Floats, run: NDArray[np.int64], *, per_row: bool) -> tuple[Floats, int]:
     """[n] pulses from the begin, of a counter that may be one of 16 bits, and how often it began anew."""
     if per_row:
         return np.asarray(np.cumsum(np.nan_to_num(pulses))), 0
-    step = np.diff(pulses, prepend=pulses[:1])
+    known, out = np.isfinite(pulses), pulses.copy()
+    some, run = pulses[known], run[known]
+    step = np.diff(some, prepend=some[:1])
     step[np.diff(run, prepend=run[:1]) != 0] = 0.0
-    wraps = (np.abs(step) > 0.75 * WRAP) & (np.ptp(pulses) <= WRAP)
-    if not wraps.any():
-        return np.asarray(pulses - np.nan_to_num(pulses[:1])), 0
-    return np.asarray(np.cumsum(step - WRAP * np.sign(step) * wraps)), int(wraps.sum())
+    wraps = np.abs(step) > 0.75 * WRAP
+    wraps &= bool(wraps.any()) and np.ptp(some) <= WRAP
+    out[known] = np.cumsum(step - WRAP * np.sign(step) * wraps) if wraps.any() else some - some[:1]
+    return out, int(wraps.sum())
 
 
 def _sensors(path: Path, made: Mapping[str, Floats]) -> Floats | None:

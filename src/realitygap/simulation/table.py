@@ -17,7 +17,7 @@ from realitygap.tasks.load import load_task
 from realitygap.tasks.task import Start
 from realitygap.values import Command, Pose, Readings
 from realitygap.world.arena import Arena, Cylinder
-from realitygap.world.robot import TOP_INPUT, Profile, load_profile
+from realitygap.world.robot import Profile, load_profile
 
 __all__ = ["TableBody", "opened"]
 
@@ -81,10 +81,8 @@ class TableBody(Body):
         return self._body.sense()
 
     def act(self, command: Command) -> None:
-        """Wheel speeds from now on, in the profile's units, as near as its controllers' eleven steps each way
-        come."""
-        share = TOP_INPUT / self.profile.wheels.top_command
-        self._body.act(Command(left=round(command.left * share), right=round(command.right * share)))
+        """Wheel speeds from now on, in the profile's units."""
+        self._body.act(command)
 
     def stop(self) -> None:
         """Stand."""
