@@ -65,7 +65,7 @@ def test_the_text_and_the_picture(call, tmp_path):
     assert (tmp_path / "path.svg").read_bytes()[:5] == b"<?xml"
     turning = ("--controller", "constant:5,-5", "--verbose")
     table = call("simulate", "light", *turning).stdout
-    assert "×10⁻⁶ cm⁻²\nfrom (15.0, 35.0) cm" in table
+    assert "× 10⁻⁶ cm⁻²\nfrom (15.0, 35.0) cm" in table
     rows = [line.split() for line in table.partition("contact\n")[2].splitlines()]
     assert len(rows) == 20 and all(abs(float(row[3])) <= 180 for row in rows)
     for words in (("arena", "light-seeking"), ("profile", "thymio")):

@@ -31,7 +31,7 @@ def test_facts(run: Run) -> dict[str, Any] | None:
 
 def after(unit: str) -> str:
     """A unit as it follows a number."""
-    return f" {'×' * unit.startswith('10')}{unit}" if unit else ""
+    return f" {'× ' * unit[:1].isdigit()}{unit}" if unit else ""
 
 
 class Fitness:
@@ -51,7 +51,7 @@ class Fitness:
             self._places[task] = decimals(max(map(abs, best)) / self._scale[task])
 
     def unit(self, task: str) -> str:
-        """The unit, as it follows a number: " ×10⁻⁶ cm⁻²"; nothing if there is none."""
+        """The unit, as it follows a number: " × 10⁻⁶ cm⁻²"; nothing if there is none."""
         return self._unit[task]
 
     def text(self, task: str, value: float | Mean | None) -> str:

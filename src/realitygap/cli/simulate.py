@@ -61,8 +61,8 @@ def simulate(
     """Simulate one trial of TASK.
 
     TASK is obstacle-avoidance, light-seeking or a Python file of your own. Without --pose the robot starts
-    as the task says, drawn with --seed. --verbose prints where it was each second; with --json there is
-    an entry for each step (0.1 s, or the profile's): the robot's readings, decision and pose then, what its
+    as the task says, drawn with --seed. --verbose prints every tenth step; with --json there is an
+    entry for each step (0.1 s, or the profile's): the robot's readings, decision and pose then, what its
     wheels achieved in the following step, and whether it touched something.
 
     \b
@@ -256,7 +256,7 @@ def _show(folder: str, name: str | None, load: Callable[[str], Value], picture: 
     from realitygap.world.toml import shipped, shipped_text
 
     if name is None and picture is not None:
-        raise click.BadParameter("draws one: name it.", param_hint="'--picture'")
+        raise click.BadParameter(f"draws one of the {folder}: give its NAME.", param_hint="'--picture'")
     if name is None:
         click.echo("\n".join(shipped(folder)))
     elif picture is not None:

@@ -177,7 +177,7 @@ class TaskPart:
     @property
     def unit(self) -> str:
         """The unit of its values, to be written after them."""
-        return unit_of(self.task)
+        return unit_of(self.task.fitness_unit)
 
     def show(self, mean: Mean | float | None) -> tuple[str, str]:
         """A value and its ± as text, in the table's unit; a dash for None or NaN."""
@@ -191,9 +191,8 @@ class TaskPart:
         return number(value / self.task.fitness_scale, self.places)
 
 
-def unit_of(task: Task) -> str:
+def unit_of(unit: str) -> str:
     """A task's unit of fitness, to be written after a number: "× 10⁻⁶ cm⁻²"."""
-    unit = task.fitness_unit
     return f"× {unit}" if unit[:1].isdigit() else unit
 
 

@@ -23,7 +23,7 @@ from realitygap.report.build import figures_of
 from realitygap.report.calibration import calibration_figures, write_calibration_page
 from realitygap.report.drawing import robot_figure, room_figure
 from realitygap.report.drive import Driven, drive_json
-from realitygap.report.evolution import WHO, Paths, mean_of, parts_of
+from realitygap.report.evolution import WHO, Paths, mean_of, parts_of, unit_of
 from realitygap.report.network import network_figure
 from realitygap.report.page import Figures, rendered
 from realitygap.report.player import player_data, player_json, replay_data
@@ -141,7 +141,7 @@ def shown_calibration(made: Calibration, height: int) -> Shown:
 def study_html(study: Study) -> str:
     """A study's runs as a table."""
     rows = [
-        (run.name, run.evaluations, _short(run.best_fitness), _mean(run.tests.get(("champion", run.noise))),
+        (run.name, run.evaluations, _best(run), _fitness(run, run.tests.get(("champion", run.noise), ())),
          "finished" if run.finished else "unfinished")
         for run in study.runs[:MOST_ROWS]
     ]  # fmt: skip
@@ -157,8 +157,8 @@ def run_html(run: Run) -> str:
     genes = run.fittest if run.champion is None else run.champion
     facts = [
         ("task", run.task), ("noise", run.noise_name), ("evaluations", run.evaluations),
-        ("best during evolution", _short(run.best_fitness)),
-        *((f"test score of the {WHO[who]} at noise {noise:g}", _mean(scores))
+        ("best during evolution", _best(run)),
+        *((f"test score of the {WHO[who]} at noise {noise:g}", _fitness(run, scores))
           for (who, noise), scores in run.tests.items()),
     ]  # fmt: skip
     if genes is None:
@@ -214,13 +214,18 @@ def _face(
     return rendered("face.html.j2", facts)
 
 
-def _mean(scores: ArrayLike | None) -> str:
-    """A test score: the mean of new trials with its 95 % interval."""
-    mean = None if scores is None else mean_of(scores)
-    if mean is None or not math.isfinite(mean.half):
-        return _short(None if mean is None else mean.value)
-    return f"{mean.value:.4g} ± {mean.half:.2g}"
+def _best(run: Run) -> str:
+    return _fitness(run, () if run.best_fitness is None else [run.best_fitness])
 
 
-def _short(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4g}"
+def _fitness(run: Run, scores: ArrayLike) -> str:
+    """The mean of scores with its 95 % interval, in the task's unit."""
+    facts, mean = run.study.facts(run.task), mean_of(scores)
+    if mean is None:
+        return "–"
+    scale, unit = facts["fitness_scale"], unit_of(facts["fitness_unit"])
+    text = f"{mean.value / scale:.4g}"
+    if math.isfinite(mean.half):
+        text += f" ± {mean.half / scale:.2g}"
+        text = f"({text})" if unit else text
+    return f"{text} {unit}".rstrip()

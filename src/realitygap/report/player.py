@@ -109,7 +109,7 @@ def _document(profile: Profile, tasks: Sequence[Json]) -> Json:
 def _scene(task: Task, profile: Profile) -> Json:
     """A task: its arena, the sensors it feeds."""
     return {
-        "name": task.name, "title": task.title, "unit": unit_of(task), "feeds": task.feeds,
+        "name": task.name, "title": task.title, "unit": unit_of(task.fitness_unit), "feeds": task.feeds,
         "unit_cm": _unit_cm(task), "arena": arena_json(task.arena), "sensors": _sensors(task, profile),
     }  # fmt: skip
 
