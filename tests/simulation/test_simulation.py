@@ -143,7 +143,8 @@ def test_seconds():
     short, usual, long = (simulation.trajectory(nets, stream=9, seconds=s)[0] for s in (3.7, None, 41))
     assert (short.x.size, usual.x.size, long.x.size) == (37, 200, 410)
     assert (short.x == long.x[:37]).all() and (usual.heading == long.heading[:200]).all()
-    for wrong in (0, -1, 0.05, 1.234, math.inf, math.nan):
+    assert simulation.trajectory(nets, stream=9, seconds=1.234)[0].x.size == 12  # the nearest step
+    for wrong in (0, -1, 0.04, math.inf, math.nan):
         with pytest.raises(UsageError, match="seconds"):
             simulation.trajectory(nets, stream=9, seconds=wrong)
 

@@ -67,7 +67,6 @@ def test_networks_that_lead_out_of_their_arrays_are_refused(what: str) -> None:
 SCORES: dict[str, Callable[[rg.Simulation], object]] = {
     "more rows of streams than networks": lambda s: s.scores(nets(), np.zeros((5000, 2), np.uint64)),
     "fewer rows of streams": lambda s: s.scores(nets(), STREAMS[:1]),
-    "streams in one dimension": lambda s: s.scores(nets(), STREAMS[0]),
     "streams of another type": lambda s: s.scores(nets(), np.zeros((2, 3))),
     "streams in a matrix": lambda s: s.scores(nets(), np.matrix(STREAMS)),
     "streams behind a mask": lambda s: s.scores(nets(), np.ma.array(STREAMS, mask=STREAMS == 0)),
