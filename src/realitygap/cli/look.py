@@ -41,6 +41,8 @@ def look(log: str, said: str | None, out: Path | None) -> None:
     from realitygap.logs.mapped import read_map
     from realitygap.report.log import draw_log
 
+    if said and out is not None:
+        raise click.UsageError("--map writes no MAP.toml: give it without --out.")
     target = Path(said) if said else out or Path(log).with_name("MAP.toml")
     picture = target.with_suffix(".png")
     if said:

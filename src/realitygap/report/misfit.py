@@ -24,7 +24,7 @@ class Advice(NamedTuple):
         misfit: median model error over noise of the proximity sensors, held out; NaN if unknown.
         runs: at each level, at least.
         level: of evolution, at which fitness on the robot is highest; low, high: its 95 % interval over runs.
-        p: that fitness does not depend on the level, by Kruskal and Wallis's test.
+        p: that fitness does not depend on the level, by Kruskal and Wallis's test; NaN with few runs.
     """
 
     task: str
@@ -47,8 +47,9 @@ class Advice(NamedTuple):
         at = f"{self.task}: at a model error of {known}"
         if self.told:
             return f"{at}, evolve at about level {self.level:.2g} (95 %: {self.low:.2g} to {self.high:.2g})"
-        few = f"by {self.runs} runs a level no level is shown to be better than another (p = {self.p:.2g})"
-        return f"{at}, it cannot be told at which level to evolve: {few}"
+        few = f"by {self.runs} runs a level no level is shown to be better than another"
+        tested = f" (p = {self.p:.2g})" if math.isfinite(self.p) else ""
+        return f"{at}, it cannot be told at which level to evolve: {few}{tested}"
 
 
 def advice(data: NoiseData) -> list[Advice]:
@@ -59,14 +60,13 @@ def advice(data: NoiseData) -> list[Advice]:
         part, draw = data.part(task), np.random.default_rng(SEED)
         groups = [part.situated[part.at(level) & np.isfinite(part.situated)] for level in levels]
         runs = min(map(len, groups))
-        level = low = high = math.nan
-        p = 1.0
+        level = low = high = p = math.nan
         if runs >= FEWEST:
             level = float(peak(levels, np.array([one.mean() for one in groups])))
             drawn = [draw.choice(one, (RESAMPLES, len(one))).mean(axis=1) for one in groups]
             low, high = np.percentile(peak(levels, np.stack(drawn, axis=1)), [50 * LEVEL, 100 - 50 * LEVEL])
-            if len(np.unique(np.concatenate(groups))) > 1:
-                p = float(stats.kruskal(*groups).pvalue)
+            differ = len(np.unique(np.concatenate(groups))) > 1
+            p = float(stats.kruskal(*groups).pvalue) if differ else 1.0
         made.append(Advice(task, misfit, runs, level, float(low), float(high), p))
     return made
 
