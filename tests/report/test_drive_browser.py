@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from realitygap.control.genotype import Genotype
+from realitygap.errors import RealityGapWarning
 from realitygap.report.drive import Driven, drive_json
 from realitygap.report.notebook import _player
 from realitygap.report.player import replay_data
@@ -186,7 +187,9 @@ def test_where_nothing_can_be_compiled_the_page_and_a_warning_say_so(monkeypatch
     """Another Numba: the recorded drives remain."""
     monkeypatch.setattr(wasm, "kept", lambda home, name, text, make: make())
     monkeypatch.setattr(wasm, "_in_a_child", refuse)
-    with pytest.warns(RuntimeWarning, match=r"was not compiled: why\. The page shows recorded drives only"):
+    with pytest.warns(
+        RealityGapWarning, match=r"was not compiled: why\. The page shows recorded drives only"
+    ):
         assert drive_json([drive("avoider")]) is None
 
 

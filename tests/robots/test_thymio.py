@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from realitygap.errors import LineError, RobotError, UsageError
+from realitygap.errors import LineError, RealityGapWarning, RobotError, UsageError
 from realitygap.robots.body import Body, Clock, RealClock
 from realitygap.robots.drive import Recorder, Recording, drive
 from realitygap.robots.thymio import AsebaLine
@@ -144,7 +144,7 @@ def test_a_count_beyond_the_full_scale_is_read_and_said() -> None:
     with at_a_node(node) as body:
         body.reset()
         node.set("prox.horizontal", 4525, *[1100] * 6)
-        with pytest.warns(RuntimeWarning, match="reads 4525, beyond the full scale of 4500"):
+        with pytest.warns(RealityGapWarning, match="reads 4525, beyond the full scale of 4500"):
             assert body.sense().proximity[0] == 4525
         assert body.sense().proximity[0] == body.channel("proximity").high == 4525  # said once
 

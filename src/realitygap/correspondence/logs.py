@@ -113,7 +113,9 @@ def read_logs(path: str | Path) -> list[Log]:
             return [_from_json(place)]
         files = [place]
         if place.is_dir():
-            files = [file for file in sorted(place.rglob("*.csv")) if STALLED not in file.parts]
+            files = [
+                file for file in sorted(place.rglob("*.csv")) if STALLED not in file.relative_to(place).parts
+            ]
             files = [file for file in files if file.name == STEPS] or files
         return [log for file in files for log in _from_csv(file)]
 

@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from realitygap.control.genotype import Genotype
+from realitygap.errors import RealityGapWarning
 from realitygap.kernels.trial import new_scratch
 from realitygap.kernels.types import Path
 from realitygap.report.evolution import TaskPart, individual
@@ -56,7 +57,7 @@ def drive_json(driven: Iterable[Driven]) -> Markup | None:
     try:
         tasks = {one.task.name: _laid(one, memory, kernels) for one in driven}
     except WasmError as error:
-        warnings.warn(f"{error}. The page shows recorded drives only.", RuntimeWarning, stacklevel=2)
+        warnings.warn(f"{error}. The page shows recorded drives only.", RealityGapWarning, stacklevel=2)
         return None
     packed = [_packed(kernel) for kernel in kernels]
     data: Json = {"base": BASE, "memory": _packed(bytes(memory.data)), "kernels": packed, "tasks": tasks}

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from realitygap.errors import LineError, RobotError, UsageError
+from realitygap.errors import LineError, RealityGapWarning, RobotError, UsageError
 from realitygap.lazy import needed
 from realitygap.robots.body import Channel, RealClock
 from realitygap.robots.guard import SILENCE_S
@@ -316,7 +316,7 @@ class ThymioBody(WireBody):
         if most > one.high:
             self.channels = (replace(one, high=most),)
             said = f"a sensor reads {most}, beyond the full scale of {one.high}: {most} is taken"
-            warnings.warn(f"{self.line.device}: {said}", RuntimeWarning, stacklevel=3)
+            warnings.warn(f"{self.line.device}: {said}", RealityGapWarning, stacklevel=3)
 
     def act(self, command: Command) -> None:
         """Motor targets from now on, −500 … 500.
