@@ -216,6 +216,7 @@ def open_page(study: Path) -> None:
 
     page = study / "report" / "index.html"
     if not page.is_file():
+        loaded = load_trusted(study)
         note("there is no report yet: it is made first")
-        page = made_page(study, load_trusted(study))
+        page = made_page(study, loaded)
     tell({"report": str(page), "opened": webbrowser.open(link(page))}, link(page))

@@ -322,13 +322,15 @@ def _comparison_lines(made: Comparison) -> Iterator[str]:
     yield f"correspondence score {made.score:.1f} of 10{interval}"
     yield f"  behaviour {made.behaviour:.1f}, layout {made.layout:.1f}"
     yield f"differences: {made.differences}"
-    response = "" if made.responsiveness is None else f", responsiveness {made.responsiveness:+z.2f}"
-    yield f"  noisiness {made.noisiness:+z.2f}{response} (log2 of B to A), looping {made.looping:+z.2f}"
+    response = "" if made.responsiveness is None else f", responsiveness {2**made.responsiveness:.2f} ×"
+    yield f"  B against A: noisiness {2**made.noisiness:.2f} ×{response}, looping {made.looping:+z.2f}"
     if made.matched:
-        when = "beyond the trial" if made.parting_s is None else f"{made.parting_s:.1f} s"
-        paired = f"trials are paired by start; median divergence time {when}"
-        yield f"{paired}; transferability {made.transferability:z.2f}"
-    yield f"can they be told apart? nearest neighbours, p = {made.p:.3f} (a test, not a scale)"
+        far = "fewer than half of the pairs diverged"
+        when = (
+            far if made.parting_s is None else f"half of the pairs have diverged after {made.parting_s:.1f} s"
+        )
+        yield f"paired by start: {when}; transferability {made.transferability:z.2f} (0 is perfect)"
+    yield f"two-sample test (nearest neighbours): p = {made.p:.3f}"
     yield f"{made.trials[0]} and {made.trials[1]} trials; task: {made.setting}"
     yield f"10 is: {made.scale.floor_from}; 0 is: {made.scale.ceiling_from}"
     for note in made.notes:
