@@ -66,6 +66,7 @@ def fewer_starts(monkeypatch):
         monkeypatch.setattr(module, "FOLDS", 2)
 
 
+@pytest.mark.usefixtures("fewer_starts")
 def test_a_sensor_outside_every_closed_form_is_found():
     """`auto` takes "measured" for it; an object not fitted it errs on by less than the noise, and places held
     out, each by a search that never saw them, by hardly more."""
