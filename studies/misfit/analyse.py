@@ -280,18 +280,29 @@ def page(arms: Sequence[Arm]) -> str:
 
 
 def read(out: Path | None) -> list[Arm]:
-    """All arms that there are, in the order of the plan: the archive's, or a folder's."""
+    """All arms that there are whole, in the order of the plan: the archive's, or a folder's."""
     made = []
     for name in ARMS["arm"]:
-        files = {key: f"{key}.csv" for key in ("controllers", "cells", "misfits")}
-        if out is not None and (out / name / "results").is_dir():
-            parts = {key: pd.read_csv(out / name / "results" / file) for key, file in files.items()}
-        elif out is None and f"misfit/{name}/cells.csv" in archive():
-            parts = {key: table(f"misfit/{name}/{file}") for key, file in files.items()}
-        else:
-            continue
-        made.append(Arm.of(name, **parts))
+        for parts in ([name], [f"{name}-1", f"{name}-2"]):
+            if all(_there(out, part) for part in parts):
+                files = [
+                    [_table(out, part, key) for part in parts] for key in ("controllers", "cells", "misfits")
+                ]
+                made.append(Arm.of(name, *(pd.concat(each, ignore_index=True) for each in files)))
+                break
     return made
+
+
+def _there(out: Path | None, part: str) -> bool:
+    return f"misfit/{part}/cells.csv" in archive() if out is None else (out / part / "results").is_dir()
+
+
+def _table(out: Path | None, part: str, key: str) -> pd.DataFrame:
+    return (
+        table(f"misfit/{part}/{key}.csv")
+        if out is None
+        else pd.read_csv(out / part / "results" / f"{key}.csv")
+    )
 
 
 if __name__ == "__main__":

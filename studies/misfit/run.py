@@ -1,6 +1,6 @@
 """Runs an arm of the study of misfit and noise as planned (plan.md, arms.toml).
 
-    python studies/misfit/run.py E --out out/misfit/E --hours 1.9
+    python studies/misfit/run.py E --only 1 --out out/misfit/E-1 --hours 1.9
     python studies/misfit/run.py K --out out/misfit/K --data ../shared/data
 
 Stopped, or out of its hours, it goes on with --resume. `--runs 2 --realities 2 --evaluations 60` is a small
@@ -49,6 +49,7 @@ from realitygap.streams import named_stream
 from realitygap.study.folder import exists
 from realitygap.study.plan import named
 from realitygap.study.runner import run_study
+from realitygap.track import Track
 from realitygap.transfer.rig import Rig
 from realitygap.values import Pose
 from realitygap.work.pool import Workers
@@ -64,7 +65,8 @@ PARTS = ("wheels", "infrared-wall", "infrared-cylinder")
 @dataclass(frozen=True, kw_only=True)
 class Design(NoiseConfig):
     """An arm. A place is one of its realities with one of its simulations, numbered from 1: what is a unit
-    elsewhere. `levels` are those of comparison; `runs` of each place and level, one number a reality."""
+    elsewhere. `levels` are those of comparison; `runs` of each place and level, one number a reality. `only`
+    one seed set, or 0: an arm may be carried out in two parts. `nominal` is a profile, or a unit's number."""
 
     COMMAND = "python studies/misfit/run.py"
 
@@ -76,6 +78,7 @@ class Design(NoiseConfig):
     rivals: tuple[str, ...] = ()
     rivals_evolved: tuple[float, ...] = ()
     nominal: str = ""
+    only: int = 0
     runs: tuple[int, ...] = ()  # type: ignore[assignment]
     data: str = ""
 
@@ -83,9 +86,10 @@ class Design(NoiseConfig):
         """As planned."""
 
     @property
-    def every_unit(self) -> range:
+    def every_unit(self) -> Sequence[int]:  # type: ignore[override]
         """Numbers of the places."""
-        return range(1, 1 + len(self.realities) * len(self.known))
+        every = range(1, 1 + len(self.realities) * len(self.known))
+        return [n for n in every if self.only in (0, *self.sets(self.place(n)))]
 
     @property
     def known(self) -> tuple[str, ...]:
@@ -181,14 +185,18 @@ def drawn(profile: Profile, spread: float, draw: np.random.Generator) -> Profile
     def factor(deviation: float) -> float:
         return float(np.exp(spread * deviation * draw.standard_normal()))
 
-    sensors, off = [], np.array([RIVAL["place_cm"], RIVAL["place_cm"], RIVAL["direction_deg"]])
+    loud, sensors, off = (
+        factor(RIVAL["noise"]),
+        [],
+        np.array([RIVAL["place_cm"], RIVAL["place_cm"], RIVAL["direction_deg"]]),
+    )
     for one in profile.infrared.sensors:
         gain = factor(RIVAL["gain"])
         x, y, turn = [one.x_cm, one.y_cm, one.direction_deg] + spread * off * draw.standard_normal(3)
         inside = min(1.0, 0.99 * profile.body.radius_cm / np.hypot(x, y))  # no sensor is outside the body
         place = {"x_cm": float(inside * x), "y_cm": float(inside * y), "direction_deg": float(turn)}
-        sensors.append(replace(one, a=one.a * gain, b=one.b * gain, **place))
-    loud = factor(RIVAL["noise"])
+        louder = tuple(loud * one for one in one.noise)
+        sensors.append(replace(one, a=one.a * gain, b=one.b * gain, noise=louder, **place))
     noise, wheels = profile.noise, profile.wheels
     return replace(
         profile,
@@ -217,8 +225,20 @@ class Placed(Individual):
         return f"place-{self.home}-{super().name}"
 
 
+class Unfilmed(Rig):
+    """A rig without a camera: its tracks are where the simulated robot was."""
+
+    tracker = property(lambda self: self)  # type: ignore[assignment]
+
+    def track(self, truth: Track, stream: int) -> Track:
+        """As the camera would give it, without its errors."""
+        return truth
+
+
 class Study(NoiseExperiment):
     """Its design: each controller drives the reality of its place; two individuals a run."""
+
+    RIG = Unfilmed
 
     config: Design
 
@@ -228,7 +248,7 @@ class Study(NoiseExperiment):
         for place in map(self.config.place, self.config.every_unit):
             sets = self.config.sets(place)
             rival = place.simulation in self.config.rivals
-            for number in sets:
+            for number in (one for one in sets if self.config.only in (0, one)):
                 for level in self.config.rivals_evolved if rival else self.config.evolved:
                     for index in range(1, self.config.runs[place.index] // len(sets) + 1):
                         made += [
@@ -266,14 +286,10 @@ class Study(NoiseExperiment):
         return self.profile(self._own(unit))
 
     def rig(self, one: Controller, unit: int) -> Rig:
-        """With a camera that is calibrated for the reality's own robot."""
+        """A table's robot is its own profile."""
         made = super().rig(one, unit)
         if made.robot.kind == "table":
             made.robot = Address(kind="table", rest=str(self.profile_file(self._own(unit))))
-        else:
-            own, made.profile = made.profile, self.ruler(unit)
-            _ = made.tracker
-            made.profile = own
         return made
 
     # Calibrations
@@ -298,10 +314,11 @@ class Study(NoiseExperiment):
                 .named(f"{place.reality}, {simulation}", date="")
                 .profile.to_toml()
             )
-        elif simulation.startswith("nominal"):
+        elif simulation.startswith("nominal") and not config.nominal.isdecimal():
             text = load_profile(config.nominal).to_toml()
         else:
             reality = config.neighbour(place) if simulation == "another unit" else place.reality
+            reality = config.nominal if simulation.startswith("nominal") else reality
             whole = self._whole(reality, workers, report)
             made = folder / "again"
             if simulation in SHARES:
@@ -390,9 +407,10 @@ def main(words: Sequence[str] | None = None) -> None:
     """Carry an arm out, and say where its tables are."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("arm", choices=list(PLAN["arm"]))
-    parser.add_argument("--out", type=Path, help="the arm's folder [out/misfit/ARM]")
+    parser.add_argument("--out", type=Path, help="the arm's folder [out/misfit/ARM, or ARM-SET]")
     parser.add_argument("--data", default="", help="of arm K: the folder of the real readings")
     parser.add_argument("--hours", type=float, help="after which it stops, to be resumed")
+    parser.add_argument("--only", type=int, choices=(1, 2), help="one seed set; the other in another folder")
     for key in ("runs", "realities", "evaluations", "starts", "seed"):
         parser.add_argument(f"--{key}", type=int, help="to try it out: what it makes is no data")
     parser.add_argument("--seconds", type=float, help="length of a trial, to try it out")
@@ -402,7 +420,7 @@ def main(words: Sequence[str] | None = None) -> None:
     arm, out, hours, workers, resume = (
         asked.pop(key) for key in ("arm", "out", "hours", "workers", "resume")
     )
-    out = out or Path("out/misfit") / arm
+    out = out or Path("out/misfit") / "-".join(map(str, filter(None, (arm, asked["only"]))))
     until = time.monotonic() + 3600 * (hours or 1e6)
 
     def on_progress(event: Any) -> None:

@@ -357,8 +357,11 @@ class NoiseExperiment:
 
     Every draw is a function of names alone, so that neither the order of work nor the rest of the experiment
     affects results. What another design may change is a method of its own: `controllers`, `driven`, `seed`,
-    `start_poses`, `calibrate`, `ruler`, `genes`, `keep`, `cell`, and the tables' rows.
+    `start_poses`, `calibrate`, `ruler`, `genes`, `keep`, `cell`, and the tables' rows; or `RIG`, the kind of
+    rig.
     """
+
+    RIG = Rig
 
     def __init__(self, folder: Path, config: NoiseConfig) -> None:
         self.folder, self.config = folder, config
@@ -499,7 +502,7 @@ class NoiseExperiment:
             self.close()
             self._rigged = (one.task, one.home)
         if unit not in self._rigs:
-            self._rigs[unit] = Rig(
+            self._rigs[unit] = self.RIG(
                 self.task(one.task), self.profile(one.home), robot=self.config.address(unit),
                 twin_noise=self.config.twin_noise, folder_for_camera=self.folder / "situated" / "cameras",
             )  # fmt: skip
