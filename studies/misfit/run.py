@@ -49,7 +49,6 @@ from realitygap.streams import named_stream
 from realitygap.study.folder import exists
 from realitygap.study.plan import named
 from realitygap.study.runner import run_study
-from realitygap.track import Track
 from realitygap.transfer.rig import Rig
 from realitygap.values import Pose
 from realitygap.work.pool import Workers
@@ -225,20 +224,8 @@ class Placed(Individual):
         return f"place-{self.home}-{super().name}"
 
 
-class Unfilmed(Rig):
-    """A rig without a camera: its tracks are where the simulated robot was."""
-
-    tracker = property(lambda self: self)  # type: ignore[assignment]
-
-    def track(self, truth: Track, stream: int) -> Track:
-        """As the camera would give it, without its errors."""
-        return truth
-
-
 class Study(NoiseExperiment):
     """Its design: each controller drives the reality of its place; two individuals a run."""
-
-    RIG = Unfilmed
 
     config: Design
 
@@ -286,8 +273,9 @@ class Study(NoiseExperiment):
         return self.profile(self._own(unit))
 
     def rig(self, one: Controller, unit: int) -> Rig:
-        """A table's robot is its own profile."""
+        """Without a camera; a table's robot is its own profile."""
         made = super().rig(one, unit)
+        made.filmed = False
         if made.robot.kind == "table":
             made.robot = Address(kind="table", rest=str(self.profile_file(self._own(unit))))
         return made

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import importlib.util
+import io
 import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import realitygap.calibration.unit
@@ -68,8 +70,6 @@ def test_measure_or_randomise(tmp_path, monkeypatch):
     run = script("measure-or-randomise")
 
     class Rig(SimulatedRig):
-        tracker = None
-
         def __init__(self, task: Any, profile: Any, *, robot: Any, **others: Any) -> None:
             super().__init__(task, profile, robot=str(robot), **others)
             self.robot, self.profile = robot, profile
@@ -93,8 +93,6 @@ def test_an_arm_of_misfit_and_noise(tmp_path, monkeypatch):
     run, analyse = script("misfit"), script("misfit", "analyse")
 
     class Rig(SimulatedRig):
-        tracker = None
-
         def __init__(self, task: Any, profile: Any, *, robot: Any, **others: Any) -> None:
             super().__init__(task, profile, robot=str(robot), **others)
             self.robot, self.profile = Address.parse(str(robot)), profile
@@ -111,7 +109,28 @@ def test_an_arm_of_misfit_and_noise(tmp_path, monkeypatch):
         monkeypatch.setattr(run.Study, "misfit", lambda study, place: float(place.number))
         patch.setattr("realitygap.experiments.noise.Rig", Rig)
         run.main(("T", "--realities", "2", *SMALL, "--starts", "2", "--out", str(tmp_path / "T")))
+        for only in ("1", "2"):
+            run.main(
+                (
+                    "T",
+                    "--only",
+                    only,
+                    "--realities",
+                    "2",
+                    *SMALL,
+                    "--starts",
+                    "2",
+                    "--out",
+                    str(tmp_path / "halves" / f"T-{only}"),
+                )
+            )
     (arm,) = analyse.read(tmp_path)
+    (halves,) = analyse.read(tmp_path / "halves")
+    pd.testing.assert_frame_equal(arm.cells, halves.cells)
+    kept = script("misfit", "keep").kept(tmp_path / "T")
+    tracks = np.load(io.BytesIO(kept["misfit/T/tracks.npy"]))
+    assert tracks.shape == (len(arm.models.rows), 2, 5, 3) and tracks.max() < 1200
+    assert len([name for name in kept if "/profiles/" in name]) == 12
     assert len(list((tmp_path / "T" / "situated").glob("*.npz"))) == len(arm.rows)
     assert len(arm.rows) == 2 * 6 * 4 * 2 and len(arm.cells) == 6 * len(arm.rows)
     assert set(arm.rows["set"]) == {1, 2} and arm.rows["fitness_situated"].notna().all()

@@ -357,11 +357,8 @@ class NoiseExperiment:
 
     Every draw is a function of names alone, so that neither the order of work nor the rest of the experiment
     affects results. What another design may change is a method of its own: `controllers`, `driven`, `seed`,
-    `start_poses`, `calibrate`, `ruler`, `genes`, `keep`, `cell`, and the tables' rows; or `RIG`, the kind of
-    rig.
+    `start_poses`, `calibrate`, `ruler`, `genes`, `keep`, `cell`, and the tables' rows.
     """
-
-    RIG = Rig
 
     def __init__(self, folder: Path, config: NoiseConfig) -> None:
         self.folder, self.config = folder, config
@@ -502,7 +499,7 @@ class NoiseExperiment:
             self.close()
             self._rigged = (one.task, one.home)
         if unit not in self._rigs:
-            self._rigs[unit] = self.RIG(
+            self._rigs[unit] = Rig(
                 self.task(one.task), self.profile(one.home), robot=self.config.address(unit),
                 twin_noise=self.config.twin_noise, folder_for_camera=self.folder / "situated" / "cameras",
             )  # fmt: skip

@@ -206,6 +206,7 @@ class Rig(Closing):
     Attributes:
         camera_file: the camera's calibration; may be changed before the first drive.
         marker: what a twin wears, the shipped disk if None; may be changed before the first drive.
+        filmed: whether a camera watches a simulated robot, or its track is where it was.
     """
 
     def __init__(
@@ -224,6 +225,7 @@ class Rig(Closing):
         name = f"camera-{task.name}-{self.robot.folder(twin_noise)}.json"
         self.camera_file = Path(folder_for_camera) / name
         self.marker: Marker | None = None
+        self.filmed = True
         self._arena = task.arena.plain()
         self._body: Body | None = None
         self._tracker: OverheadTracker | None = None
@@ -253,7 +255,8 @@ class Rig(Closing):
         with tempfile.TemporaryDirectory(prefix="realitygap-") as folder:
             sealed = Path(folder) / "sealed.csv"
             recording = self.trial(controller, stream, pose, length, sealed=sealed).recording
-            track = self.tracker.track(self.truth(sealed, length), stream)
+            track = self.truth(sealed, length)
+            track = self.tracker.track(track, stream) if self.filmed else track
         return of_track(track, steps, period_s=period_s), recording
 
     def trial(
