@@ -238,6 +238,8 @@ def test_a_log_is_sent_to_look_first_and_looked_at(tmp_path):
     assert "enc_l   counter_left   pulses" in made.output and "asked: pulses_per_mm" in made.output
     assert max(map(len, made.stdout.splitlines()[:7])) <= 80 and (tmp_path / "MAP.png").stat().st_size > 5000
     assert "there is one already" in run(realitygap, ["look", str(log)]).output
+    (tmp_path / "MAP.toml").rename(tmp_path / "a.toml")
+    assert "MAP.png: there is one already" in run(realitygap, ["look", str(log)]).output
     told = json.loads(run(realitygap, ["look", str(log), "--out", str(tmp_path / "b.toml"), "--json"]).stdout)
     assert told["asked"].keys() == {"pulses_per_mm"} and told["columns"][0]["name"] == "t_s"
     text = (tmp_path / "b.toml").read_text("utf-8").replace('= "?"', "= 12")
@@ -293,3 +295,18 @@ def test_logs_of_one_name_are_runs_apart(tmp_path):
     with pytest.raises(RecordingError, match="line 22: t_s: expected a time after"):
         read_map(path).tracks()
     np.testing.assert_array_equal(np.diff(made.columns["counter_left"])[[0, 20]], [0, 0])
+
+
+def test_an_empty_cell_of_pulses_a_row_is_told(tmp_path):
+    """What was not counted is lost: the sum goes on without it."""
+    rows = "".join(f"{k / 10},{'' if k == 7 else 5},5\n" for k in range(20))
+    (tmp_path / "run.csv").write_text("t,l,r\n" + rows, "utf-8")
+    each = ", unit = 'pulses', per_row = true }\n"
+    (tmp_path / "MAP.toml").write_text(
+        f"logs = ['run.csv']\nkind = 'wheels'\n[columns]\nt_s = 't'\ncounter_left = {{ column = 'l'{each}"
+        f"counter_right = {{ column = 'r'{each}",
+        "utf-8",
+    )
+    made = read_map(tmp_path / "MAP.toml")
+    assert made.notes == ("counter_left: 1 empty cell taken as no pulse",)
+    assert np.ptp(made.columns["counter_left"]) == np.ptp(made.columns["counter_right"]) - 5

@@ -152,7 +152,9 @@ def read_map(path: str | Path) -> Mapped:
     kept = np.argsort(run, kind="stable")
     made, run, lines = {name: column[kept] for name, column in made.items()}, run[kept], lines[kept]
     for name in (name for name in made if name.startswith("counter")):
+        lost = said[name]["per_row"] and np.isnan(made[name]).sum()
         made[name], wraps = cumulative(made[name], run, per_row=said[name]["per_row"])
+        notes += [f"{name}: {many(lost, 'empty cell')} taken as no pulse"] if lost else []
         notes += [f"{name} wraps round after 16 bits ({many(wraps, 'time')})"] if wraps else []
     if "t_s" in made and kind in ("wheels", "track"):
         last = np.append((np.diff(made["t_s"]) != 0) | (np.diff(run) != 0), True)
