@@ -128,7 +128,9 @@ def verdicts(arms: Sequence[Arm]) -> str:
             (claim, arm, arm.models.judging() if claim is second else arm.models.trend(_by(claim)))
             for claim in claims for arm in arms
         ]  # fmt: skip
-        for (claim, arm, found), p in zip(tests, holm([one.p for _, _, one in tests]), strict=True):
+        planned = len(claims) * len(ARMS["arm"])  # an arm that is missing counts as if nothing were in it
+        ps = holm([one.p for _, _, one in tests] + [1.0] * (planned - len(tests)))
+        for (claim, arm, found), p in zip(tests, ps, strict=False):
             places = 3 if claim["key"] == "fitness" else 2
             said = estimate(*found[:3], places, signed=True)
             sets = " ".join(number(one, places, signed=True) for one in found.sets)
