@@ -1,7 +1,7 @@
 """Prints every table of the study of misfit and noise, from the archived data: python analyse.py.
 
-`--write` writes them into tables.md, and the figure; `--out out/misfit` takes the tables of finished arms
-there instead of the archived ones.
+`--write` writes them into tables.md, and the figure of docs/noise.md; `--out out/misfit` takes the tables of
+finished arms there instead of the archived ones.
 """
 
 from __future__ import annotations
@@ -238,35 +238,64 @@ def rival(arm: Arm) -> str:
     return markdown(head, rows)
 
 
-def figure(arms: Sequence[Arm], file: Path) -> None:
-    """The best level to evolve under, and to judge by, against misfit; real tables are filled."""
-    from matplotlib.figure import Figure
+MARKS = {"K": "o", "E": "s", "T": "D"}
+SHADES = dict(zip(ARMS["design"]["evolved"], ("#f0a202", "#d95d39", "#a4243b", "#4a1942"), strict=True))
 
-    drawing = Figure(figsize=(7, 3.2), layout="constrained")
-    left, right = drawing.subplots(1, 2, sharex=True)
+
+def figure(arms: Sequence[Arm], file: Path) -> None:
+    """Against misfit: failures for each level of evolution, and the best levels to evolve under and to judge
+    by, with 95 % intervals over controllers; real readings are filled."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import NullLocator
+
+    drawing = Figure(figsize=(9.6, 3.6), layout="constrained")
+    left, middle, right = drawing.subplots(1, 3, sharex=True)
     draw = np.random.default_rng(PLAN["seed"])
-    for arm, mark, colour in zip(arms, "osD", ("#0072b2", "#d55e00", "#777777"), strict=False):
+    for arm in arms:
+        style = {"marker": MARKS[arm.name], "linewidth": 1, "markersize": 6}
+        face = {} if arm.name == "K" else {"markerfacecolor": "white"}
+        bins = [part for _, part in _binned(arm.models.rows)]
+        at = [max(part["misfit"].median(), PLAN["floor"]) for part in bins]
+        for level, shade in SHADES.items():
+            shares = []
+            for part in bins:
+                here = part.loc[np.isclose(part["evolved_level"], level), SCORES[0]].dropna()
+                shares.append(100 * (here < PLAN["failed"]).mean())
+            left.plot(at, shares, color=shade, **style, **face)
         for axis, rows, by, value in (
-            (left, arm.models.rows, "evolved_level", "fitness_situated"),
+            (middle, arm.models.rows, "evolved_level", "fitness_situated"),
             (right, arm.models.cells, "comparison_level", SCORES[0]),
         ):
             for _, part in _binned(rows):
                 groups = [one[value].dropna().to_numpy() for _, one in part.groupby(by)]
                 levels = np.sort(part[by].unique())
                 top = float(peak(levels, np.array([one.mean() for one in groups])))
-                means = [draw.choice(one, (500, len(one))).mean(axis=1) for one in groups]
+                means = [draw.choice(one, (1000, len(one))).mean(axis=1) for one in groups]
                 low, high = np.percentile(peak(levels, np.stack(means, 1)), [2.5, 97.5])
-                at = max(part["misfit"].median(), PLAN["floor"])
-                filled = colour if arm.name == "K" else "white"
-                axis.plot([at, at], np.sqrt([low, high]), color=colour, linewidth=1)
-                axis.plot(at, np.sqrt(top), mark, color=colour, markerfacecolor=filled, label=NAMES[arm.name])
-    for axis, title in ((left, "to evolve under (fitness on the robot)"), (right, "to judge by (likeness)")):
+                x = max(part["misfit"].median(), PLAN["floor"])
+                axis.plot([x, x], np.sqrt([low, high]), color="#456", linewidth=1, zorder=1)
+                axis.plot(x, np.sqrt(top), color="#456", **style, **face)
+    left.set(title="fail on the robot, of 100", ylim=(0, None))
+    left.legend(
+        handles=[left.plot([], [], color=c, label=f"evolved at noise {v:g}")[0] for v, c in SHADES.items()],
+        fontsize=8, frameon=False, loc="upper left",
+    )  # fmt: skip
+    for axis, title in ((middle, "best noise to evolve under (fitness)"), (right, "best noise to judge by")):
         ticks = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
-        axis.set(xscale="log", title=title, xlabel="model error over noise", yticks=np.sqrt(ticks))
+        axis.set(title=title, yticks=np.sqrt(ticks), ylim=(-0.1, 2.1))
         axis.set_yticklabels([f"{tick:g}" for tick in ticks])
-    left.set_ylabel("best level of noise")
-    handles = dict(zip(*left.get_legend_handles_labels()[::-1], strict=True))
-    drawing.legend(handles.values(), handles.keys(), loc="outside lower center", fontsize=7)
+    for axis in (left, middle, right):
+        axis.set(xscale="log", xlabel="model error / noise", xticks=[0.25, 0.5, 1, 2, 4, 8, 16])
+        axis.set_xticklabels(["≤ ¼", "½", "1", "2", "4", "8", "16"])
+        axis.xaxis.set_minor_locator(NullLocator())
+        axis.set_xlim(0.2, max(6.0, 1.2 * max(arm.models.rows["misfit"].max() for arm in arms)))
+        axis.title.set_fontsize(10)
+    names = [
+        right.plot([], [], color="#456", linestyle="", marker=MARKS[arm.name], label=NAMES[arm.name],
+                   **({} if arm.name == "K" else {"markerfacecolor": "white"}))[0]
+        for arm in arms
+    ]  # fmt: skip
+    drawing.legend(handles=names, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     drawing.savefig(file, dpi=150)
 
 
@@ -320,4 +349,4 @@ if __name__ == "__main__":
     print(page(arms))
     if asked.write:
         (HERE / "tables.md").write_text(page(arms), encoding="utf-8")
-        figure(arms, HERE / "levels.png")
+        figure(arms, HERE.parents[1] / "docs" / "figures" / "noise-misfit.png")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import re
 import sys
 import tomllib
@@ -139,3 +140,18 @@ def test_the_plan_says_what_decides(analyse):
     for one in (*map(str, arms["design"]["seeds"]), *said, "at misfit 3.7, less the same at misfit 0.4"):
         assert one in plan
     assert [claim["least"] for claim in analyse.PLAN["claim"]] == [0.1, 0.02, 0.5]
+
+
+def test_the_archive_makes_the_printed_tables(analyse: ModuleType) -> None:
+    """All but the tests' own, which take long; and there is a track of each champion."""
+    printed = (STUDY / "tables.md").read_text("utf-8")
+    arms = analyse.read(None)
+    assert [arm.name for arm in arms] and analyse.diagonals(arms) in printed
+    for arm in arms:
+        assert analyse.by_simulation(arm) in printed
+        parts = [
+            name for name in analyse.archive() if re.fullmatch(rf"misfit/{arm.name}(-\d)?/tracks.npy", name)
+        ]
+        tracks = [np.load(io.BytesIO(analyse.archive()[name])) for name in parts]
+        assert sum(map(len, tracks)) == (arm.rows["individual"] == "champion").sum()
+        assert all(one.shape[1:] == (4, 41, 3) and one[..., :2].max() < 1200 for one in tracks)
