@@ -70,6 +70,8 @@ def test_measure_or_randomise(tmp_path, monkeypatch):
     run = script("measure-or-randomise")
 
     class Rig(SimulatedRig):
+        tracker = None
+
         def __init__(self, task: Any, profile: Any, *, robot: Any, **others: Any) -> None:
             super().__init__(task, profile, robot=str(robot), **others)
             self.robot, self.profile = robot, profile
@@ -110,20 +112,8 @@ def test_an_arm_of_misfit_and_noise(tmp_path, monkeypatch):
         patch.setattr("realitygap.experiments.noise.Rig", Rig)
         run.main(("T", "--realities", "2", *SMALL, "--starts", "2", "--out", str(tmp_path / "T")))
         for only in ("1", "2"):
-            run.main(
-                (
-                    "T",
-                    "--only",
-                    only,
-                    "--realities",
-                    "2",
-                    *SMALL,
-                    "--starts",
-                    "2",
-                    "--out",
-                    str(tmp_path / "halves" / f"T-{only}"),
-                )
-            )
+            half = ("--only", only, "--out", str(tmp_path / "halves" / f"T-{only}"))
+            run.main(("T", "--realities", "2", *SMALL, "--starts", "2", *half))
     (arm,) = analyse.read(tmp_path)
     (halves,) = analyse.read(tmp_path / "halves")
     pd.testing.assert_frame_equal(arm.cells, halves.cells)
