@@ -215,6 +215,42 @@ def _binned(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
             yield f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} or more", part
 
 
+def in_short(arm: Arm) -> str:
+    """Arm K by the level of evolution, and by that of comparison; simulations and sets together."""
+    levels, rows, likeness = ARMS["design"]["evolved"], [], []
+    for what, which in (("its own table", True), ("fitted simulations", False)):
+        for name in ("", "khepera-1", "khepera-2"):
+            keep = (arm.models.rows["simulation"] == CONTROL) == which
+            part = arm.models.rows[keep & arm.models.rows["reality"].str.startswith(name)]
+            if part.empty:
+                continue
+            by = part.groupby("evolved_level")
+            fails = by[SCORES[0]].agg(lambda one: (one < PLAN["failed"]).sum()).reindex(levels)
+            size, drop = by.size().reindex(levels), (part["fitness_simulated"] - part["fitness_situated"])
+            columns = {
+                f"failures of {size.iloc[0]}": [f"{v:g}" for v in fails],
+                "fitness": [number(v, 3) for v in by["fitness_situated"].mean()],
+                "fall from simulation": [number(v, 3) for v in drop.groupby(part["evolved_level"]).mean()],
+                "judged in its own": [number(v, 1) for v in by["diagonal"].mean()],
+                "judged at 1": [number(v, 1) for v in by[SCORES[0]].mean()],
+            }
+            rows += [[what, name or "all", key, *values] for key, values in columns.items()]
+            if not name:
+                one, none = (fails[v] / size[v] for v in (1.0, 0.0))
+                half = stats.norm.isf(0.05) * np.sqrt(
+                    one * (1 - one) / size[1.0] + none * (1 - none) / size[0.0]
+                )
+                told = estimate(one - none, one - none - half, one - none + half, 3, signed=True)
+                cells = arm.models.cells[(arm.models.cells["simulation"] == CONTROL) == which]
+                means = cells.groupby("comparison_level")[SCORES[0]].mean()
+                likeness.append([what, *(number(v) for v in means), told])
+    compared = [f"judged at {v:g}" for v in ARMS["design"]["levels"]]
+    return "\n\n".join([
+        markdown(["simulation", "readings", "evolved at", *(f"{v:g}" for v in levels)], rows),
+        markdown(["simulation", *compared, "failures, 1 less 0 (90 %)"], likeness),
+    ])  # fmt: skip
+
+
 def rival(arm: Arm) -> str:
     """What knowing more gained over the nominal robot randomised: on fitness, then on correspondence."""
     rows, some = [], arm.some(individual="champion", evolved_level=ARMS["rival"]["evolved"]).rows
@@ -275,7 +311,7 @@ def figure(arms: Sequence[Arm], file: Path) -> None:
                 x = max(part["misfit"].median(), PLAN["floor"])
                 axis.plot([x, x], np.sqrt([low, high]), color="#456", linewidth=1, zorder=1)
                 axis.plot(x, np.sqrt(top), color="#456", **style, **face)
-    left.set(title="fail on the robot, of 100", ylim=(0, None))
+    left.set(title="unlike their simulation (failures), of 100", ylim=(0, None))
     left.legend(
         handles=[left.plot([], [], color=c, label=f"evolved at noise {v:g}")[0] for v, c in SHADES.items()],
         fontsize=8, frameon=False, loc="upper left",
@@ -305,6 +341,8 @@ def page(arms: Sequence[Arm]) -> str:
     parts += ["## Verdicts", verdicts(arms), "## Not tested", robust(arms), "## Diagonals", diagonals(arms)]
     for arm in arms:
         parts += [f"## Arm {NAMES[arm.name]}", by_simulation(arm)]
+        if arm.name == "K":
+            parts.append(in_short(arm))
         if set(RIVAL) & set(arm.rows["simulation"]):
             parts += ["## The fair rival, on arm E's units", rival(arm)]
     return "\n\n".join(parts) + "\n"

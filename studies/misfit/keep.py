@@ -28,7 +28,7 @@ TABLES = ("controllers.csv", "cells.csv", "misfits.csv", "calibration.csv")
 def tracks(made: Study) -> bytes:
     """All champions' tracks."""
     order = sorted(made.controllers(), key=lambda one: one.key[1:])  # that of controllers.csv
-    every = [made.read_driven(one).poses[0, :, ::EVERY] for one in order if one.individual == "champion"]  # type: ignore[attr-defined]
+    every = [made.read_driven(one).poses[0, :, ::EVERY] for one in order if one.individual == "champion"]
     poses = np.array(every)
     poses[..., 2] = np.degrees(np.unwrap(poses[..., 2], axis=-1))
     poses[..., :2] *= 10.0

@@ -1,7 +1,7 @@
 """Runs an arm of the study of misfit and noise as planned (plan.md, arms.toml).
 
     python studies/misfit/run.py E --only 1 --out out/misfit/E-1 --hours 1.9
-    python studies/misfit/run.py K --out out/misfit/K --data ../shared/data
+    python studies/misfit/run.py K --out out/misfit/K --data READINGS
 
 Stopped, or out of its hours, it goes on with --resume. `--runs 2 --realities 2 --evaluations 60` is a small
 one to try; what it makes is no data.
@@ -184,11 +184,8 @@ def drawn(profile: Profile, spread: float, draw: np.random.Generator) -> Profile
     def factor(deviation: float) -> float:
         return float(np.exp(spread * deviation * draw.standard_normal()))
 
-    loud, sensors, off = (
-        factor(RIVAL["noise"]),
-        [],
-        np.array([RIVAL["place_cm"], RIVAL["place_cm"], RIVAL["direction_deg"]]),
-    )
+    loud = factor(RIVAL["noise"])
+    sensors, off = [], np.array([RIVAL["place_cm"], RIVAL["place_cm"], RIVAL["direction_deg"]])
     for one in profile.infrared.sensors:
         gain = factor(RIVAL["gain"])
         x, y, turn = [one.x_cm, one.y_cm, one.direction_deg] + spread * off * draw.standard_normal(3)
@@ -305,8 +302,11 @@ class Study(NoiseExperiment):
         elif simulation.startswith("nominal") and not config.nominal.isdecimal():
             text = load_profile(config.nominal).to_toml()
         else:
-            reality = config.neighbour(place) if simulation == "another unit" else place.reality
-            reality = config.nominal if simulation.startswith("nominal") else reality
+            reality = place.reality
+            if simulation == "another unit":
+                reality = config.neighbour(place)
+            elif simulation.startswith("nominal"):
+                reality = config.nominal
             whole = self._whole(reality, workers, report)
             made = folder / "again"
             if simulation in SHARES:
@@ -408,7 +408,7 @@ def main(words: Sequence[str] | None = None) -> None:
     arm, out, hours, workers, resume = (
         asked.pop(key) for key in ("arm", "out", "hours", "workers", "resume")
     )
-    out = out or Path("out/misfit") / "-".join(map(str, filter(None, (arm, asked["only"]))))
+    out = out or Path("out/misfit") / (f"{arm}-{asked['only']}" if asked["only"] else arm)
     until = time.monotonic() + 3600 * (hours or 1e6)
 
     def on_progress(event: Any) -> None:

@@ -53,10 +53,10 @@ def look(log: str, said: str | None, out: Path | None) -> None:
         tell({"map": said, "picture": str(picture), "notes": lines}, *lines, f"saved {picture}")
         return
     made = guess(log)
-    there = next((one for one in (target, picture) if one.exists()), None)
-    if out is None and there is not None:
-        cure = f"Look as it says (--map {target}), or give --out." if there == target else "Give --out."
-        raise RecordingError(f"{there}: there is one already. {cure}")
+    if out is None and target.exists():
+        raise RecordingError(
+            f"{target}: there is one already. Look as it says (--map {target}), or give --out."
+        )
     atomic_write(target, made.to_toml(target))
     draw_log(picture, made.columns, made.run, made.log.path.name)
     names, notes = made.log.names, [*made.log.notes, *made.findings]
