@@ -216,39 +216,49 @@ def _binned(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
 
 
 def in_short(arm: Arm) -> str:
-    """Arm K by the level of evolution, and by that of comparison; simulations and sets together."""
+    """An arm by the level of evolution, and by that of comparison; both sets together. Of K simulations by
+    whether they are the table, and the two robots apart; of the others by misfit."""
     levels, rows, likeness = ARMS["design"]["evolved"], [], []
-    for what, which in (("its own table", True), ("fitted simulations", False)):
-        for name in ("", "khepera-1", "khepera-2"):
-            keep = (arm.models.rows["simulation"] == CONTROL) == which
-            part = arm.models.rows[keep & arm.models.rows["reality"].str.startswith(name)]
-            if part.empty:
-                continue
-            by = part.groupby("evolved_level")
-            fails = by[SCORES[0]].agg(lambda one: (one < PLAN["failed"]).sum()).reindex(levels)
-            size, drop = by.size().reindex(levels), (part["fitness_simulated"] - part["fitness_situated"])
-            columns = {
-                f"failures of {size.iloc[0]}": [f"{v:g}" for v in fails],
-                "fitness": [number(v, 3) for v in by["fitness_situated"].mean()],
-                "fall from simulation": [number(v, 3) for v in drop.groupby(part["evolved_level"]).mean()],
-                "judged in its own": [number(v, 1) for v in by["diagonal"].mean()],
-                "judged at 1": [number(v, 1) for v in by[SCORES[0]].mean()],
-            }
-            rows += [[what, name or "all", key, *values] for key, values in columns.items()]
-            if not name:
-                one, none = (fails[v] / size[v] for v in (1.0, 0.0))
-                half = stats.norm.isf(0.05) * np.sqrt(
-                    one * (1 - one) / size[1.0] + none * (1 - none) / size[0.0]
-                )
-                told = estimate(one - none, one - none - half, one - none + half, 3, signed=True)
-                cells = arm.models.cells[(arm.models.cells["simulation"] == CONTROL) == which]
-                means = cells.groupby("comparison_level")[SCORES[0]].mean()
-                likeness.append([what, *(number(v) for v in means), told])
+    cells = dict(_groups(arm, arm.models.cells))
+    for what, part in _groups(arm, arm.models.rows):
+        by = part.groupby("evolved_level")
+        fails = by[SCORES[0]].agg(lambda one: (one < PLAN["failed"]).sum()).reindex(levels)
+        size, drop = by.size().reindex(levels), (part["fitness_simulated"] - part["fitness_situated"])
+        columns = {
+            f"failures of {size.iloc[0]}": [f"{v:g}" for v in fails],
+            "fitness": [number(v, 3) for v in by["fitness_situated"].mean()],
+            "fall from simulation": [number(v, 3) for v in drop.groupby(part["evolved_level"]).mean()],
+            "judged in its own": [number(v, 1) for v in by["diagonal"].mean()],
+            "judged at 1": [number(v, 1) for v in by[SCORES[0]].mean()],
+        }
+        rows += [[what, key, *values] for key, values in columns.items()]
+        one, none = (fails[v] / size[v] for v in (1.0, 0.0))
+        half = stats.norm.isf(0.05) * np.sqrt(one * (1 - one) / size[1.0] + none * (1 - none) / size[0.0])
+        told = estimate(one - none, one - none - half, one - none + half, 3, signed=True)
+        means = cells[what].groupby("comparison_level")[SCORES[0]].mean()
+        likeness.append([what, *(number(v) for v in means), told])
     compared = [f"judged at {v:g}" for v in ARMS["design"]["levels"]]
+    first = "simulation" if arm.name == "K" else "misfit"
     return "\n\n".join([
-        markdown(["simulation", "readings", "evolved at", *(f"{v:g}" for v in levels)], rows),
-        markdown(["simulation", *compared, "failures, 1 less 0 (90 %)"], likeness),
+        markdown([first, "evolved at", *(f"{v:g}" for v in levels)], rows),
+        markdown([first, *compared, "failures, 1 less 0 (90 %)"], likeness),
     ])  # fmt: skip
+
+
+def _groups(arm: Arm, rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """An arm's controllers or cells in the groups of `in_short`, and their names."""
+    if arm.name != "K":
+        yield from _binned(rows)
+        return
+    for what, part in (
+        ("its own table", rows[rows["simulation"] == CONTROL]),
+        ("fitted simulations", rows[rows["simulation"] != CONTROL]),
+    ):
+        yield what, part
+        for name in ("khepera-1", "khepera-2"):
+            here = part[part["reality"].str.startswith(name)]
+            if len(here):
+                yield f"{what}, {name}", here
 
 
 def rival(arm: Arm) -> str:
@@ -340,9 +350,7 @@ def page(arms: Sequence[Arm]) -> str:
     parts = ["# Misfit and noise: every table", "`python studies/misfit/analyse.py --write` makes this page."]
     parts += ["## Verdicts", verdicts(arms), "## Not tested", robust(arms), "## Diagonals", diagonals(arms)]
     for arm in arms:
-        parts += [f"## Arm {NAMES[arm.name]}", by_simulation(arm)]
-        if arm.name == "K":
-            parts.append(in_short(arm))
+        parts += [f"## Arm {NAMES[arm.name]}", by_simulation(arm), in_short(arm)]
         if set(RIVAL) & set(arm.rows["simulation"]):
             parts += ["## The fair rival, on arm E's units", rival(arm)]
     return "\n\n".join(parts) + "\n"
