@@ -279,7 +279,9 @@ def rival(arm: Arm) -> str:
         like, likely = gain(known, SCORES[0])
         corrected = ps[tested.index(known)] if known in tested else np.nan
         second = f"{like}, p {likely:.2g}" if corrected < PLAN["alpha"] else like
-        rows.append([known, fit, f"{p:.2g}" if known in tested else "–", number(corrected), second])
+        rows.append(
+            [known, fit, *((f"{p:.2g}", f"{corrected:.2g}") if known in tested else ("–", "–")), second]
+        )
     head = [f"less {base}", "fitness (90 %)", "p", "Holm", "score without jitter (90 %)"]
     return markdown(head, rows)
 
