@@ -272,12 +272,11 @@ class _Search:
             for _, optics, values in sorted(kind, key=itemgetter(0))[:1]:
                 for share in [*STAGES][1:]:
                     _, optics, values = self._stage(optics, values, share)
-                # Matt or not from here on; a descent can end on the wrong side, with the other constants off.
-                sides = np.ones((1, 1)) if data.straight else np.array([[0.0], [1.0]])
-                values = min(
-                    ({**values, "matt": side} for side in sides),
-                    key=lambda tried: self._stage(optics, tried, min(STAGES))[0],
-                )
+                if not data.straight:  # matt or not from here on; rounding can err where other constants do
+                    values = min(
+                        ({**values, "matt": np.full(1, side)} for side in (0.0, 1.0)),
+                        key=lambda tried: self._stage(optics, tried, min(STAGES))[0],
+                    )
                 ends.append(self._finished(replace(first, base=optics.base, lobe=optics.lobe), values))
         _, optics, values = min(ends, key=itemgetter(0))
         return optics, self._lit(optics, values)
