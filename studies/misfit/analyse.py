@@ -155,16 +155,17 @@ def robust(arms: Sequence[Arm]) -> str:
         )
         ranks = arm.models.rows[SCORES[0]].rank(pct=True)
         ranked = Arm(arm.name, arm.models.rows.assign(ranks=ranks), arm.models.cells)
-        fittest = arm.some(simulation=fixed, individual="fittest")
-        for what, found in (
-            ("failures, the paper's fittest", fittest.trend("failures")),
-            ("fitness, the paper's fittest", fittest.trend("fitness_situated")),
-            ("failures, with jitter", jittery.trend("failures")),
-            ("rank of the score, 0 to 1", ranked.trend("ranks")),
-            ("failures, misfit below 6", arm.models.trend("failures", below=6.0)),
-            ("fitness, misfit below 6", arm.models.trend("fitness_situated", below=6.0)),
+        fittest = arm.some(simulation=fixed, individual="fittest")  # of T only champions drove
+        for what, some, by, below in (
+            ("failures, the paper's fittest", fittest, "failures", np.inf),
+            ("fitness, the paper's fittest", fittest, "fitness_situated", np.inf),
+            ("failures, with jitter", jittery, "failures", np.inf),
+            ("rank of the score, 0 to 1", ranked, "ranks", np.inf),
+            ("failures, misfit below 6", arm.models, "failures", 6.0),
+            ("fitness, misfit below 6", arm.models, "fitness_situated", 6.0),
         ):
-            rows.append([arm.name, what, estimate(*found[:3], 3, signed=True)])
+            if len(some.rows):
+                rows.append([arm.name, what, estimate(*some.trend(by, below=below)[:3], 3, signed=True)])
     return markdown(["arm", "outcome", "contrast (90 %)"], rows)
 
 

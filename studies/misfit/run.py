@@ -142,6 +142,7 @@ def design(arm: str, *, data: str = "", realities: int | None = None, runs: int 
         asked["runs"] = [asked["runs"]] * count
     if arm == "E":
         asked |= {"rivals": RIVAL["simulations"], "rivals_evolved": RIVAL["evolved"]}
+    asked.pop("individuals", None)
     some = len(asked["realities"]) if realities is None else realities
     asked["realities"] = asked["realities"][:some]
     asked["runs"] = [asked["runs"][k] if runs is None else runs for k in range(some)]
@@ -229,6 +230,7 @@ class Study(NoiseExperiment):
     def controllers(self) -> Sequence[Controller]:
         """All individuals, place by place."""
         made = []
+        individuals = PLAN["arm"][self.config.arm].get("individuals", ("champion", "fittest"))
         for place in map(self.config.place, self.config.every_unit):
             sets = self.config.sets(place)
             rival = place.simulation in self.config.rivals
@@ -241,7 +243,7 @@ class Study(NoiseExperiment):
                                 seed_set=number, individual=who, study=f"place-{place.number}-set-{number}",
                                 run_name=f"{self.config.tasks[0]}/{named(level)}/{index}",
                             )
-                            for who in ("champion", "fittest")
+                            for who in individuals
                         ]  # fmt: skip
         return made
 

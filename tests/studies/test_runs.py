@@ -91,7 +91,7 @@ def test_measure_or_randomise(tmp_path, monkeypatch):
 
 
 def test_an_arm_of_misfit_and_noise(tmp_path, monkeypatch):
-    """Two units, six simulations, four levels, two individuals: tables that analyse.py takes."""
+    """Two units, six simulations, four levels, one individual: tables that analyse.py takes."""
     run, analyse = script("misfit"), script("misfit", "analyse")
 
     class Rig(SimulatedRig):
@@ -122,7 +122,7 @@ def test_an_arm_of_misfit_and_noise(tmp_path, monkeypatch):
     assert tracks.shape == (len(arm.models.rows), 2, 5, 3) and tracks.max() < 1200
     assert len([name for name in kept if "/profiles/" in name]) == 12
     assert len(list((tmp_path / "T" / "situated").glob("*.npz"))) == len(arm.rows)
-    assert len(arm.rows) == 2 * 6 * 4 * 2 and len(arm.cells) == 6 * len(arm.rows)
+    assert len(arm.rows) == 2 * 6 * 4 and len(arm.cells) == 6 * len(arm.rows)
     assert set(arm.rows["set"]) == {1, 2} and arm.rows["fitness_situated"].notna().all()
     assert "| nominal | 2 | 11.00 |" in analyse.by_simulation(arm)
 
