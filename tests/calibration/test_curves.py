@@ -4,12 +4,79 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from realitygap.calibration.curves import Curves, Seen, on_curves, smoothness
+from realitygap.calibration import curves as own
+from realitygap.calibration.curves import STEPS, Curves, Seen, on_curves, smoothness
 from realitygap.calibration.readings import Readings, saturation
 from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
+
+
+def slowly(seen: Seen, u: np.ndarray) -> np.ndarray:
+    """The curves by whole matrices: all sensors' common one first, then each sensor's."""
+    sensors = u.shape[1]
+    at = own._light() if seen.linear else np.arange(STEPS + 1.0)
+    bend = np.zeros((STEPS - 1, STEPS + 1))
+    for j in range(STEPS - 1):
+        left, right = at[j + 1] - at[j], at[j + 2] - at[j + 1]
+        bend[j, j : j + 3] = np.array([1 / left, -1 / left - 1 / right, 1 / right]) * (left + right) / 2
+    step = np.arange(STEPS + 1.0)
+    hats = np.maximum(0, 1 - np.abs(np.clip(u, 0, 1)[..., None] * STEPS - step)) * seen.use[..., None]
+    normal = np.einsum("nsi,nsj->sij", hats, hats) / seen.noise**2
+
+    def expected(curves):
+        model, dark = np.einsum("nsi,si->ns", hats, curves), 0.0 if seen.dead else seen.dark()
+        below = model
+        if dark:
+            z = np.clip(-model / dark, -6, 6)
+            below = model - dark * stats.norm.pdf(z) / stats.norm.cdf(z)
+        read = np.where(seen.counts <= 0, np.minimum(below, seen.dead), seen.counts)
+        return np.where(seen.counts >= seen.most, np.maximum(model, seen.counts), read)
+
+    def solve(normal, towards, pooled):
+        each = np.einsum("sii->si", normal).mean()
+        near = np.full(towards.shape, 1e-12) if pooled else (seen.alike * np.maximum(towards, 1023)) ** -2.0
+        held = seen.smooth * STEPS**3 * each * (bend.T @ bend) + np.stack([np.diag(one) for one in near])
+        falls, curves = np.zeros((len(towards), STEPS), bool), towards
+        for _ in range(own.ROUNDS):
+            drops = [np.diff(np.eye(STEPS + 1), axis=0)[one] for one in falls]
+            steep = [own.STEEP * each * (drop.T @ drop) for drop in drops]
+            read = np.einsum("nsi,ns->si", hats, expected(np.resize(curves, (sensors, STEPS + 1))))
+            right = (read.sum(axis=0, keepdims=True) if pooled else read) / seen.noise**2
+            right = right + np.einsum("sij,sj->si", held, towards)
+            before, curves = (
+                curves,
+                np.linalg.solve(normal + held + np.stack(steep), right[..., None])[..., 0],
+            )
+            new = (np.diff(curves) < 0) & ~falls
+            falls |= new
+            if not new.any() and np.abs(curves - before).max() < own.SETTLED * seen.top:
+                break
+        return curves
+
+    common = solve(normal.sum(axis=0, keepdims=True), np.zeros((1, STEPS + 1)), True)
+    return np.maximum.accumulate(solve(normal, np.repeat(common, sensors, 0), False), axis=1)
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("dead", [0.0, 60.0])
+def test_curves_are_those_of_the_slow_solution(linear, dead):
+    """With readings at both ends, some of them where no ray arrives, and a dead zone or none."""
+    random = np.random.default_rng(3)
+    u = np.where(random.random((250, 3)) < 0.2, 0.0, random.uniform(-0.1, 1.05, (250, 3)))
+    counts = np.clip(
+        np.rint(1300 * np.clip(u, 0, 1) ** 1.5 - 100 + 15 * random.normal(size=u.shape)), 0, 1023
+    )
+    seen = Seen(
+        counts=np.where(counts < dead, 0, counts), use=random.random(u.shape) < 0.9, top=1023.0, most=1023.0,
+        noise=20.0, dead=dead, linear=linear,
+    )  # fmt: skip
+    right, made = slowly(seen, u), Curves(seen, u).fitted(beyond=True)
+    shown = np.clip(right, 0, None)
+    lit = made > made[:, :1] + 0.5
+    assert lit.mean() > 0.5 and made[lit] == pytest.approx(shown[lit], abs=1e-3)
 
 
 @pytest.mark.parametrize("linear", [False, True])

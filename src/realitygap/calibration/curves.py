@@ -6,14 +6,15 @@ sensors share. Matrices are kept as bands [3, S, STEPS + 1], diagonal last. Read
 converter are censored (Tobin 1958).
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from realitygap.compiled import routine, step
 from realitygap.values import Floats
 
 Use = NDArray[np.bool_]
@@ -91,112 +92,49 @@ def on_curves(curves: Floats, u: Floats) -> Floats:
     return np.asarray(curves[k, j] + (at - j) * (curves[k, j + 1] - curves[k, j]))
 
 
-class Ends(NamedTuple):
-    """Readings at an end of the converter: their cell, position in it, and weights on either side.
-
-    `counts` are the readings; unused for those at 0."""
-
-    cell: NDArray[np.int64]
-    share: Floats
-    here: Floats
-    there: Floats
-    counts: Floats
-
-    def on(self, curves: Floats) -> Floats:
-        """Values of curves [S, STEPS + 1] there."""
-        values = curves.ravel()
-        below = values[self.cell]
-        return np.asarray(below + self.share * (values[1:][self.cell] - below))
-
-
 class Curves:
-    """The fit at shares u [n, S]: the normal equations are gathered once, their right side as often as
-    readings at the ends are taken anew. Dark readings that no ray reaches count as one of each sensor."""
+    """The fit at shares u [n, S] of light."""
 
     def __init__(self, seen: Seen, u: Floats) -> None:
         self._seen, self._u = seen, u
-        at = np.minimum(np.maximum(u, 0.0), 1.0) * STEPS
-        j = np.minimum(at.astype(np.int64), STEPS - 1)
-        self._share, sensors = at - j, u.shape[1]
-        self._cell = j + np.arange(sensors) * (STEPS + 1)
-        weight, self._size = np.where(seen.use, 1.0, 0.0) / seen.noise**2, sensors * (STEPS + 1)
-        self._here, self._there = (1 - self._share) * weight, self._share * weight
-        diagonal = self._sum(self._here * (1 - self._share), self._there * self._share)
-        beside = self._sum(self._here * self._share, np.zeros(u.shape))
-        self._most = np.broadcast_to(np.asarray(seen.most), (sensors,))
-        low, high = seen.use & (seen.counts <= 0), seen.use & (seen.counts >= seen.most)
-        self._inside, unlit = seen.use & ~low & ~high, low & (u <= 0)
-        inside = np.where(self._inside, seen.counts, 0.0)
-        self._right = self._sum(inside * self._here, inside * self._there)
-        dark, first = self._at(low & ~unlit), np.arange(sensors) * (STEPS + 1)
-        none, weight = np.zeros(sensors), (self._here * unlit).sum(axis=0)
-        self._low = Ends(
-            np.append(dark.cell, first), np.append(dark.share, none), np.append(dark.here, weight),
-            np.append(dark.there, none), np.append(dark.counts, none),
-        )  # fmt: skip
-        self._high = self._at(high)
-        self._dark = 0.0 if seen.dead else seen.dark()
-        self._bread = np.zeros((3, sensors, STEPS + 1))
-        self._bread[2], self._bread[1, :, 1:] = diagonal, beside[:, :-1]
-
-    def _sum(self, here: Floats, there: Floats) -> Floats:
-        """[S, STEPS + 1] sums over the readings of each cell."""
-        return self._gathered(self._cell.ravel(), here.ravel(), there.ravel())
-
-    def _gathered(self, cell: NDArray[np.int64], here: Floats, there: Floats) -> Floats:
-        total = np.bincount(cell, here, self._size + 1)
-        total[1:] += np.bincount(cell, there, self._size)
-        return np.asarray(total[: self._size].reshape(-1, STEPS + 1))
+        self._most = np.broadcast_to(np.asarray(seen.most, float), u.shape[1:])
+        self._bends = OVER_LIGHT if seen.linear else OVER_SHARE
+        inside = seen.use & (seen.counts > 0) & (seen.counts < self._most)
+        self._bread = normal(u, seen.use, seen.noise)
+        self._right = right_side(u, np.where(inside, seen.counts, 0.0), inside, seen.noise)
+        self._inside = inside
 
     def fitted(self, *, beyond: bool = False) -> Floats:
         """The curves [S, STEPS + 1], never falling, from 0 to where each saturates; `beyond` leaves out that
-        upper limit, because a curve cut off within a step is no straight line there."""
-        common = self._solved(self._bread.sum(axis=1, keepdims=True), np.zeros((1, STEPS + 1)), pooled=True)
-        curves = self._solved(self._bread, np.repeat(common, self._bread.shape[1], 0), pooled=False)
+        upper limit, because a curve cut off within a step is no straight line there.
+
+        Raises:
+            numpy.linalg.LinAlgError: the normal equations have no solution.
+        """
+        seen = self._seen
+        end = (seen.top, seen.dead, 0.0 if seen.dead else seen.dark(), seen.noise)
+        told = (self._u, seen.counts, seen.use, self._most, *end, self._right)
+        held = self._bends * (seen.smooth * STEPS**3)
+        common, done = solved(self._bread.sum(axis=1)[:, None], held, np.zeros((1, STEPS + 1)), 0.0, *told)
+        towards = np.repeat(common, len(self._most), 0)
+        curves, all_done = solved(self._bread, held, towards, seen.alike, *told)
+        if not (done and all_done):
+            raise np.linalg.LinAlgError("curves: a matrix that is not positive definite")
         most = np.inf if beyond else self._most[:, None]
         curves = np.clip(np.maximum.accumulate(curves, axis=1), 0.0, most)
         # Below half a count there is nothing: so that a sensor's reach ends.
         return np.where(curves < curves[:, :1] + 0.5, curves[:, :1], curves)
-
-    def _solved(self, bread: Floats, towards: Floats, *, pooled: bool) -> Floats:
-        seen, held = self._seen, self._held(bread, None if pooled else towards)
-        size, matrix, pulled = bread[2].mean(), bread + held, _times(held, towards)
-        curves, falls = towards, np.zeros((len(towards), STEPS), bool)
-        solve, enough = _solver(matrix), SETTLED * seen.top
-        for _ in range(ROUNDS):
-            right = self._right_side(np.repeat(curves, self._bread.shape[1], 0) if pooled else curves)
-            right = right.sum(axis=0, keepdims=True) if pooled else right
-            new = solve(right + pulled)
-            moved, curves = np.abs(new - curves).max(), new
-            more = (curves[:, 1:] < curves[:, :-1]) & ~falls
-            if more.any():
-                falls |= more
-                weight, steep = STEEP * size * falls, matrix.copy()
-                steep[2, :, :-1] += weight
-                steep[2, :, 1:] += weight
-                steep[1, :, 1:] -= weight
-                solve = _solver(steep)
-            elif moved < enough:
-                break
-        return curves
-
-    def _held(self, bread: Floats, common: Floats | None) -> Floats:
-        """The penalties: small bends, and closeness to the common curve, if there is one."""
-        seen = self._seen
-        bends = OVER_LIGHT if seen.linear else OVER_SHARE
-        held = np.repeat(bends[:, None] * (seen.smooth * STEPS**3 * bread[2].mean()), bread.shape[1], 1)
-        held[2] += 1e-12 if common is None else (seen.alike * np.maximum(common, seen.top)) ** -2.0
-        return held
 
     def deviations(self, curves: Floats) -> Floats:
         """[S, STEPS + 1] standard errors of fitted curves' values, counts; infinite where no reading is near.
 
         The light is taken as exact; residuals count as noise.
         """
-        inside = self._inside
-        off = np.where(inside, on_curves(curves, self._u) - self._seen.counts, 0.0) / self._seen.noise
+        seen, inside = self._seen, self._inside
+        off = np.where(inside, on_curves(curves, self._u) - seen.counts, 0.0) / seen.noise
         left = np.sqrt(np.maximum(1.0, (off**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)))
-        bands = self._bread + self._held(self._bread, curves)
+        bands = self._bread + self._bends[:, None] * (seen.smooth * STEPS**3 * self._bread[2].mean())
+        bands[2] += (seen.alike * np.maximum(curves, seen.top)) ** -2.0
         sides = [np.stack([np.diag(row[k:], k) for row in bands[2 - k]]) for k in (1, 2)]
         dense = np.stack([np.diag(row) for row in bands[2]]) + sum(
             side + side.swapaxes(1, 2) for side in sides
@@ -204,45 +142,153 @@ class Curves:
         size = np.sqrt(np.diagonal(np.linalg.inv(dense), axis1=1, axis2=2))
         return np.where(self._bread[2] > 0, size * left[:, None], np.inf)
 
-    def _right_side(self, curves: Floats) -> Floats:
-        """[S, STEPS + 1] sums of readings, with what is expected beyond where one ends at 0, in the dead zone
-        or at the top."""
-        from scipy.special import ndtr
 
-        model = self._low.on(curves)
-        if self._dark > 0:
-            a = np.minimum(np.maximum(-model / self._dark, -6.0), 6.0)
-            model = model - self._dark * np.exp(-a * a / 2) / np.sqrt(2 * np.pi) / ndtr(a)
-        right = self._right + self._ended(self._low, np.minimum(model, self._seen.dead))
-        if not len(self._high.cell):
-            return right
-        return right + self._ended(self._high, np.maximum(self._high.on(curves), self._high.counts))
-
-    def _ended(self, ends: Ends, full: Floats) -> Floats:
-        return self._gathered(ends.cell, full * ends.here, full * ends.there)
-
-    def _at(self, where: Use) -> Ends:
-        share, here, there = self._share[where], self._here[where], self._there[where]
-        return Ends(self._cell[where], share, here, there, self._seen.counts[where])
+@step
+def _cell(u):
+    """The step of a curve that a share of light lies in, and how far along it."""
+    at = min(max(u, 0.0), 1.0) * STEPS
+    j = min(int(at), STEPS - 1)
+    return j, at - j
 
 
-def _solver(bands: Floats) -> Callable[[Floats], Floats]:
-    """What solves symmetric banded systems for right sides [S, n]: all as one long matrix, factored once."""
-    from scipy.linalg.lapack import dpbtrf, dpbtrs
+@routine
+def normal(u, use, noise):
+    """[3, S, STEPS + 1] bands of the normal equations of readings in use."""
+    bread = np.zeros((3, u.shape[1], STEPS + 1))
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            if use[i, k]:
+                j, share = _cell(u[i, k])
+                bread[2, k, j] += (1.0 - share) * (1.0 - share) / noise**2
+                bread[2, k, j + 1] += share * share / noise**2
+                bread[1, k, j + 1] += (1.0 - share) * share / noise**2
+    return bread
 
-    factors, failed = dpbtrf(bands.reshape(3, -1))
-    if failed:
-        raise np.linalg.LinAlgError("curves: a matrix that is not positive definite")
-    return lambda right: np.asarray(dpbtrs(factors, right.ravel())[0].reshape(right.shape))
+
+@routine
+def right_side(u, counts, use, noise):
+    """[S, STEPS + 1] their right side."""
+    right = np.zeros((u.shape[1], STEPS + 1))
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            if use[i, k]:
+                j, share = _cell(u[i, k])
+                right[k, j] += counts[i, k] * (1.0 - share) / noise**2
+                right[k, j + 1] += counts[i, k] * share / noise**2
+    return right
 
 
-def _times(bands: Floats, vectors: Floats) -> Floats:
-    """[S, n] symmetric matrices of these bands times vectors."""
-    out = bands[2] * vectors
-    for k in (1, 2):
-        out[:, k:] += bands[2 - k, :, k:] * vectors[:, :-k]
-        out[:, :-k] += bands[2 - k, :, k:] * vectors[:, k:]
-    return np.asarray(out)
+@routine
+def add_ends(u, counts, use, most, dead, dark, noise, curves, right):
+    """Add to the right side [S or 1, STEPS + 1] what is expected, by curves [S or 1, STEPS + 1], beyond where
+    a reading ends at 0, in the dead zone or at the top."""
+    one, at_0 = curves.shape[0] == 1, np.zeros(u.shape[1])
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            if not use[i, k] or 0.0 < counts[i, k] < most[k]:
+                continue
+            row = 0 if one else k
+            if counts[i, k] <= 0.0 and u[i, k] <= 0.0:  # all of these expect the same
+                at_0[k] += 1.0
+                continue
+            j, share = _cell(u[i, k])
+            model = curves[row, j] + share * (curves[row, j + 1] - curves[row, j])
+            full = max(model, counts[i, k]) if counts[i, k] > 0.0 else _dark(model, dead, dark)
+            right[row, j] += full * (1.0 - share) / noise**2
+            right[row, j + 1] += full * share / noise**2
+    for k in range(u.shape[1]):
+        row = 0 if one else k
+        right[row, 0] += _dark(curves[row, 0], dead, dark) * at_0[k] / noise**2
+
+
+@step
+def _dark(model, dead, dark):
+    """What is expected of a reading of 0 (Tobin 1958)."""
+    if dark > 0.0:
+        a = min(max(-model / dark, -6.0), 6.0)
+        model -= dark * math.sqrt(2.0 / math.pi) * math.exp(-a * a / 2.0) / math.erfc(-a / math.sqrt(2.0))
+    return min(model, dead)
+
+
+@routine
+def solved(bread, bends, towards, alike, u, counts, use, most, top, dead, dark, noise, inside):
+    """The curves [S, STEPS + 1] of bands [3, S, STEPS + 1], and whether there are any: close to others, by
+    `alike`, or with `alike` 0 the one that all sensors share [1, STEPS + 1]."""
+    sensors, size, each = bread.shape[1], bread.shape[2], bread[2].mean()
+    matrix, pulled = np.empty_like(bread), np.zeros((sensors, size))
+    for k in range(sensors):
+        held = bends * each
+        for j in range(size):
+            held[2, j] += (alike * max(towards[k, j], top)) ** -2.0 if alike > 0.0 else 1e-12
+            pulled[k, j] += held[2, j] * towards[k, j]
+            for back in range(1, min(j, 2) + 1):
+                pulled[k, j] += held[2 - back, j] * towards[k, j - back]
+                pulled[k, j - back] += held[2 - back, j] * towards[k, j]
+        matrix[:, k] = bread[:, k] + held
+    curves, falls = towards.copy(), np.zeros((sensors, size - 1), np.bool_)
+    factors = matrix.copy()
+    if not _factored(factors):
+        return curves, False
+    for _ in range(ROUNDS):
+        right = np.zeros((sensors, size))
+        for k in range(inside.shape[0]):
+            right[min(k, sensors - 1)] += inside[k]
+        add_ends(u, counts, use, most, dead, dark, noise, curves, right)
+        right += pulled
+        _substituted(factors, right)
+        moved, more = np.abs(right - curves).max(), False
+        curves = right
+        for k in range(sensors):
+            for j in range(size - 1):
+                if curves[k, j + 1] < curves[k, j] and not falls[k, j]:
+                    more, falls[k, j] = True, True
+        if more:
+            factors[:] = matrix
+            for k in range(sensors):
+                for j in range(size - 1):
+                    if falls[k, j]:
+                        factors[2, k, j] += STEEP * each
+                        factors[2, k, j + 1] += STEEP * each
+                        factors[1, k, j + 1] -= STEEP * each
+            if not _factored(factors):
+                return curves, False
+        elif moved < SETTLED * top:
+            break
+    return curves, True
+
+
+@routine
+def _factored(bands):
+    """Cholesky's factors of symmetric matrices [3, S, n], in their place; False where one is not positive
+    definite."""
+    for k in range(bands.shape[1]):
+        for j in range(bands.shape[2]):
+            far, near = 0.0, bands[1, k, j]
+            if j > 1:
+                far = bands[0, k, j] / bands[2, k, j - 2]
+                near -= far * bands[1, k, j - 1]
+            if j > 0:
+                near /= bands[2, k, j - 1]
+            left = bands[2, k, j] - far * far - near * near
+            if not left > 0.0:
+                return False
+            bands[0, k, j], bands[1, k, j], bands[2, k, j] = far, near, math.sqrt(left)
+    return True
+
+
+@routine
+def _substituted(factors, right):
+    """Right sides [S, n] become what solves them."""
+    n = right.shape[1]
+    for k in range(right.shape[0]):
+        for j in range(n):
+            for back in range(1, min(j, 2) + 1):
+                right[k, j] -= factors[2 - back, k, j] * right[k, j - back]
+            right[k, j] /= factors[2, k, j]
+        for j in range(n - 1, -1, -1):
+            for on in range(1, min(n - 1 - j, 2) + 1):
+                right[k, j] -= factors[2 - on, k, j + on] * right[k, j + on]
+            right[k, j] /= factors[2, k, j]
 
 
 def smoothness(
