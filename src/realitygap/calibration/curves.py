@@ -93,7 +93,7 @@ def on_curves(curves: Floats, u: Floats) -> Floats:
 
 
 class Curves:
-    """The fit at shares u [n, S] of light."""
+    """The fit at shares u [n, S] of light: the common curve of all sensors, then each sensor's."""
 
     def __init__(self, seen: Seen, u: Floats) -> None:
         self._seen, self._u = seen, u
@@ -211,9 +211,10 @@ def _dark(model, dead, dark):
 
 
 @routine
-def solved(bread, bends, towards, alike, u, counts, use, most, top, dead, dark, noise, inside):
+def solved(bread, bends, towards, alike, u, counts, use, most, top, dead, dark, noise, read):
     """The curves [S, STEPS + 1] of bands [3, S, STEPS + 1], and whether there are any: close to others, by
-    `alike`, or with `alike` 0 the one that all sensors share [1, STEPS + 1]."""
+    `alike`, or with `alike` 0 the one that all sensors share [1, STEPS + 1]. `read` is the right side of
+    readings at no end of the converter."""
     sensors, size, each = bread.shape[1], bread.shape[2], bread[2].mean()
     matrix, pulled = np.empty_like(bread), np.zeros((sensors, size))
     for k in range(sensors):
@@ -231,8 +232,8 @@ def solved(bread, bends, towards, alike, u, counts, use, most, top, dead, dark, 
         return curves, False
     for _ in range(ROUNDS):
         right = np.zeros((sensors, size))
-        for k in range(inside.shape[0]):
-            right[min(k, sensors - 1)] += inside[k]
+        for k in range(read.shape[0]):
+            right[min(k, sensors - 1)] += read[k]
         add_ends(u, counts, use, most, dead, dark, noise, curves, right)
         right += pulled
         _substituted(factors, right)
