@@ -7,8 +7,9 @@ import pytest
 from scipy import stats
 
 from realitygap.calibration import curves as own
-from realitygap.calibration.curves import STEPS, Curves, Seen, on_curves, smoothness
+from realitygap.calibration.curves import Curves, Seen, on_curves, smoothness
 from realitygap.calibration.readings import Readings, saturation
+from realitygap.kernels.curves import ROUNDS, SETTLED, STEEP, STEPS
 from realitygap.world.robot import load_profile
 
 PAPER = load_profile("paper")
@@ -40,9 +41,9 @@ def slowly(seen: Seen, u: np.ndarray) -> np.ndarray:
         near = np.full(towards.shape, 1e-12) if pooled else (seen.alike * np.maximum(towards, 1023)) ** -2.0
         held = seen.smooth * STEPS**3 * each * (bend.T @ bend) + np.stack([np.diag(one) for one in near])
         falls, curves = np.zeros((len(towards), STEPS), bool), towards
-        for _ in range(own.ROUNDS):
+        for _ in range(ROUNDS):
             drops = [np.diff(np.eye(STEPS + 1), axis=0)[one] for one in falls]
-            steep = [own.STEEP * each * (drop.T @ drop) for drop in drops]
+            steep = [STEEP * each * (drop.T @ drop) for drop in drops]
             read = np.einsum("nsi,ns->si", hats, expected(np.resize(curves, (sensors, STEPS + 1))))
             right = (read.sum(axis=0, keepdims=True) if pooled else read) / seen.noise**2
             right = right + np.einsum("sij,sj->si", held, towards)
@@ -52,7 +53,7 @@ def slowly(seen: Seen, u: np.ndarray) -> np.ndarray:
             )
             new = (np.diff(curves) < 0) & ~falls
             falls |= new
-            if not new.any() and np.abs(curves - before).max() < own.SETTLED * seen.top:
+            if not new.any() and np.abs(curves - before).max() < SETTLED * seen.top:
                 break
         return curves
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from realitygap.calibration import model
-from realitygap.calibration.curves import ALIKE, ALIKES, STEPS, Curves, Seen, on_curves, smoothness
+from realitygap.calibration.curves import ALIKE, ALIKES, Curves, Seen, on_curves, smoothness
 from realitygap.calibration.fit import (
     SIGMAS,
     Fit,
@@ -30,6 +30,7 @@ from realitygap.calibration.fit import (
 )
 from realitygap.calibration.model import Scenes, unchecked
 from realitygap.calibration.readings import Readings, dead_zone, means, repeated_noise, saturation
+from realitygap.kernels.curves import STEPS
 from realitygap.kernels.trial import Scratch
 from realitygap.kernels.types import Robot
 from realitygap.values import Floats
