@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from realitygap.kernels.curves import STEPS, normal, right_side, solved
+from realitygap.kernels.curves import STEPS, normal, solved
 from realitygap.values import Floats
 
 Use = NDArray[np.bool_]
@@ -92,10 +92,7 @@ class Curves:
         self._seen, self._u = seen, u
         self._most = np.broadcast_to(np.asarray(seen.most, float), u.shape[1:])
         self._bends = OVER_LIGHT if seen.linear else OVER_SHARE
-        inside = seen.use & (seen.counts > 0) & (seen.counts < self._most)
         self._bread = normal(u, seen.use, seen.noise)
-        self._right = right_side(u, np.where(inside, seen.counts, 0.0), inside, seen.noise)
-        self._inside = inside
 
     def fitted(self, *, beyond: bool = False) -> Floats:
         """The curves [S, STEPS + 1], never falling, from 0 to where each saturates; `beyond` leaves out that
@@ -105,8 +102,8 @@ class Curves:
             numpy.linalg.LinAlgError: the normal equations have no solution.
         """
         seen = self._seen
-        end = (seen.top, seen.dead, 0.0 if seen.dead else seen.dark(), seen.noise)
-        told = (self._u, seen.counts, seen.use, self._most, *end, self._right)
+        dark = 0.0 if seen.dead else seen.dark()
+        told = (self._u, seen.counts, seen.use, self._most, seen.top, seen.dead, dark, seen.noise)
         held = self._bends * (seen.smooth * STEPS**3)
         common, done = solved(self._bread.sum(axis=1)[:, None], held, np.zeros((1, STEPS + 1)), 0.0, *told)
         towards = np.repeat(common, len(self._most), 0)
@@ -123,7 +120,8 @@ class Curves:
 
         The light is taken as exact; residuals count as noise.
         """
-        seen, inside = self._seen, self._inside
+        seen = self._seen
+        inside = seen.use & (seen.counts > 0) & (seen.counts < self._most)
         off = np.where(inside, on_curves(curves, self._u) - seen.counts, 0.0) / seen.noise
         left = np.sqrt(np.maximum(1.0, (off**2).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)))
         bands = self._bread + self._bends[:, None] * (seen.smooth * STEPS**3 * self._bread[2].mean())

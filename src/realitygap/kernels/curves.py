@@ -40,39 +40,23 @@ def normal(u, use, noise):
 
 
 @routine
-def right_side(u, counts, use, noise):
-    """[S, STEPS + 1] their right side."""
-    right = np.zeros((u.shape[1], STEPS + 1))
+def right_side(u, counts, use, most, dead, dark, noise, curves):
+    """[S or 1, STEPS + 1] their right side: readings, and where one ends at 0, in the dead zone or at the top
+    what is expected beyond by curves [S or 1, STEPS + 1]."""
+    right = np.zeros(curves.shape)
     for i in range(u.shape[0]):
         for k in range(u.shape[1]):
-            if use[i, k]:
-                j, share = _cell(u[i, k])
-                right[k, j] += counts[i, k] * (1.0 - share) / noise**2
-                right[k, j + 1] += counts[i, k] * share / noise**2
-    return right
-
-
-@routine
-def add_ends(u, counts, use, most, dead, dark, noise, curves, right):
-    """Add to the right side [S or 1, STEPS + 1] what is expected, by curves [S or 1, STEPS + 1], beyond where
-    a reading ends at 0, in the dead zone or at the top."""
-    one, at_0 = curves.shape[0] == 1, np.zeros(u.shape[1])
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            if not use[i, k] or 0.0 < counts[i, k] < most[k]:
+            if not use[i, k]:
                 continue
-            row = 0 if one else k
-            if counts[i, k] <= 0.0 and u[i, k] <= 0.0:  # all of these expect the same
-                at_0[k] += 1.0
-                continue
+            row = min(k, curves.shape[0] - 1)
             j, share = _cell(u[i, k])
-            model = curves[row, j] + share * (curves[row, j + 1] - curves[row, j])
-            full = max(model, counts[i, k]) if counts[i, k] > 0.0 else _dark(model, dead, dark)
+            full = counts[i, k]
+            if full <= 0.0 or full >= most[k]:
+                model = curves[row, j] + share * (curves[row, j + 1] - curves[row, j])
+                full = max(model, full) if full > 0.0 else _dark(model, dead, dark)
             right[row, j] += full * (1.0 - share) / noise**2
             right[row, j + 1] += full * share / noise**2
-    for k in range(u.shape[1]):
-        row = 0 if one else k
-        right[row, 0] += _dark(curves[row, 0], dead, dark) * at_0[k] / noise**2
+    return right
 
 
 @step
@@ -85,10 +69,9 @@ def _dark(model, dead, dark):
 
 
 @routine
-def solved(bread, bends, towards, alike, u, counts, use, most, top, dead, dark, noise, read):
+def solved(bread, bends, towards, alike, u, counts, use, most, top, dead, dark, noise):
     """The curves [S, STEPS + 1] of bands [3, S, STEPS + 1], and whether there are any: close to others, by
-    `alike`, or with `alike` 0 the one that all sensors share [1, STEPS + 1]. `read` is the right side of
-    readings at no end of the converter."""
+    `alike`, or with `alike` 0 the one that all sensors share [1, STEPS + 1]."""
     sensors, size, each = bread.shape[1], bread.shape[2], bread[2].mean()
     matrix, pulled = np.empty_like(bread), np.zeros((sensors, size))
     for k in range(sensors):
@@ -105,11 +88,7 @@ def solved(bread, bends, towards, alike, u, counts, use, most, top, dead, dark, 
     if not _factored(factors):
         return curves, False
     for _ in range(ROUNDS):
-        right = np.zeros((sensors, size))
-        for k in range(read.shape[0]):
-            right[min(k, sensors - 1)] += read[k]
-        add_ends(u, counts, use, most, dead, dark, noise, curves, right)
-        right += pulled
+        right = right_side(u, counts, use, most, dead, dark, noise, curves) + pulled
         _substituted(factors, right)
         moved, more = np.abs(right - curves).max(), False
         curves = right
