@@ -51,9 +51,9 @@ FINE_DEG = (3.0, 1.0, 0.3)
 """Ranges of the last scans."""
 OPENED_DEG, OPENINGS = (0.3, 0.1, 0.03), 9
 """Ranges of the scans for the angle between two beams, and angles tried in each."""
-WIDER_DEG = (-6.0, -4.0, -2.0, 2.0, 4.0, 6.0)
-"""Changes of one beam's aperture from which descents begin anew: at its edges rays come and go, and descents
-end a few degrees from the best."""
+BESIDE = (*(("aperture_deg", by) for by in (-4.0, -2.0, 2.0, 4.0)), ("offset_cm", -0.5), ("offset_cm", 0.5))
+"""Changes of one beam's constants from which descents begin anew: at its edges rays come and go, and descents
+end a few degrees from the best, or, with another width, some millimetres."""
 ROUNDS, SETTLED = 6, 0.95
 """The last rounds, of smoothness, scans and descents, go on while the residual falls below this factor."""
 FINEST = 0.004
@@ -304,8 +304,8 @@ class _Search:
                 values = self._scanned(optics, values, reach)
             values = self.nearer(optics, values, self.solved(optics, values).values)
             one_beam = "share_1" in optics.lobe
-            for by in WIDER_DEG if one_beam and not self._data.straight else ():
-                begun = {**values, "aperture_deg": values["aperture_deg"] + by}
+            for key, by in BESIDE if one_beam and not self._data.straight else ():
+                begun = {**values, key: values[key] + by}
                 values = self.nearer(optics, values, self.solved(optics, begun).values)
             for reach in () if one_beam else OPENED_DEG:
                 values = self._opened(optics, values, reach)
