@@ -62,6 +62,15 @@ def test_a_path_has_a_row_a_step(used: SimpleNamespace) -> None:
     assert np.isfinite(score(path, TASK, PAPER))
 
 
+def test_without_its_camera_a_twin_is_where_it_was(folder: Path) -> None:
+    """From its start on: scored over its whole length, with the true track of the same drive."""
+    with rig(folder) as one:
+        one.filmed = False
+        path, _ = one.drive(DRIVER, 7, POSE, 2.0)
+    assert path.lost == 0 and path.seen_by == "truth" and len(path) == 21
+    assert (path.x[0], path.y[0], path.heading[0]) == (POSE.x, POSE.y, POSE.heading)
+
+
 def test_a_trial_does_not_know_what_was_before_it(used: SimpleNamespace, folder: Path) -> None:
     """On a used rig and on a fresh one: the same bits; another stream: others."""
     second = used.rig.drive(DRIVER, 8, POSE, 2.0)

@@ -256,7 +256,7 @@ class Rig(Closing):
             sealed = Path(folder) / "sealed.csv"
             recording = self.trial(controller, stream, pose, length, sealed=sealed).recording
             track = self.truth(sealed, length)
-            track = self.tracker.track(track, stream) if self.filmed else track
+            track = self.tracker.track(track, stream) if self.filmed else _begun(track, pose)
         return of_track(track, steps, period_s=period_s), recording
 
     def trial(
@@ -349,6 +349,13 @@ class Rig(Closing):
         body, self._body = self._body, None
         if body is not None:
             body.abandon()
+
+
+def _begun(track: Track, pose: Pose) -> Track:
+    """A true track from the moment on at which the robot was let go; its states begin some 40 ms later."""
+    x, y = np.append(pose.x, track.x), np.append(pose.y, track.y)
+    heading = np.append(pose.heading, track.heading)
+    return replace(track, t=np.append(0.0, track.t), x=x, y=y, heading=heading)
 
 
 def _refuse_elsewhere(told: Pose, asked: Pose) -> None:
