@@ -287,13 +287,16 @@ def rival(arm: Arm) -> str:
     return markdown(head, rows)
 
 
-MARKS = {"K": "o", "E": "s", "T": "D"}
+MARKS, DASHES = {"K": "o", "E": "s", "T": "D"}, {"K": "-", "E": "-", "T": ":"}
+DRAWN = 100
+"""Controllers, at least, of a range of misfits in the figure."""
 SHADES = dict(zip(ARMS["design"]["evolved"], ("#f0a202", "#d95d39", "#a4243b", "#4a1942"), strict=True))
 
 
 def figure(arms: Sequence[Arm], file: Path) -> None:
     """Against misfit: failures for each level of evolution, and the best levels to evolve under and to judge
-    by, with 95 % intervals over controllers; real readings are filled."""
+    by, with 95 % intervals over controllers; real readings are filled,
+    and few controllers left out."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullLocator
 
@@ -303,19 +306,21 @@ def figure(arms: Sequence[Arm], file: Path) -> None:
     for arm in arms:
         style = {"marker": MARKS[arm.name], "linewidth": 1, "markersize": 6}
         face = {} if arm.name == "K" else {"markerfacecolor": "white"}
-        bins = [part for _, part in _binned(arm.models.rows)]
+        bins = [part for _, part in _binned(arm.models.rows) if len(part) >= DRAWN]
         at = [max(part["misfit"].median(), PLAN["floor"]) for part in bins]
         for level, shade in SHADES.items():
             shares = []
             for part in bins:
                 here = part.loc[np.isclose(part["evolved_level"], level), SCORES[0]].dropna()
                 shares.append(100 * (here < PLAN["failed"]).mean())
-            left.plot(at, shares, color=shade, **style, **face)
+            left.plot(at, shares, color=shade, linestyle=DASHES[arm.name], **style, **face)
         for axis, rows, by, value in (
             (middle, arm.models.rows, "evolved_level", "fitness_situated"),
             (right, arm.models.cells, "comparison_level", SCORES[0]),
         ):
             for _, part in _binned(rows):
+                if len(part) < DRAWN * len(rows) / len(arm.models.rows):
+                    continue
                 groups = [one[value].dropna().to_numpy() for _, one in part.groupby(by)]
                 levels = np.sort(part[by].unique())
                 top = float(peak(levels, np.array([one.mean() for one in groups])))
@@ -324,7 +329,7 @@ def figure(arms: Sequence[Arm], file: Path) -> None:
                 x = max(part["misfit"].median(), PLAN["floor"])
                 axis.plot([x, x], np.sqrt([low, high]), color="#456", linewidth=1, zorder=1)
                 axis.plot(x, np.sqrt(top), color="#456", **style, **face)
-    left.set(title="unlike their simulation (failures), of 100", ylim=(0, None))
+    left.set(title="unlike their simulation (failures), of 100", ylim=(0, 65))
     left.legend(
         handles=[left.plot([], [], color=c, label=f"evolved at noise {v:g}")[0] for v, c in SHADES.items()],
         fontsize=8, frameon=False, loc="upper left",
