@@ -96,11 +96,7 @@ class Curves:
 
     def fitted(self, *, beyond: bool = False) -> Floats:
         """The curves [S, STEPS + 1], never falling, from 0 to where each saturates; `beyond` leaves out that
-        upper limit, because a curve cut off within a step is no straight line there.
-
-        Raises:
-            numpy.linalg.LinAlgError: the normal equations have no solution.
-        """
+        upper limit, because a curve cut off within a step is no straight line there."""
         seen = self._seen
         dark = 0.0 if seen.dead else seen.dark()
         told = (self._u, seen.counts, seen.use, self._most, seen.top, seen.dead, dark, seen.noise)
