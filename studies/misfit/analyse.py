@@ -295,8 +295,8 @@ SHADES = dict(zip(ARMS["design"]["evolved"], ("#f0a202", "#d95d39", "#a4243b", "
 
 def figure(arms: Sequence[Arm], file: Path) -> None:
     """Against misfit: failures for each level of evolution, and the best levels to evolve under and to judge
-    by, with 95 % intervals over controllers; real readings are filled,
-    and few controllers left out."""
+    by, with 95 % intervals over controllers; real readings are filled.
+    Ranges with few controllers are left out."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullLocator
 
@@ -329,7 +329,7 @@ def figure(arms: Sequence[Arm], file: Path) -> None:
                 x = max(part["misfit"].median(), PLAN["floor"])
                 axis.plot([x, x], np.sqrt([low, high]), color="#456", linewidth=1, zorder=1)
                 axis.plot(x, np.sqrt(top), color="#456", **style, **face)
-    left.set(title="unlike their simulation (failures), of 100", ylim=(0, 65))
+    left.set(title="unlike their simulation (failures), of 100", ylim=(0, 1.6 * left.get_ylim()[1]))
     left.legend(
         handles=[left.plot([], [], color=c, label=f"evolved at noise {v:g}")[0] for v, c in SHADES.items()],
         fontsize=8, frameon=False, loc="upper left",

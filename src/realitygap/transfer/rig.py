@@ -352,7 +352,7 @@ class Rig(Closing):
 
 
 def _begun(track: Track, pose: Pose) -> Track:
-    """A true track from the moment on at which the robot was let go; its states begin some 40 ms later."""
+    """A true track from the moment the robot was let go: its first state was written some 40 ms later."""
     x, y = np.append(pose.x, track.x), np.append(pose.y, track.y)
     heading = np.append(pose.heading, track.heading)
     return replace(track, t=np.append(0.0, track.t), x=x, y=y, heading=heading)
